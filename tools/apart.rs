@@ -2,17 +2,24 @@
 
 use crate::files::{read_json, write_json};
 use anyhow::Context;
-use ivv::train::Config;
+use ivv::train::{CaptureSummary, Config, Run};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Trains on `capture` with `config` in a process of its own, which leaves nothing behind in this one; unless that has been
-/// done. The run goes to `folder`, its settings and its log to files beside it.
-pub fn train_apart(capture: &Path, folder: &Path, config: &Config, device: Option<&str>) -> anyhow::Result<()> {
+/// Trains on `capture`, which holds `held`, with `config` in a process of its own, which leaves nothing behind in this one; unless
+/// that has been done. The run goes to `folder`, its settings and its log to files beside it.
+pub fn train_apart(
+    (capture, held): (&Path, &CaptureSummary),
+    folder: &Path,
+    config: &Config,
+    device: Option<&str>,
+) -> anyhow::Result<()> {
     let settings = folder.with_extension("json");
+    let path = std::path::absolute(capture)?;
     let is_done = folder.join("eval.json").is_file()
-        && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config);
+        && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config)
+        && Run::read(folder).is_ok_and(|run| run.capture == path && run.held == *held);
     if is_done {
         return Ok(());
     }
@@ -40,6 +47,12 @@ pub fn train_apart(capture: &Path, folder: &Path, config: &Config, device: Optio
         .context("`ivv train` cannot be started")?;
     anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
     Ok(())
+}
+
+/// Refuses a seed that is given twice: its second run would be counted as another observation.
+pub fn distinct(seeds: &[u64]) -> anyhow::Result<()> {
+    let twice = seeds.iter().enumerate().find(|(at, seed)| seeds[..*at].contains(seed));
+    twice.map_or(Ok(()), |(_, seed)| Err(anyhow::anyhow!("--seeds names {seed} twice; give each seed once")))
 }
 
 /// The captures by the names of their folders, after which their runs are named too.

@@ -135,7 +135,7 @@ impl ClipArgs {
         Ok(source.clip.is_some() && self.goal()?.is_none() && !is_changed)
     }
 
-    /// Refuses the options that say nothing to a format without a clip, which may begin with `views` and have a clock all the same.
+    /// Refuses the options that do not apply to a format without a clip, which may begin with `views` and have a clock all the same.
     ///
     /// # Errors
     /// Those that were given.
@@ -153,9 +153,9 @@ impl ClipArgs {
         let names: Vec<&str> = given.into_iter().filter(|(is_given, _)| *is_given).map(|(_, name)| name).collect();
         anyhow::ensure!(
             names.is_empty(),
-            "{} {} nothing to the format {format}; leave it out, or export a .4dgs",
+            "{} {} not apply to the format {format}; leave it out, or export a .4dgs",
             names.join(", "),
-            if names.len() == 1 { "says" } else { "say" }
+            if names.len() == 1 { "does" } else { "do" }
         );
         Ok(())
     }

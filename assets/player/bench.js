@@ -39,10 +39,10 @@ export async function runBench(app, rounds) {
     clock.set({ time: ((i % FRAMES_A_ROUND) / FRAMES_A_ROUND) * clock.duration, playing: false });
     const view = app.currentView();
     player.exact += 1;
-    await player.order(view);
+    const t = await player.order(view);
     sorts.push(player.sort.ms);
     const drawStart = performance.now();
-    player.draw(view, true);
+    player.draw(view, true, t);
     renderer.finish();
     player.exact -= 1;
     draws.push(performance.now() - drawStart);

@@ -94,7 +94,7 @@ export class ChunkStore {
       const waiting = this.limbo.reduce((n, { rows }) => n + rows.length, 0);
       if (this.free.length < need && this.free.length + waiting >= need) return;
       if (!this.makeRoom(need, place)) {
-        if (place >= urgent) return;
+        if (place >= urgent || this.mayGetRoom(place)) return;
         slot.state = 'failed';
         this.onFault(new FormatError('too-large', 'This moment has more Gaussians than the graphics memory set aside for them. A part is not shown'));
         continue;
@@ -104,6 +104,12 @@ export class ChunkStore {
       running += 1;
       void this.load(i);
     }
+  }
+
+  /** Whether rows are yet to come back: given up, or those of chunks on their way that can be given up once they are there. @param {number} place in `wanted` */
+  mayGetRoom(place) {
+    const first = this.wanted.slice(0, place);
+    return this.limbo.length > 0 || this.slots.some(({ state }, i) => (state === 'loading' || state === 'uploading') && !first.includes(i));
   }
 
   /** Gives up chunks that nobody wants, then those wanted later than this one. @param {number} need rows @param {number} place in `wanted` */

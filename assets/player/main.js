@@ -1,5 +1,6 @@
 // The page: opens the scene, runs the frames, and offers `window.ivv` to those who embed or test the player.
 import { runBench } from './bench.js';
+import { FormatError } from './bytes.js';
 import { fitted, viewOf } from './camera.js';
 import { lastMoment } from './container.js';
 import { Controls, Rig } from './controls.js';
@@ -74,6 +75,8 @@ export class App {
   pause() {
     this.isWaiting = false;
     this.player.clock.set({ playing: false });
+    // A tab that is hidden has no next frame, in which the sound would follow.
+    this.sound?.advance(this.player.view);
   }
 
   /** @param {number} t seconds */
@@ -174,7 +177,9 @@ async function open() {
   /** @type {Error | undefined} */
   let firstFault;
   const player = await Player.open(canvas, await openSource(), (fault) => {
-    firstFault ??= fault;
+    // A part that does not fit ends no show in which others are there.
+    const isOfPart = fault instanceof FormatError && fault.code === 'too-large' && player.store.slots.some(({ rows }) => rows.length > 0);
+    if (!isOfPart) firstFault ??= fault;
     notify(fault.message);
   });
   const app = new App(player, canvas);

@@ -72,7 +72,7 @@ export class Player {
     /** @type {View} */
     this.view = this.homeView();
     this.sort = { isBusy: false, id: 0, drawn: -1, ms: 0, recycled: /** @type {Uint32Array | undefined} */ (undefined), key: '' };
-    /** @type {((id: number) => void)[]} */
+    /** @type {(() => void)[]} */
     this.waiting = [];
     this.drawnKey = '';
     this.exact = 0;
@@ -89,6 +89,8 @@ export class Player {
     this.sorter.terminate();
     Object.assign(this.sort, { isBusy: false, drawn: -1, recycled: undefined, key: '' });
     Object.assign(this, this.makeDevice());
+    // The order that somebody waits for never comes.
+    for (const done of this.waiting.splice(0)) done();
   }
 
   /** Workers, textures, and an empty store of chunks. */
@@ -169,10 +171,16 @@ export class Player {
     const { clock, store } = this;
     if (clock.hasEnded() && clock.isPlaying) clock.set({ time: lastMoment(this.scene), playing: false });
     const t = clock.time();
-    store.want(t, clock.isPlaying ? AHEAD_SECONDS * clock.speed : 0, clock.loop);
+    this.want(t);
     store.upload(this.renderer);
     if (this.exact === 0) this.requestSort(t, this.view);
     return store.isReady(t);
+  }
+
+  /** States what is to be shown. @param {number} t */
+  want(t) {
+    const { clock } = this;
+    this.store.want(t, clock.isPlaying ? AHEAD_SECONDS * clock.speed : 0, clock.loop);
   }
 
   /** Asks for an order where time, view or residents have changed and no other sort runs. @param {number} t @param {Pick<View, 'rotation' | 'center'>} view */
@@ -195,12 +203,11 @@ export class Player {
     this.renderer.setOrder(order, count);
     Object.assign(this.sort, { isBusy: false, recycled: order, ms, drawn: id });
     this.store.sorted(id);
-    for (const done of this.waiting.splice(0)) done(id);
+    for (const done of this.waiting.splice(0)) done();
   }
 
-  /** Draws with the latest order. Returns whether anything had changed since the last call. @param {View} view @param {boolean} [force] */
-  draw(view, force = false) {
-    const t = this.clock.time();
+  /** Draws with the latest order. Returns whether anything had changed since the last call. @param {View} view @param {boolean} [force] @param {number} [t] */
+  draw(view, force = false, t = this.clock.time()) {
     const key = `${t} ${this.sort.drawn} ${view.rotation} ${view.center} ${view.fx} ${view.cx} ${view.width} ${view.height}`;
     if (key === this.drawnKey && !force) return false;
     this.drawnKey = key;
@@ -212,29 +219,34 @@ export class Player {
   async render(view) {
     this.exact += 1;
     try {
-      await this.order(view);
-      this.draw(view, true);
+      const t = await this.order(view);
+      this.draw(view, true, t);
     } finally {
       this.exact -= 1;
     }
   }
 
-  /** Waits for the Gaussians of the moment and for an order of exactly this view. @param {View} view */
+  /** Waits for the Gaussians of the moment and for an order of exactly this view. Returns the moment, which a clock that runs has left. @param {View} view */
   async order(view) {
-    const t = this.clock.time();
-    this.store.want(t, 0, false);
-    while (!this.store.isReady(t)) {
-      await nextTask();
-      this.store.want(t, 0, false);
+    for (let t = this.clock.time(); ; ) {
+      this.want(t);
       this.store.upload(this.renderer, true);
+      // While chunks are missing too: the rows of those given up come back with an order that does not name them.
+      this.requestSort(t, view);
+      if (!this.store.isReady(t)) {
+        await nextTask();
+        t = this.clock.time();
+      } else if (this.sort.isBusy) {
+        await this.nextOrder();
+      } else if (this.clock.isPlaying || this.clock.time() === t) {
+        return t;
+      } else {
+        t = this.clock.time();
+      }
     }
-    while (this.sort.isBusy) await this.nextOrder();
-    this.sort.key = '';
-    this.requestSort(t, view);
-    for (const wanted = this.sort.id; this.sort.drawn < wanted; ) await this.nextOrder();
   }
 
-  /** @returns {Promise<number>} */
+  /** The next order, or none where the device was lost. @returns {Promise<void>} */
   nextOrder() {
     return new Promise((resolve) => this.waiting.push(resolve));
   }

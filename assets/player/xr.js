@@ -72,18 +72,25 @@ export class XrShow {
     const { gl } = this.app.player;
     this.app.sound?.start();
     const session = await xr.requestSession('immersive-vr', { optionalFeatures: ['local-floor'] });
-    await gl.makeXRCompatible();
-    await session.updateRenderState({ baseLayer: new XRWebGLLayer(session, gl, { antialias: false, depth: false, stencil: false }) });
-    this.space = await session.requestReferenceSpace('local-floor').catch(() => session.requestReferenceSpace('local'));
+    session.addEventListener('end', () => this.leave(session));
+    try {
+      await gl.makeXRCompatible();
+      await session.updateRenderState({ baseLayer: new XRWebGLLayer(session, gl, { antialias: false, depth: false, stencil: false }) });
+      this.space = await session.requestReferenceSpace('local-floor').catch(() => session.requestReferenceSpace('local'));
+    } catch (error) {
+      await session.end().catch(() => {});
+      throw error;
+    }
     this.space.addEventListener('reset', () => { this.placement = null; });
     session.addEventListener('select', () => this.app.ui.actions.toggle());
-    session.addEventListener('end', () => this.leave());
     this.placement = null;
     this.session = session;
     session.requestAnimationFrame((now, frame) => this.frame(now, frame));
   }
 
-  leave() {
+  /** @param {XRSession} session */
+  leave(session) {
+    if (this.session !== session) return;
     this.session = null;
     this.eyes = [];
     this.app.rig.set(this.app.player.view, this.app.player.pivotDistance());

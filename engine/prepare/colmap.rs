@@ -17,6 +17,45 @@ pub(super) const OFF: &str = "0";
 /// Options of a command and their values.
 pub(super) type Arguments<'a> = [(&'a str, &'a OsStr)];
 
+/// Options and their names in newer versions: the last one since COLMAP 3.12, the others since 3.13.
+const RENAMED: [(&str, &str); 6] = [
+    ("--SiftExtraction.use_gpu", "--FeatureExtraction.use_gpu"),
+    ("--SiftExtraction.num_threads", "--FeatureExtraction.num_threads"),
+    ("--SiftExtraction.max_image_size", "--FeatureExtraction.max_image_size"),
+    ("--SiftMatching.use_gpu", "--FeatureMatching.use_gpu"),
+    ("--SiftMatching.num_threads", "--FeatureMatching.num_threads"),
+    ("--Mapper.fix_existing_images", "--Mapper.fix_existing_frames"),
+];
+
+/// Runs a command: what it said, and whether it succeeded. `hear` is given each line while it runs.
+///
+/// COLMAP names one option that it does not know, before it begins; the command then runs again with the newer name.
+pub(super) fn attempt(
+    verb: &str,
+    arguments: &Arguments,
+    about: &Path,
+    hear: &mut dyn FnMut(&str),
+) -> Result<(Vec<u8>, Result<()>)> {
+    let mut arguments = arguments.to_vec();
+    loop {
+        let pairs = arguments.iter().flat_map(|(name, value)| [OsStr::new(name), value]);
+        let words: Vec<&OsStr> = std::iter::once(OsStr::new(verb)).chain(pairs).collect();
+        let (said, outcome) = COLMAP.attempt_heard(words, about, hear)?;
+        let Some(renamed) = outcome.as_ref().err().and_then(|fault| unknown_option(&fault.to_string(), &arguments))
+        else {
+            return Ok((said, outcome));
+        };
+        arguments[renamed.0].0 = renamed.1;
+    }
+}
+
+/// The argument that COLMAP says it does not know, and its newer name.
+fn unknown_option(fault: &str, arguments: &Arguments) -> Option<(usize, &'static str)> {
+    let (old, new) = RENAMED.into_iter().find(|(old, _)| fault.contains(&format!("'{old}'")))?;
+    let place = arguments.iter().position(|(name, _)| *name == old)?;
+    Some((place, new))
+}
+
 /// COLMAP and a database of its own.
 pub(super) struct Colmap<'a> {
     /// Named in errors.
@@ -33,8 +72,7 @@ impl Colmap<'_> {
     /// What it said, and whether it succeeded.
     pub fn attempt(&self, verb: &str, arguments: &Arguments) -> Result<(Vec<u8>, Result<()>)> {
         let given = [("--database_path", self.database.as_os_str())];
-        let pairs = given.iter().chain(arguments).flat_map(|(name, value)| [OsStr::new(name), value]);
-        COLMAP.attempt(std::iter::once(OsStr::new(verb)).chain(pairs), self.about)
+        attempt(verb, &[&given, arguments].concat(), self.about, &mut |_| {})
     }
 
     pub fn run(&self, verb: &str, arguments: &Arguments) -> Result<()> {

@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 
 use serde_json::json;
 
+use super::colmap::{self, Arguments};
 use super::frames::take;
 use super::journal::{Journal, cannot_list, make_folder};
 use super::photos::Together;
@@ -371,14 +372,8 @@ impl Reconstruction<'_> {
     }
 
     /// Runs a command of COLMAP and gives it what the command says line by line.
-    fn run(&self, verb: &str, arguments: &[(&str, &OsStr)], hear: &dyn Fn(&str) -> Option<()>) -> Result<()> {
-        let pairs = arguments.iter().flat_map(|(name, value)| [OsStr::new(name), value]);
-        let words: Vec<&OsStr> = std::iter::once(OsStr::new(verb)).chain(pairs).collect();
-        COLMAP
-            .attempt_heard(words, &self.settings.source, &mut |line| {
-                // A line that says nothing of progress.
-                let _ = hear(line);
-            })?
-            .1
+    fn run(&self, verb: &str, arguments: &Arguments, hear: &dyn Fn(&str) -> Option<()>) -> Result<()> {
+        // Most lines say nothing of progress.
+        colmap::attempt(verb, arguments, &self.settings.source, &mut |line| _ = hear(line))?.1
     }
 }

@@ -49,7 +49,9 @@ pub fn sounds(scene: &SoundScene, seconds: f64) -> Result<Sounds> {
             continue;
         };
         let (from, to) = (first.saturating_sub(MARGIN), (last + 1 + MARGIN).min(samples.len()));
-        let frames: Vec<[f32; 1]> = samples[from..to].iter().map(|x| [*x]).collect();
+        // Whole numbers of a WAV file end at 1.
+        let gain = samples.iter().fold(1.0_f32, |most, x| most.max(x.abs()));
+        let frames: Vec<[f32; 1]> = samples[from..to].iter().map(|x| [x / gain]).collect();
         let wav = encode(&frames, Depth::Int16).map_err(|fault| {
             let reason = format!("source {}: cannot be encoded: {fault}", source.track.id);
             Error::data(&scene.mic.wav, "", reason, "a WAV file holds at most 4 GiB: give a shorter clip")
@@ -59,6 +61,7 @@ pub fn sounds(scene: &SoundScene, seconds: f64) -> Result<Sounds> {
         found.push(Sound {
             name: source.track.id.clone(),
             wav,
+            gain: gain.into(),
             start: at(from),
             seconds: at(to - from),
             places: places.collect(),

@@ -24,17 +24,36 @@ pub struct Loudness {
 /// # Errors
 /// [`Error::Data`] where the meter refuses the frames.
 pub fn measure(frames: &[[f32; 2]]) -> Result<Loudness> {
-    let meter = || -> std::result::Result<Loudness, ebur128::Error> {
-        let mut meter = EbuR128::new(2, FS, Mode::I | Mode::TRUE_PEAK)?;
+    let lufs = || {
+        let mut meter = EbuR128::new(2, FS, Mode::I)?;
         meter.add_frames_f32(frames.as_flattened())?;
-        let peak = meter.true_peak(0)?.max(meter.true_peak(1)?);
-        Ok(Loudness {
-            lufs: Some(meter.loudness_global()?).filter(|value| value.is_finite()),
-            true_peak_db: Some(20.0 * peak.log10()).filter(|value| value.is_finite()),
-        })
+        meter.loudness_global()
     };
-    meter()
-        .map_err(|e| Error::data(Path::new("rendered sound"), "", format!("loudness: {e}"), "check the input's level"))
+    let lufs = Some(lufs().map_err(refused)?).filter(|value| value.is_finite());
+    Ok(Loudness { lufs, true_peak_db: true_peak_db(frames)? })
+}
+
+/// The highest true peak of all channels, dBTP; none for silence. Frames are at 48 kHz.
+///
+/// # Errors
+/// As [`measure`].
+pub fn true_peak_db<const N: usize>(frames: &[[f32; N]]) -> Result<Option<f64>> {
+    let peak = || {
+        let mut meter = EbuR128::new(N as u32, FS, Mode::TRUE_PEAK)?;
+        meter.add_frames_f32(frames.as_flattened())?;
+        (0..N as u32).try_fold(0.0, |peak: f64, channel| Ok(peak.max(meter.true_peak(channel)?)))
+    };
+    Ok(Some(20.0 * peak().map_err(refused)?.log10()).filter(|value| value.is_finite()))
+}
+
+fn refused(fault: ebur128::Error) -> Error {
+    Error::data(Path::new("rendered sound"), "", format!("loudness: {fault}"), "check the input's level")
+}
+
+/// Makes frames louder by `gain_db` decibels.
+pub fn amplify<const N: usize>(frames: &mut [[f32; N]], gain_db: f64) {
+    let scale = 10f64.powf(gain_db / 20.0) as f32;
+    frames.as_flattened_mut().iter_mut().for_each(|value| *value *= scale);
 }
 
 /// The gain in decibels that brings a sound to `target` LUFS (none: leaves it), and no higher than its peaks allow.

@@ -105,8 +105,7 @@ pub fn render_signals(
     }
     let loudness = loudness::measure(&samples)?;
     let gain_db = loudness::gain_db(&loudness, config.lufs);
-    let scale = 10f64.powf(gain_db / 20.0) as f32;
-    samples.as_flattened_mut().iter_mut().for_each(|value| *value *= scale);
+    loudness::amplify(&mut samples, gain_db);
     let report = Report {
         seconds: n as f64 / f64::from(FS),
         mode: config.mode,

@@ -24,7 +24,7 @@ pub enum AdamMode {
     #[default]
     Dense,
     /// Those in view; before that they catch up with the steps that they missed. As dense, but for the rounding and for
-    /// Gaussians that would have drifted into view unseen.
+    /// Gaussians that would have drifted into view unseen. The regularisers of MCMC act on those in view alone.
     Lazy,
     /// Those in view, as if there had been no other steps.
     Sparse,
@@ -91,7 +91,8 @@ pub(super) fn correction(beta: f64, step: u64) -> f64 {
 pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) -> AdamParams {
     let [beta1, beta2] = [BETA1, BETA2].map(|beta| f64::from(beta as f32).powi(settings.images as i32));
     let [rates0, rates1, rates2] = rates.rows(1.0 / correction(beta1, step));
-    let n = f64::from(n.max(1));
+    // The gradients are sums over the images, so the regularisers are as well.
+    let (n, images) = (f64::from(n.max(1)), f64::from(settings.images));
     AdamParams {
         rates0,
         rates1,
@@ -101,8 +102,8 @@ pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) ->
         inverse_c2: (1.0 / correction(beta2, step)) as f32,
         eps: EPS,
         lowest_t_scale: settings.lowest_t_scale as f32,
-        opacity_reg: (settings.opacity_reg / n) as f32,
-        scale_reg: (settings.scale_reg / (3.0 * n)) as f32,
+        opacity_reg: (images * settings.opacity_reg / n) as f32,
+        scale_reg: (images * settings.scale_reg / (3.0 * n)) as f32,
         step: step as f32,
         inverse_size: if rates.position_size > 0.0 { (1.0 / rates.position_size) as f32 } else { 0.0 },
     }

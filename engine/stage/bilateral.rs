@@ -63,7 +63,7 @@ impl GridState {
 /// What a step does to the grid of its camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridStep {
-    /// Number of the step in the run, from 1: every so many steps as there are cameras the gauge is restored,
+    /// Number of the image in the run, from 1: every so many images as there are cameras the gauge is restored,
     pub step: u64,
     /// if it is free: a camera without a grid fixes it.
     pub is_free: bool,

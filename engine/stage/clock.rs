@@ -19,7 +19,7 @@ pub struct ClockStep {
     pub rate: f64,
     /// Weight of the squared offsets in the loss.
     pub regulariser: f64,
-    /// Number of the step, from 1.
+    /// Number of the image in the run, from 1: for the bias corrections, since all moments decay with each image.
     pub step: u64,
 }
 

@@ -52,6 +52,9 @@ pub struct RunResult {
     pub driver: String,
     /// The source that `ivv` was built from, as git names it; none where the build did not know.
     pub revision: Option<String>,
+    /// The images that were trained on and scored, to tell them from others. Empty of those in a history.
+    #[serde(skip)]
+    pub images: String,
 }
 
 /// What is read of `train.json`.
@@ -96,6 +99,10 @@ impl RunResult {
     pub fn read(folder: &Path) -> Result<Self> {
         let run = Run::read(folder)?;
         let config: Config = read(folder, "config.json")?;
+        if run.held.test_images == 0 {
+            let remedy = "compare runs that have test images";
+            return Err(Error::data(&folder.join("run.json"), "held", "has no test image", remedy));
+        }
         let totals: Totals = read(folder, "train.json")?;
         let scored: Scored = read(folder, "eval.json")?;
         let mut cameras: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
@@ -125,6 +132,7 @@ impl RunResult {
             device: totals.device.name,
             driver: totals.device.driver,
             revision: totals.revision,
+            images: serde_json::json!([run.capture, run.capture_settings, run.test_cameras, run.held]).to_string(),
         })
     }
 }
@@ -242,14 +250,16 @@ impl RunGroup {
 }
 
 impl RunTable {
-    /// Groups `runs`, ordered by capture, settings (defaults first) and steps.
+    /// Groups `runs` that differ in their seeds alone, ordered by capture, settings (defaults first) and steps.
     pub fn new(runs: &[RunResult]) -> Self {
-        let mut groups: BTreeMap<(&str, bool, &str, u64), Vec<RunResult>> = BTreeMap::new();
+        let mut groups: BTreeMap<_, Vec<RunResult>> = BTreeMap::new();
         for run in runs {
-            let key = (run.capture.as_str(), run.settings != "defaults", run.settings.as_str(), run.steps);
+            let told = (run.capture.as_str(), run.settings != "defaults", run.settings.as_str(), run.steps);
+            let key = (told, (&run.images, &run.device, &run.driver, &run.revision));
             groups.entry(key).or_default().push(run.clone());
         }
-        let group = |((capture, _, settings, steps), mut runs): ((&str, bool, &str, u64), Vec<RunResult>)| {
+        let group = |(((capture, _, settings, steps), _), mut runs): ((_, _), Vec<RunResult>)| {
+            let (capture, settings): (&str, &str) = (capture, settings);
             runs.sort_by_key(|run| run.seed);
             let scores = SCORES.iter().filter_map(|(name, .., of)| {
                 let values: Vec<f64> = runs.iter().filter_map(of).collect();
@@ -411,6 +421,7 @@ mod tests {
             device: "a device".to_owned(),
             driver: "1.0".to_owned(),
             revision: Some("abc".to_owned()),
+            images: "all".to_owned(),
         }
     }
 

@@ -25,6 +25,11 @@ pub(super) fn poses_judged_at(total: u64) -> u64 {
     (POSES_JUDGED * total as f64).round() as u64
 }
 
+/// The step after which it is told which time offsets the images tell, of `total`.
+pub(super) fn offsets_judged_at(total: u64) -> u64 {
+    total / 2
+}
+
 /// The cameras' own parameters.
 pub(super) struct Cameras {
     config: Config,
@@ -266,19 +271,22 @@ impl Cameras {
         of_cameras.into_iter().chain(of_grids).collect()
     }
 
-    /// Appends step `step` of `total`, after the backward pass of a picture of `camera`.
+    /// Appends step `step` of `total`, after the backward pass of its image `index`, a picture of `camera`.
     pub fn record_step(
         &self,
         rec: &mut Recording,
         work: &Workspace,
         (camera, grid): (usize, Option<OwnGrid>),
         (step, total): (u64, u64),
+        index: usize,
     ) {
         let done = (step - 1) as f64 / total.max(1) as f64;
         let Config { lr, loss, batch, .. } = &self.config;
+        // The moments of the cameras decay with each image, as they do with a step of one image each.
+        let image = (step - 1).saturating_mul(u64::from(*batch)).saturating_add(index as u64 + 1);
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
             let at = GridStep {
-                step,
+                step: image,
                 is_free: graded.is_free,
                 is_affine: self.config.grids == GridKind::Affine,
                 camera_step: grid.step,
@@ -304,7 +312,7 @@ impl Cameras {
             dt: self.dt,
             rate: lr.offset.at(done) * pace,
             regulariser: loss.offset,
-            step,
+            step: image,
         };
         clocks.record_step(rec, &backward.d_camera, &work.status, &at);
     }

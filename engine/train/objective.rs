@@ -124,9 +124,10 @@ impl Objective {
         self.cameras.record_view(rec, work, by.camera, (step, total));
     }
 
-    /// Appends step `step` of `total` of the own parameters of the camera `by`, after the backward pass of its image.
-    pub fn record_step(&self, rec: &mut Recording, work: &Workspace, by: Taken, (step, total): (u64, u64)) {
-        self.cameras.record_step(rec, work, (by.camera, by.grid), (step, total));
+    /// Appends step `step` of `total` of the own parameters of the camera `by`, after the backward pass of its image, which is image
+    /// `at` of the step.
+    pub fn record_step(&self, rec: &mut Recording, work: &Workspace, by: Taken, (step, total): (u64, u64), at: usize) {
+        self.cameras.record_step(rec, work, (by.camera, by.grid), (step, total), at);
     }
 
     /// Appends the keeping of what image `at` of a step says of the parameters of the camera `by`, until all have been seen.

@@ -22,7 +22,8 @@ fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
     let frames: Vec<[f32; 1]> = (0..48_000 * 4).map(noise).collect();
     wav::write(&bed.at("noise.wav"), &frames, Depth::Int16).unwrap();
     let wav = std::fs::read(bed.at("noise.wav")).unwrap();
-    let sound = Sound { name: "noise".to_owned(), wav, start: 0.0, seconds: 4.0, places: vec![(0.0, place)] };
+    let sound =
+        Sound { name: "noise".to_owned(), wav, gain: 1.0, start: 0.0, seconds: 4.0, places: vec![(0.0, place)] };
     let sounds = Sounds::new(place, 0.2, vec![sound]);
     assert_eq!(sounds.law(), (Some(place), 0.2));
     let clock = Clock { fps: 30.0, frames: 120 };

@@ -85,6 +85,20 @@ test('a moment that does not fit is said, once, and the rest is shown', async ()
   assert.equal(faults[0].code, 'too-large');
 });
 
+test('a moment waits for the rows of one that was left while it loaded', async () => {
+  const { store, faults, show, resident } = bookkeeping(8, 4);
+  await show(0.5);
+  store.want(1.5, 0, false); // gives up the chunk of 0.5
+  store.nextSort += 1;
+  store.sorted(store.nextSort - 1);
+  store.want(1.5, 0, false);
+  assert.equal(store.slots[2].state, 'loading');
+  store.want(2.5, 0, false);
+  assert.deepEqual(faults, []);
+  await show(2.5);
+  assert.deepEqual(resident(), [0, 3]);
+});
+
 test('chunks on the way that nobody wants any more are let go', async () => {
   const { store, reads } = bookkeeping(8, 100);
   store.want(0.5, 0, false);

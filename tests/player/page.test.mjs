@@ -144,6 +144,31 @@ test('the page', { skip: SKIP, timeout: 400_000 }, async (t) => {
     });
   });
 
+  await t.test('an exact picture comes where others must go first, and after a context was lost meanwhile', async () => {
+    await withPage(longClip(), async (page) => {
+      await ready(page);
+      const expected = [await picture(page, 9.5), await picture(page, 4.5)];
+      await picture(page, 0);
+      const found = [];
+      for (const [at, loses] of [[9.5, false], [4.5, true]]) {
+        // No room but that of what is there.
+        const bytes = await page.evaluate(async ([view, t, isLost]) => {
+          const { player } = window.ivv.app;
+          if (!isLost) player.store.free.length = 0;
+          window.ivv.setView(view);
+          window.ivv.seek(t);
+          const drawn = window.ivv.render();
+          if (isLost) player.restart();
+          const late = new Promise((_, reject) => setTimeout(() => reject(new Error('no picture')), 10_000));
+          await Promise.race([drawn, late]);
+          return Array.from(window.ivv.pixels());
+        }, [VIEW, at, loses]);
+        found.push(rgbOf(bytes));
+      }
+      found.forEach((image, i) => assert.equal(psnr(image, expected[i]), Infinity));
+    });
+  });
+
   await t.test('the same picture where the server ignores ranges', async () => {
     const bytes = longClip();
     const pictures = [];

@@ -286,6 +286,14 @@ test('sound in Chromium', { skip: SKIP, timeout: 300_000 }, async (t) => {
     assert.ok(gaps.every((gap) => Math.abs(gap) < SYNC_SECONDS), `${gaps}`);
     await page.locator('#mute').click();
     await page.waitForFunction(() => window.ivv.app.sound.mixer.master.gain.value < 0.01);
+    // At once: a hidden tab has no next frame.
+    const [playing, paused] = await page.evaluate(() => {
+      const { running } = window.ivv.app.sound.mixer;
+      const before = running.size;
+      window.ivv.pause();
+      return [before, running.size];
+    });
+    assert.ok(playing > 0 && paused === 0, `${playing} sources, then ${paused}`);
     assert.deepEqual(page.faults, []);
   });
 

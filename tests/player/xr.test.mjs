@@ -60,8 +60,12 @@ test('both eyes see what the page shows from their poses', { skip: SKIP, timeout
     const request = navigator.xr.requestSession.bind(navigator.xr);
     navigator.xr.requestSession = async (...args) => (window.session = await request(...args));
     window.ivv.seek(0.8);
-    await window.ivv.app.xr.enter();
     const { gl, sort } = window.ivv.app.player;
+    // An entry that fails leaves no session behind.
+    gl.makeXRCompatible = () => Promise.reject(new Error('another adapter'));
+    await window.ivv.app.xr.enter().catch((fault) => (window.refused = fault.message));
+    delete gl.makeXRCompatible;
+    await window.ivv.app.xr.enter();
     const frame = () => new Promise((resolve) => window.session.requestAnimationFrame(resolve));
     for (let i = 0; i < 10 || sort.isBusy; i += 1) await frame();
     window.headset.quaternion.set(0.05, 0.1, 0.02, 0.99).normalize();
@@ -76,6 +80,7 @@ test('both eyes see what the page shows from their poses', { skip: SKIP, timeout
       return { ...eye, pixels: rows };
     });
   });
+  assert.equal(await page.evaluate(() => window.refused), 'another adapter');
   assert.equal(eyes.length, 2);
   const [a, b] = eyes.map(({ center }) => center);
   const apart = Math.hypot(...a.map((v, c) => v - b[c]));

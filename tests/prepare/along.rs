@@ -9,8 +9,8 @@ use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use ivv::scene::{SeenPoint, write_points};
 use serde_json::json;
 
-use super::sources::IDENTITY;
-use super::{done, every, open, run, settings};
+use super::sources::{IDENTITY, npy, sequence};
+use super::{done, every, open, rate, run, settings};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told, dynamic, encode, png};
 
@@ -280,4 +280,24 @@ fn sound_and_keypoints_come_along() {
     let instance = &moved[0]["instances"][0];
     assert_eq!(instance["keypoints"], json!([[1.5, 1.0], [2.5, 0.5]]));
     assert_eq!((&instance["keypoint_scores"], &instance["bbox"]), (&json!([0.9, 0.8]), &json!([[0.5, 0.5, 2.5, 1.5]])));
+}
+
+/// A lost image is missed, and does not move those behind it; names that are times are counted.
+#[test]
+fn numbers_of_images_are_frames() {
+    let folder = Folder::new("prepare-gap");
+    let row = [[0.0, 1.0, 0.0, 0.0, 48.0], [1.0, 0.0, 0.0, 0.0, 64.0], [0.0, 0.0, -1.0, 0.0, 50.0]].concat();
+    let row = [row, vec![1.0, 100.0]].concat();
+    folder.write("source/poses_bounds.npy", npy(2, &[row.clone(), row].concat()));
+    sequence(&folder, "cam00", 6);
+    for (k, time) in [1_000, 1_033, 1_066, 1_101, 1_133, 1_166].iter().enumerate() {
+        folder.write(&format!("source/cam01/{time}.png"), png(64, 48, 10 * k as u8));
+    }
+    let settings = PrepareSettings { capture: rate(30.0), ..settings(&folder) };
+    assert_eq!(open(&settings).n_frames, 6);
+    std::fs::remove_file(folder.0.join("source/cam00/0003.png")).unwrap();
+    let lost = PrepareSettings { output: folder.0.join("lost"), ..settings };
+    assert_told(&run(&lost).unwrap().0.report, &["camera `cam00`: has no image of frame 3"]);
+    let before = PrepareSettings { frames: Frames::first(3), ..lost };
+    assert_eq!(open(&before).n_frames, 3);
 }

@@ -12,7 +12,7 @@ use crate::capture::{Folder, assert_told, dynamic, encode, png};
 pub(super) const IDENTITY: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 
 /// `n` images of 64 x 48 in `source/<name>/`.
-fn sequence(folder: &Folder, name: &str, n: u32) {
+pub(super) fn sequence(folder: &Folder, name: &str, n: u32) {
     for frame in 0..n {
         folder.write(&format!("source/{name}/{frame:04}.png"), png(64, 48, (10 * frame) as u8));
     }

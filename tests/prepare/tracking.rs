@@ -132,6 +132,29 @@ fn a_rig_is_followed_and_an_interrupted_run_goes_on() {
     assert!(told.contains("moving was 2 and is 1") && told.contains("--force"), "{told}");
 }
 
+/// COLMAP 3.13 has no more of the older names and tells of the first that it meets.
+#[test]
+fn a_newer_colmap_is_given_the_names_that_it_knows() {
+    if !has_program("ffmpeg", "-version") {
+        return;
+    }
+    let folder = rig("prepare-newer", "");
+    std::fs::rename(folder.0.join("bin/colmap"), folder.0.join("bin/older")).unwrap();
+    let newer = "#!/bin/sh\nfor word; do case $word in --Sift*.use_gpu | --Sift*.num_threads | *.max_image_size | \
+        *.fix_existing_images) case $word in --Feature*) ;; *)\n\
+        echo \"E20251114 1 option_manager.cc:976] Failed to parse options - unrecognised option '$word'.\" >&2\n\
+        exit 1;; esac;; esac; done\nexec \"$(dirname \"$0\")/older\" \"$@\"\n";
+    let program = folder.write("bin/colmap", newer);
+    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    let output = prepare(&folder, &["--moving", "2", "--frames", "1:6"]);
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    let given =
+        ["--FeatureExtraction.use_gpu 0", "--FeatureExtraction.max_image_size", "--FeatureMatching.num_threads"];
+    let all = given.into_iter().chain(["--SiftExtraction.max_num_features", "--Mapper.fix_existing_frames 1"]);
+    all.for_each(|name| assert!(calls.contains(name), "{name}: {calls}"));
+}
+
 #[test]
 fn a_rig_that_is_lost_is_told() {
     if !has_program("ffmpeg", "-version") {

@@ -55,6 +55,18 @@ fn a_scene_is_made_rendered_and_measured() {
     }
     assert!(fs::read_to_string(name("more--plot")).unwrap().contains("<circle"));
     assert_eq!(read(Path::new(&name("more--ambix"))).unwrap().channels.len(), 4);
+    // A source that is far too loud is lowered in both, and clips in none.
+    let mut scene: serde_json::Value = serde_json::from_slice(&fs::read(name("scene.json")).unwrap()).unwrap();
+    scene["sources"][0]["gain_db"] = 40.0.into();
+    fs::write(name("loud.json"), scene.to_string()).unwrap();
+    let arguments = [&name("loud.json"), "--path", &name("path.csv"), "-o", &name("loud.wav"), "--hrtf", &hrtf];
+    let (code, _, error) = run(&[&["sound", "render"][..], &arguments, &["--ambix", &name("loud-ambix.wav")]].concat());
+    assert_eq!(code, 0, "{error}");
+    for file in ["loud.wav", "loud-ambix.wav"] {
+        let all = read(Path::new(&name(file))).unwrap().channels.concat();
+        let peak = all.iter().fold(0.0_f32, |most, x| most.max(x.abs()));
+        assert!((0.1..0.9).contains(&peak), "{file}: {peak}");
+    }
     let (code, said, _) = run(&["sound", "inspect-hrtf", &hrtf]);
     assert!(code == 0 && said.contains("42 in 80 triangles"), "{said}");
     // Bad data is exit 3, bad usage 2.

@@ -44,7 +44,7 @@ fn mono(signal: &[f32]) -> Vec<u8> {
 /// One source of `wav` along `places`, from `start` seconds on, recorded at the origin.
 fn sounds(wav: Vec<u8>, start: f64, places: &[(f64, DVec3)]) -> Sounds {
     let places = places.iter().map(|(t, p)| (*t, p.to_array())).collect();
-    Sounds::new([0.0; 3], 0.2, vec![Sound { name: "a".into(), wav, start, seconds: N as f64 / FS, places }])
+    Sounds::new([0.0; 3], 0.2, vec![Sound { name: "a".into(), wav, gain: 1.0, start, seconds: N as f64 / FS, places }])
 }
 
 /// What a listener on `head` hears in blocks of `n` samples from the time 0 on.

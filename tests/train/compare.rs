@@ -2,6 +2,7 @@
 
 use super::Tiny;
 use super::run::{fails, json, works};
+use ivv::study::{RunResult, RunTable};
 
 #[test]
 fn runs_are_compared_and_a_history_grows() {
@@ -30,6 +31,16 @@ fn runs_are_compared_and_a_history_grows() {
     assert!([6, 8].contains(&drawn.matches("<circle").count()), "{drawn}");
     let seconds = told["runs"][0]["cpu_seconds"].as_f64();
     assert!(!cfg!(target_os = "linux") || seconds.is_some_and(|seconds| seconds > 0.0), "{seconds:?}");
+
+    // Runs of other images, devices and sources have rows of their own.
+    let found = RunResult::read(&tiny.folder.join("run")).unwrap();
+    let others = [
+        RunResult { images: "others".to_owned(), ..found.clone() },
+        RunResult { device: "another".to_owned(), ..found.clone() },
+        RunResult { driver: "another".to_owned(), ..found.clone() },
+        RunResult { revision: Some("another".to_owned()), ..found.clone() },
+    ];
+    others.into_iter().for_each(|other| assert_eq!(RunTable::new(&[found.clone(), other]).0.len(), 2));
 
     // A run that has not ended, and a file that is no history, which stays as it is.
     std::fs::remove_file(tiny.folder.join("other/eval.json")).unwrap();

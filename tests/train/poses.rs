@@ -126,6 +126,15 @@ fn poses_that_show_what_the_calibration_shows_are_the_captures_again() {
     assert!(matches!(said[..], [(0.0..0.15, false)]) && learnt == [n, 0], "{said:?}, {learnt:?}");
     let (learnt, said) = judged(&bent, PoseKind::Auto);
     assert!(matches!(said[..], [(0.15.., true)]) && learnt == [n, n], "{said:?}, {learnt:?}");
+    // A run that is made shorter than what was to come judges at once.
+    let config = Config { sh_degree: 0, steps: 240, max_gaussians: 2_000, ..Config::default() };
+    let mut session = Session::begin(gpu().clone(), &capture, config.clone(), SessionOptions::default()).unwrap();
+    while session.steps() < 60 {
+        session.step().unwrap();
+    }
+    session.extend(config, 120).unwrap();
+    session.step().unwrap();
+    assert_eq!(session.trainer().poses().unwrap().len(), 0);
     // Who asks for either has it, whatever the images say.
     assert_eq!(judged(&bent, PoseKind::Given), ([0, 0], vec![]));
     assert_eq!(judged(&capture, PoseKind::Learnt), ([n, n], vec![]));

@@ -309,6 +309,11 @@ fn gaussians_that_show_one_resting_thing_one_after_the_other_become_one() {
     let (tau, motion) = ((-2.0f32).exp(), splats.motion[0]);
     assert!((motion.t_center - 0.5).abs() < 1e-5 && (motion.t_scale.exp() - (0.4 + tau)).abs() < 1e-5, "{motion:?}");
     assert!(motion.velocity == [0.0; 3] && (splats.position[0][0] - 0.02).abs() < 5e-3, "{:?}", splats.position[0]);
+    // One that goes anyway takes none with it.
+    let (mut splats, mut evidence) = chain([0.5; 5]);
+    let mut gone = [true, false, false, true, false];
+    assert_eq!(merge_resting(&mut splats, &mut evidence, 1.0, &mut gone), 1);
+    assert_eq!(gone, [true, false, true, true, false]);
     // Another colour, which the pictures know well, stays apart, and so does what is only near.
     let (mut splats, mut evidence) = chain([0.5, 0.5, 2.5, 0.5, 0.5]);
     splats.position[4] = [0.3, 0.0, 2.0];

@@ -99,6 +99,8 @@ fn a_run_is_scored_again_from_its_folder_alone() {
     works(&["eval", path, "--scene", snapshot.to_str().unwrap()]);
     let other = json(&run.join("eval/at/eval.json"));
     assert!(other["psnr"].as_f64().unwrap() > 5.0 && scores(&other) != views);
+    works(&["eval", path, "--scene", &format!("{path}/checkpoints/..")]);
+    assert!(run.join("eval").join(run.file_name().unwrap()).join("eval.json").is_file());
     assert_eq!(json(&run.join("eval.json")), trained);
 
     // The folder alone: moved, its results removed, the capture where it was.
@@ -361,7 +363,13 @@ fn each_preset_is_trained_and_scored_and_what_is_there_is_not_run_again() {
     let before = std::fs::metadata(&scores).unwrap().modified().unwrap();
     works(&arguments);
     assert_eq!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "a run was made again");
+    // Another capture of the same name is trained on.
+    let elsewhere = tiny.folder.join("elsewhere").join(tiny.folder.file_name().unwrap());
+    works(&["synth", "-o", elsewhere.to_str().unwrap(), "--preset", "tiny", "--frames", "2"]);
+    works(&[&["curves", elsewhere.to_str().unwrap(), "-o", to, "--set", "max_gaussians=300"], &some[..]].concat());
+    assert_ne!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "another capture's scores");
     assert!(fails(&["curves", capture, "-o", to, "--seconds", "0"], 2).contains("--seconds"));
+    assert!(fails(&["curves", capture, "-o", to, "--seeds", "1,2,1"], 2).contains("names 1 twice"));
     assert!(fails(&["curves", capture, capture, "-o", to, "--seconds", "nan"], 2).contains("above 0"));
     assert!(fails(&["curves", capture, "-o", to, "--presets", "best"], 3).contains("best"));
 }
@@ -419,6 +427,10 @@ fn a_trade_runs_all_settings_in_turn_and_finds_the_reference_to_be_exact() {
     let before = std::fs::metadata(&seed).unwrap().modified().unwrap();
     works(&arguments);
     assert_eq!(std::fs::metadata(&seed).unwrap().modified().unwrap(), before, "a run was made again");
+    let to = ["trade", capture, "-o", output.to_str().unwrap(), "--only-presets"];
+    let told = fails(&["trade", capture, "-o", output.to_str().unwrap(), "--knob", "batch=2"], 2);
+    assert!(told.contains("batch=2: changes batch, steps, epochs or seed"), "{told}");
+    assert!(fails(&[&to[..], &["--seeds", "3,3"]].concat(), 2).contains("names 3 twice"));
     assert!(fails(&["trade", capture, "-o", "x", "--knob", "frame.depth=16"], 2).contains("frame.depth=16"));
 }
 

@@ -1,6 +1,6 @@
 //! `ivv ablate`: the paper's ablations and other techniques, on captures.
 
-use crate::apart::{named, train_apart};
+use crate::apart::{distinct, named, train_apart};
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
 use crate::settings::SettingArgs;
@@ -11,7 +11,7 @@ use ivv::files::write_atomic;
 use ivv::report::statistics::{Estimate, mean};
 use ivv::scene::capture::Capture;
 use ivv::study::{Arm, ArmResult, Base, Measure, STUDIES, Study, StudyResult, standings};
-use ivv::train::{Config, initialise};
+use ivv::train::{CaptureSummary, Config, initialise};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
@@ -59,6 +59,7 @@ struct Plan {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut config = args.settings.resolve()?;
     anyhow::ensure!(!args.seeds.is_empty(), "--seeds names none");
+    distinct(&args.seeds)?;
     if let Some(weights) = &args.lpips_weights {
         anyhow::ensure!(weights.is_file(), "--lpips-weights {}: there is no such file", weights.display());
         config.loss.lpips_weights = Some(std::fs::canonicalize(weights)?);
@@ -74,7 +75,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         for (key, seed, own) in &job.runs {
             done += 1;
             say!("run {done} of {n_runs}: {}, {key}, seed {seed}", job.place.name);
-            train_apart(&job.place.capture, &job.folder(key, *seed), own, args.device.as_deref())?;
+            train_apart((&job.place.capture, &job.held), &job.folder(key, *seed), own, args.device.as_deref())?;
         }
         told.push(job.tell(args, &config, json)?);
     }
@@ -150,6 +151,7 @@ impl Told {
 /// The studies of a capture.
 struct Job<'a> {
     place: &'a Place,
+    held: CaptureSummary,
     peripheral: String,
     plans: Vec<Plan>,
     /// Key, seed and settings.
@@ -171,7 +173,7 @@ impl<'a> Job<'a> {
         };
         let plans = plans(args, place, &capture, config)?;
         let runs = runs(args, &plans, config);
-        Ok(Job { place, peripheral, plans, runs })
+        Ok(Job { place, held: CaptureSummary::new(&capture), peripheral, plans, runs })
     }
 
     /// Writes and, unless it is to be JSON, prints what the runs show.

@@ -1,6 +1,6 @@
 //! `ivv curves`: quality against time, preset by preset.
 
-use crate::apart::{named, train_apart};
+use crate::apart::{distinct, named, train_apart};
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
 use crate::settings::patch;
@@ -8,7 +8,7 @@ use anyhow::Context;
 use ivv::files::write_atomic;
 use ivv::scene::capture::Capture;
 use ivv::study::{Frontier, PresetCurve, Reached, chart};
-use ivv::train::{Config, Preset, merge};
+use ivv::train::{CaptureSummary, Config, Preset, merge};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -47,6 +47,7 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     anyhow::ensure!(!args.seeds.is_empty() && !args.presets.is_empty(), "--seeds and --presets need at least one each");
+    distinct(&args.seeds)?;
     let is_time = |seconds: &f64| seconds.is_finite() && *seconds > 0.0;
     anyhow::ensure!(args.seconds.iter().all(is_time), "--seconds: expected numbers above 0");
     let longest = args.seconds.iter().copied().reduce(f64::max).context("--seconds needs at least one number")?;
@@ -54,15 +55,17 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         args.presets.iter().map(|name| settings(args, name)).collect::<anyhow::Result<_>>()?;
     // All are looked at before the first is trained on.
     let captures = named(&args.captures)?;
-    for (_, capture) in &captures {
-        let tests = Capture::open(capture)?.test_frames();
-        anyhow::ensure!(!tests.is_empty(), "{}: the capture has no test image; see `ivv check`", capture.display());
-    }
+    let summary = |(_, path): &(String, &Path)| {
+        let held = CaptureSummary::new(&Capture::open(path)?);
+        anyhow::ensure!(held.test_images > 0, "{}: the capture has no test image; see `ivv check`", path.display());
+        Ok(held)
+    };
+    let all_held = captures.iter().map(summary).collect::<anyhow::Result<Vec<_>>>()?;
     let mut frontiers = Vec::new();
-    for (name, capture) in captures {
+    for ((name, capture), held) in captures.into_iter().zip(&all_held) {
         let folder = args.output.join(&name);
         make_folder(&folder)?;
-        let curves = curves(args, capture, &folder, &presets, longest)?;
+        let curves = curves(args, (capture, held), &folder, &presets, longest)?;
         frontiers.push(Frontier { capture: name, times: args.seconds.clone(), curves });
         tell(args, &frontiers)?;
     }
@@ -97,7 +100,7 @@ fn settings(args: &Args, name: &str) -> anyhow::Result<(String, Config)> {
 /// else the machine does meets all alike.
 fn curves(
     args: &Args,
-    capture: &Path,
+    (capture, held): (&Path, &CaptureSummary),
     folder: &Path,
     presets: &[(String, Config)],
     longest: f64,
@@ -113,7 +116,7 @@ fn curves(
             say!("{}, {preset}, {steps} steps, seed {seed}", capture.display());
             let run = folder.join(format!("{preset}-{steps}-{seed}"));
             let own = Config { seed, steps, ..config.clone() };
-            train_apart(capture, &run, &own, args.device.as_deref())?;
+            train_apart((capture, held), &run, &own, args.device.as_deref())?;
             curves[k].lengths.last_mut().context("no length was begun")?.push(reached(&run, seed, steps)?);
         }
         going.retain(|&k| curves[k].lengths.last().is_some_and(|runs| runs.iter().any(|run| run.seconds < longest)));

@@ -1,5 +1,7 @@
 //! `ivv eval`, and the scoring that `ivv train` shares with it.
 
+use anyhow::Context;
+
 use crate::behind::both;
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
@@ -17,6 +19,7 @@ use ivv::train::{
 };
 use ivv::words::count;
 use std::collections::BTreeMap;
+use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -33,7 +36,7 @@ pub struct Args {
     /// The folder of a run of `ivv train`. Where it has not ended, its newest checkpoint is scored, into
     /// RUN/eval/step-STEP.
     run: PathBuf,
-    /// Another scene to score; its scores go to RUN/eval/NAME.
+    /// Another scene to score; its scores go to RUN/eval/NAME, named as its folder or its file.
     #[arg(long)]
     scene: Option<PathBuf>,
     /// The capture, if it has moved since the run.
@@ -235,13 +238,22 @@ fn totals(run_folder: &Path) -> serde_json::Value {
     read_json(&run_folder.join("train.json"), "").unwrap_or_default()
 }
 
+/// What the scores of `scene` are called: as its folder, where all scenes of such folders have one name.
+fn own_name(scene: &Path) -> anyhow::Result<OsString> {
+    let path = std::fs::canonicalize(scene).with_context(|| format!("{}: cannot be found", scene.display()))?;
+    let of_folder = path.file_name() == Some(OsStr::new("scene.ply"));
+    let folder = if of_folder { path.parent() } else { path.is_dir().then_some(&*path) };
+    let name = folder.map_or(path.file_stem(), Path::file_name);
+    Ok(name.unwrap_or(OsStr::new("scene")).to_owned())
+}
+
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let run = Run::read(&args.run)?;
     let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
     let capture = run.open_capture(args.capture.as_deref())?;
     let shown = Source::open(args.scene.as_ref().unwrap_or(&args.run))?.seen()?;
-    let output = match (args.scene.as_ref().and_then(|scene| scene.file_stem()), shown.unfinished) {
-        (Some(name), _) => args.run.join("eval").join(name),
+    let output = match (&args.scene, shown.unfinished) {
+        (Some(scene), _) => args.run.join("eval").join(own_name(scene)?),
         (None, Some(step)) => args.run.join("eval").join(format!("step-{step:08}")),
         (None, None) => args.run.clone(),
     };

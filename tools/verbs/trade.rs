@@ -1,5 +1,6 @@
 //! `ivv trade`: what settings and presets cost and buy, on a capture.
 
+use crate::apart::distinct;
 use crate::date::today;
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
@@ -87,6 +88,7 @@ struct Bench<'a> {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     anyhow::ensure!(!args.seeds.is_empty(), "--seeds needs at least one seed");
+    distinct(&args.seeds)?;
     let shared = args.settings.resolve()?;
     let arms = arms(args, &shared)?;
     let read = CaptureSettings { background: shared.background, ..CaptureSettings::default() };
@@ -112,16 +114,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let bench = Bench { args, gpu, capture, constants, arms, steps, test_frames };
     let mut runs = Vec::new();
     let mut kernel_errors = Vec::new();
+    let mut since = today();
     for (index, seed) in args.seeds.iter().enumerate() {
         let found = bench.seed(*seed, index == 0)?;
         runs.push(found.runs);
+        since = since.min(found.date);
         kernel_errors.extend(found.kernel_errors);
     }
     let caps = bench.gpu.caps();
     let at = Circumstances {
         device: caps.name.clone(),
         driver: caps.driver.clone(),
-        date: today(),
+        date: since,
         shaders: shaders_hash(),
         kernels: spirv_hashes(),
         capture: args.capture.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned()),
@@ -169,6 +173,12 @@ fn arms(args: &Args, shared: &Config) -> anyhow::Result<Vec<(TradeArm, Config)>>
         merge(&mut value, &arm.settings);
         let config: Config = serde_json::from_value(value).with_context(|| arm.name.clone())?;
         config.check().map_err(|fault| anyhow::anyhow!("{}: {fault}", arm.name))?;
+        let shares = |of: &Config| (of.batch, of.steps, of.epochs, of.seed);
+        anyhow::ensure!(
+            shares(&config) == shares(shared),
+            "{}: changes batch, steps, epochs or seed, which all settings of a trade share; give it with --set, for all",
+            arm.name
+        );
         Ok((arm, config))
     };
     trade_arms(&args.presets, &singles, without)?.into_iter().map(config).collect()
@@ -179,6 +189,8 @@ fn arms(args: &Args, shared: &Config) -> anyhow::Result<Vec<(TradeArm, Config)>>
 struct Found {
     /// What it must be of to serve again.
     of: Value,
+    /// When it was measured.
+    date: String,
     runs: Vec<TradeRun>,
     kernel_errors: Vec<KernelError>,
 }
@@ -197,8 +209,8 @@ impl Bench<'_> {
         let settings: Vec<&Config> = self.arms.iter().map(|(_, config)| config).collect();
         let of = json!({
             "settings": settings, "constants": self.constants, "steps": self.steps, "block": self.args.block,
-            "shaders": shaders_hash(),
-            "device": self.gpu.caps().name, "capture": std::path::absolute(&self.args.capture).ok(), "first": is_first,
+            "shaders": shaders_hash(), "test_frames": self.test_frames,
+            "device": self.gpu.caps().name, "driver": self.gpu.caps().driver, "capture": std::path::absolute(&self.args.capture).ok(), "first": is_first,
         });
         if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {
             return Ok(found);
@@ -223,7 +235,7 @@ impl Bench<'_> {
             }
             runs.push(run);
         }
-        let found = Found { of, runs, kernel_errors };
+        let found = Found { of, date: today(), runs, kernel_errors };
         write_json(&file, &found)?;
         Ok(found)
     }
@@ -265,7 +277,7 @@ impl Bench<'_> {
         let order = all.first().map_or(Vec::new(), |first| first.session.order());
         let plan = priors.map(|(_, priors)| priors.plan).unwrap_or_default();
         let mut cache = FrameCache::new(&self.capture, order.iter().copied(), &plan, CACHE, 1)?;
-        // No knob changes the number of images of a step.
+        // Which all arms share.
         let batch = all.first().map_or(1, |first| first.config.batch as usize);
         let blocks: Vec<&[(usize, u32)]> = order.chunks(self.args.block as usize * batch).collect();
         let n_arms = all.len();

@@ -15,6 +15,8 @@ pub struct Sound {
     pub name: String,
     /// A WAV file of one channel.
     pub wav: Vec<u8>,
+    /// Factor of its samples, for sound that is louder than the samples of a WAV file can be.
+    pub gain: f64,
     /// When it begins, and how long it is; seconds of the clip.
     pub start: f64,
     /// See `start`; positive.
@@ -46,6 +48,7 @@ impl Sounds {
                 codec: "wav".to_owned(),
                 start_sec: sound.start,
                 duration_sec: sound.seconds,
+                gain: sound.gain,
                 position: sound.places.first().map_or([0.0; 3], |(_, place)| *place),
                 keyframes: sound.places.into_iter().map(key).collect(),
                 data: sound.wav,

@@ -11,7 +11,7 @@ const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "MP4", "MOV", "MK
 const FOLDERS: [&str; 5] = ["", "videos", "images", "calibration/extrinsic", "recordings"];
 
 /// The video `<folder>/<name>.mp4` (or of another ending), or the images of `<folder>/<name>` or `<folder>/<name>/images`,
-/// the first of them in the order of their names being frame 0.
+/// the first of them being frame 0; what their numbers leave out is missing.
 pub(in crate::prepare) fn find(footage: &Path, name: &str) -> Option<Footage> {
     FOLDERS.iter().find_map(|folder| {
         let stem = footage.join(folder).join(name);
@@ -83,6 +83,25 @@ fn by_number(name: &str) -> Vec<(u64, String)> {
     parts
 }
 
+/// The frames of `files` by the numbers that their names end with, so that a lost image does not move those behind it to earlier
+/// frames. None where the names are not numbers in even steps with most of them there, such as times.
+fn numbered(files: &[PathBuf]) -> Option<Vec<u32>> {
+    let split = |path: &PathBuf| -> Option<(String, u64)> {
+        let stem = path.file_stem()?.to_str()?;
+        let text = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+        Some((text.to_owned(), stem[text.len()..].parse().ok()?))
+    };
+    let names: Vec<(String, u64)> = files.iter().map(split).collect::<Option<_>>()?;
+    let (text, first) = names.first()?;
+    let steps: Vec<u64> = names.windows(2).map(|two| two[1].1.checked_sub(two[0].1)).collect::<Option<_>>()?;
+    let step = steps.iter().copied().min().unwrap_or(1).max(1);
+    let is_even = steps.iter().all(|&n| n > 0 && n % step == 0) && names.iter().all(|(other, _)| other == text);
+    let frames = names.iter().map(|(_, number)| u32::try_from((number - first) / step).ok());
+    let frames: Vec<u32> = frames.collect::<Option<_>>()?;
+    let most_are_there = frames.last().is_some_and(|&last| (last as usize) < 2 * files.len());
+    (is_even && most_are_there).then_some(frames)
+}
+
 fn with_ending(stem: &Path, ending: &str) -> PathBuf {
     let mut name = stem.as_os_str().to_owned();
     name.push(".");
@@ -94,7 +113,8 @@ fn images(folder: &Path) -> Option<Footage> {
     let mut files: Vec<PathBuf> = fs::read_dir(folder).ok()?.flatten().map(|entry| entry.path()).collect();
     files.retain(|path| is_image(path));
     files.sort_by_cached_key(|path| by_number(&path.file_name().unwrap_or_default().to_string_lossy()));
-    let shots = (0_u32..).zip(files).map(|(frame, image)| Shot { frame, image, ..Shot::default() });
+    let frames = numbered(&files).unwrap_or_else(|| (0..).take(files.len()).collect());
+    let shots = frames.into_iter().zip(files).map(|(frame, image)| Shot { frame, image, ..Shot::default() });
     let shots: Vec<Shot> = shots.collect();
     (!shots.is_empty()).then_some(Footage::Images(shots))
 }

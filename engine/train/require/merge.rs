@@ -57,7 +57,8 @@ impl One {
     }
 }
 
-/// Merges those that may be one into the earlier of them and marks the later in `gone`; returns how often. What a merger costs is
+/// Merges those that may be one into the earlier of them and marks the later in `gone`; returns how often. Those that are marked
+/// before are left alone. What a merger costs is
 /// told by the information that the pictures have of both colours and opacities.
 pub fn merge_resting(splats: &mut Splats, evidence: &mut Evidence, price: f64, gone: &mut [bool]) -> usize {
     let mut order: Vec<(usize, One)> =

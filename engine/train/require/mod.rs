@@ -77,17 +77,19 @@ pub enum Due {
     Gaussians,
 }
 
-/// What is due after step `step` of `total`.
+/// What is due after step `step` of `total`: the cameras' turn comes a step later where the Gaussians have theirs.
 pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
     let Required { reviews, first, last, grids_at, .. } = config.required;
     let at = |fraction: f64| (fraction * total as f64).round() as u64;
     let nth = |k: u32| at(first + (last - first) * f64::from(k) / f64::from(reviews.saturating_sub(1).max(1)));
+    let is_of_gaussians = |step: u64| (0..reviews).any(|k| nth(k) == step);
     if step == 0 || step >= total {
         None
-    } else if (0..reviews).any(|k| nth(k) == step) {
+    } else if is_of_gaussians(step) {
         Some(Due::Gaussians)
     } else {
-        (config.grids.is_some() && step == at(grids_at)).then_some(Due::Grids)
+        let grids = (at(grids_at).max(1)..total).find(|step| !is_of_gaussians(*step));
+        (config.grids.is_some() && grids_at > 0.0 && grids == Some(step)).then_some(Due::Grids)
     }
 }
 
@@ -118,7 +120,8 @@ pub fn review(
     if due == Due::Grids {
         let n = checkpoint.params.len();
         let mut report = Review { step: checkpoint.step, before: n, after: n, ..Review::default() };
-        if grids.is_some() && capture.is_rig_clip() {
+        // What a run that was lengthened has learnt stays.
+        if grids.is_some() && capture.is_rig_clip() && checkpoint.cameras.has_grid.is_empty() {
             report.grids = give_grids(&mut renderer, &sight, &mut checkpoint.cameras)?;
             trainer.replace(&checkpoint)?;
         }
@@ -134,9 +137,11 @@ pub fn review(
     // The margin is for the run.
     let margin = required.margin / f64::from(required.reviews.max(1));
     let (mut fates, price) = affordable(&checkpoint.params, &evidence, &times, required.price, margin, &key);
-    let mut merged = vec![false; fates.len()];
-    let n_merged = merge_resting(&mut checkpoint.params, &mut evidence, price, &mut merged);
-    fates.iter_mut().zip(&merged).for_each(|(fate, merged)| fate.stays &= !merged);
+    // One that goes anyway takes none with it.
+    let mut gone: Vec<bool> = fates.iter().map(|fate| !fate.stays).collect();
+    let n_merged = merge_resting(&mut checkpoint.params, &mut evidence, price, &mut gone);
+    let merged: Vec<bool> = fates.iter().zip(&gone).map(|(fate, gone)| fate.stays && *gone).collect();
+    fates.iter_mut().zip(&gone).for_each(|(fate, gone)| fate.stays = !gone);
     let noise = evidence.variance.sqrt();
     let unseen = evidence.seen.iter().filter(|seen| seen.pictures == 0 && !seen.is_hidden).count();
     let left = evidence.seen.iter().filter(|seen| !seen.tells_all()).count();

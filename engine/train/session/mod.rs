@@ -19,7 +19,7 @@ use crate::scene::capture::{Capture, Picture};
 use crate::settings::Constants;
 use crate::train::average::Average;
 use crate::train::backdrop::{backdrop_of, put_before};
-use crate::train::cameras::poses_judged_at;
+use crate::train::cameras::{offsets_judged_at, poses_judged_at};
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::{Config, PoseKind};
 use crate::train::images::Shot;
@@ -179,6 +179,11 @@ impl<'a> Session<'a> {
     /// As [`Trainer::extend`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
         self.trainer.extend(config.clone(), total)?;
+        // What comes once, and would have come by now in a run of this length.
+        let step = self.trainer.step();
+        let is_missed = |at: fn(u64) -> u64| at(total) <= step && step < at(self.total);
+        self.owed.1.poses |= config.poses == PoseKind::Auto && is_missed(poses_judged_at);
+        self.owed.1.offsets |= is_missed(offsets_judged_at);
         (self.config, self.total, self.coming) = (config, total, None);
         // What was near the end is so no more.
         (self.average, self.owed.1.average) = (Average::default(), false);
@@ -455,7 +460,7 @@ impl<'a> Session<'a> {
     /// frozen once the scene has formed.
     fn due_after(&self, step: u64) -> Owed {
         let review = review_due(&self.config, step, self.total).is_some();
-        let offsets = step > 0 && step == self.total / 2;
+        let offsets = step > 0 && step == offsets_judged_at(self.total);
         let poses = self.config.poses == PoseKind::Auto && step > 0 && step == poses_judged_at(self.total);
         Owed { review, offsets, poses, average: Average::is_due(&self.config, step, self.total), density: false }
     }

@@ -133,10 +133,13 @@ impl Trainer {
     /// As [`Trainer::new`].
     pub fn replace(&mut self, checkpoint: &Checkpoint) -> Result<()> {
         let reports = std::mem::take(&mut self.reports);
+        let n_bad = self.gpu.read(&self.optimiser.n_bad)?;
         // Two scenes need not fit the device.
         (self.work, self.batch) = (None, None);
         let mut other = Self::resume(self.gpu.clone(), checkpoint, self.constants, self.setup.clone())?;
         other.objective.images.inherit(&mut self.objective.images);
+        // They are counted since the start.
+        other.optimiser.n_bad = self.gpu.upload("bad gradients", &n_bad)?;
         *self = Trainer { reports, ranks: self.ranks.take(), shared: self.shared, ..other };
         Ok(())
     }

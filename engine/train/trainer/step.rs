@@ -286,7 +286,7 @@ impl Trainer {
             if needs_views {
                 self.objective.record_view(rec, work, *by, at);
             }
-            self.objective.record_step(rec, work, *by, at);
+            self.objective.record_step(rec, work, *by, at, index);
         }
         let Some(work) = &self.work else { unreachable!("there is room for the step") };
         let noise = noise(&self.config, *step, self.total, self.setup.extent.radius);

@@ -6,6 +6,7 @@ use crate::film::Axes;
 use crate::screen::out;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
+use ivv::sound::loudness::{self, PEAK_LIMIT_DB};
 use ivv::sound::metrics::ear_course;
 use ivv::sound::path::{Convention, read_path};
 use ivv::sound::render::{RenderConfig, Rendered, SourceReport, render_ambix, render_signals, signals};
@@ -124,7 +125,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let depth = if args.float { Depth::Float32 } else { Depth::Int24 };
     write(&args.output, &rendered.samples, depth)?;
     if let Some(path) = &args.ambix {
-        write(path, &render_ambix(&scene, &sounds, &head, &config)?, depth)?;
+        let mut samples = render_ambix(&scene, &sounds, &head, &config)?;
+        // As loud as what the ears hear, where its own peaks allow.
+        let room = loudness::true_peak_db(&samples)?.map_or(f64::INFINITY, |peak| PEAK_LIMIT_DB - peak);
+        loudness::amplify(&mut samples, rendered.report.gain_db.min(room));
+        write(path, &samples, depth)?;
     }
     if let Some(path) = &args.report {
         write_json(path, &rendered.report)?;
