@@ -2,15 +2,16 @@
 
 use crate::files::{read_json, write_json};
 use anyhow::Context;
+use ivv::scene::capture::Capture;
 use ivv::train::{CaptureSummary, Config, Run};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// Trains on `capture`, which holds `held`, with `config` in a process of its own, which leaves nothing behind in this one; unless
+/// Trains on `capture`, which has one of [`held`], with `config` in a process of its own, which leaves nothing behind in this one; unless
 /// that has been done. The run goes to `folder`, its settings and its log to files beside it.
 pub fn train_apart(
-    (capture, held): (&Path, &CaptureSummary),
+    (capture, held): (&Path, &[CaptureSummary; 2]),
     folder: &Path,
     config: &Config,
     device: Option<&str>,
@@ -19,7 +20,7 @@ pub fn train_apart(
     let path = std::path::absolute(capture)?;
     let is_done = folder.join("eval.json").is_file()
         && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config)
-        && Run::read(folder).is_ok_and(|run| run.capture == path && run.held == *held);
+        && Run::read(folder).is_ok_and(|run| run.capture == path && held.contains(&run.held));
     if is_done {
         return Ok(());
     }
@@ -47,6 +48,11 @@ pub fn train_apart(
         .context("`ivv train` cannot be started")?;
     anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
     Ok(())
+}
+
+/// What runs on `capture` may hold: with its photographs, or without.
+pub fn held(capture: &Capture) -> [CaptureSummary; 2] {
+    [CaptureSummary::new(capture), CaptureSummary::new(&capture.clone().without_photos())]
 }
 
 /// Refuses a seed that is given twice: its second run would be counted as another observation.

@@ -164,12 +164,13 @@ impl Start {
         let Some(checkpoint) = self.resumed.as_ref().filter(|checkpoint| checkpoint.total != self.total) else {
             return Ok(());
         };
-        session.extend(self.config.clone(), self.total)?;
+        let now = session.extend(self.config.clone(), self.total)?;
         if self.lock.is_none() {
             return Ok(());
         }
         // A run that is killed before its next checkpoint still goes on to the new end.
-        let owed = Owed { density: false, average: false, ..checkpoint.owed };
+        let (poses, offsets) = (checkpoint.owed.poses || now.poses, checkpoint.owed.offsets || now.offsets);
+        let owed = Owed { density: false, average: false, poses, offsets, ..checkpoint.owed };
         Checkpoint { world: self.run.world, owed, ..session.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;

@@ -18,12 +18,13 @@ pub(super) const OFF: &str = "0";
 pub(super) type Arguments<'a> = [(&'a str, &'a OsStr)];
 
 /// Options and their names in newer versions: the last one since COLMAP 3.12, the others since 3.13.
-const RENAMED: [(&str, &str); 6] = [
+const RENAMED: [(&str, &str); 7] = [
     ("--SiftExtraction.use_gpu", "--FeatureExtraction.use_gpu"),
     ("--SiftExtraction.num_threads", "--FeatureExtraction.num_threads"),
     ("--SiftExtraction.max_image_size", "--FeatureExtraction.max_image_size"),
     ("--SiftMatching.use_gpu", "--FeatureMatching.use_gpu"),
     ("--SiftMatching.num_threads", "--FeatureMatching.num_threads"),
+    ("--SiftMatching.guided_matching", "--FeatureMatching.guided_matching"),
     ("--Mapper.fix_existing_images", "--Mapper.fix_existing_frames"),
 ];
 

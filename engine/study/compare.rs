@@ -99,20 +99,17 @@ impl RunResult {
     pub fn read(folder: &Path) -> Result<Self> {
         let run = Run::read(folder)?;
         let config: Config = read(folder, "config.json")?;
+        let untested = |file| Error::data(&folder.join(file), "", "has no test image", "compare runs that have some");
         if run.held.test_images == 0 {
-            let remedy = "compare runs that have test images";
-            return Err(Error::data(&folder.join("run.json"), "held", "has no test image", remedy));
+            return Err(untested("run.json"));
         }
         let totals: Totals = read(folder, "train.json")?;
         let scored: Scored = read(folder, "eval.json")?;
         let mut cameras: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        for view in &scored.views {
-            cameras.entry(&view.camera).or_default().push(view.psnr);
-        }
+        scored.views.iter().for_each(|view| cameras.entry(&view.camera).or_default().push(view.psnr));
         let means = cameras.iter().map(|(camera, psnr)| (*camera, mean(psnr.iter().copied()).unwrap_or(0.0)));
         let Some((worst_camera, worst_psnr)) = means.min_by(|a, b| a.1.total_cmp(&b.1)) else {
-            let remedy = "compare runs that have test images";
-            return Err(Error::data(&folder.join("eval.json"), "views", "holds no view", remedy));
+            return Err(untested("eval.json"));
         };
         Ok(RunResult {
             capture: run.capture.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned()),
@@ -255,8 +252,8 @@ impl RunTable {
         let mut groups: BTreeMap<_, Vec<RunResult>> = BTreeMap::new();
         for run in runs {
             let told = (run.capture.as_str(), run.settings != "defaults", run.settings.as_str(), run.steps);
-            let key = (told, (&run.images, &run.device, &run.driver, &run.revision));
-            groups.entry(key).or_default().push(run.clone());
+            let apart = (&run.images, &run.device, &run.driver, &run.revision);
+            groups.entry((told, apart)).or_default().push(run.clone());
         }
         let group = |(((capture, _, settings, steps), _), mut runs): ((_, _), Vec<RunResult>)| {
             let (capture, settings): (&str, &str) = (capture, settings);
@@ -275,7 +272,14 @@ impl RunTable {
                 runs,
             }
         };
-        RunTable(groups.into_iter().map(group).collect())
+        let mut groups: Vec<RunGroup> = groups.into_iter().map(group).collect();
+        let labels: Vec<_> = groups.iter().map(|g| (g.capture.clone(), g.settings.clone(), g.steps)).collect();
+        let is_twin = |label: &_| labels.iter().filter(|other| *other == label).count() > 1;
+        for (group, _) in groups.iter_mut().zip(&labels).filter(|(_, label)| is_twin(*label)) {
+            let RunResult { device, driver, revision, .. } = &group.runs[0];
+            group.settings += &format!("; {device}, {driver}, {}", revision.as_deref().unwrap_or("-"));
+        }
+        RunTable(groups)
     }
 
     /// The groups as a table of Markdown: means over the seeds, with the least and the most in brackets.

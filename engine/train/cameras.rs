@@ -25,6 +25,14 @@ pub(super) fn poses_judged_at(total: u64) -> u64 {
     (POSES_JUDGED * total as f64).round() as u64
 }
 
+/// Whether a run of `before` steps is past the step at which one of `total` judges the poses, before its own, and has learnt them for
+/// as long as that one would have.
+pub(super) fn poses_are_missed(step: u64, before: u64, total: u64) -> bool {
+    let learnt = step as f64 - POSES_FROM * before as f64;
+    let is_past = poses_judged_at(total) <= step && step < poses_judged_at(before);
+    is_past && learnt >= (POSES_JUDGED - POSES_FROM) * total as f64
+}
+
 /// The step after which it is told which time offsets the images tell, of `total`.
 pub(super) fn offsets_judged_at(total: u64) -> u64 {
     total / 2

@@ -140,7 +140,7 @@ fn a_newer_colmap_is_given_the_names_that_it_knows() {
     }
     let folder = rig("prepare-newer", "");
     std::fs::rename(folder.0.join("bin/colmap"), folder.0.join("bin/older")).unwrap();
-    let newer = "#!/bin/sh\nfor word; do case $word in --Sift*.use_gpu | --Sift*.num_threads | *.max_image_size | \
+    let newer = "#!/bin/sh\nfor word; do case $word in --Sift*.use_gpu | --Sift*.num_threads | --Sift*.guided_matching | *.max_image_size | \
         *.fix_existing_images) case $word in --Feature*) ;; *)\n\
         echo \"E20251114 1 option_manager.cc:976] Failed to parse options - unrecognised option '$word'.\" >&2\n\
         exit 1;; esac;; esac; done\nexec \"$(dirname \"$0\")/older\" \"$@\"\n";

@@ -8,7 +8,7 @@ use ivv::scene::capture::{Capture, Shot};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer, Response};
 use ivv::train::{
-    Config, Due, Evidence, GridKind, Required, Review, Seen, Setup, Trainer, merge_resting, psnr, review,
+    Config, Due, Evidence, GridKind, Required, Review, Seen, Setup, Trainer, merge_resting, psnr, review, review_due,
 };
 use std::path::PathBuf;
 use std::sync::OnceLock;
@@ -267,6 +267,20 @@ fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
     });
     let all: Vec<f64> = psnrs.collect();
     all.iter().sum::<f64>() / all.len() as f64
+}
+
+#[test]
+fn cameras_have_their_turn_though_gaussians_are_looked_at_after_the_same_step() {
+    let due = |grids_at: f64| -> Vec<(u64, Due)> {
+        let required = Required { reviews: 2, first: 0.6, last: 0.8, grids_at, ..Required::default() };
+        let config = Config { grids: GridKind::Affine, required, ..Config::default() };
+        (0..=10).filter_map(|step| Some((step, review_due(&config, step, 10)?))).collect()
+    };
+    let reviews = [(6, Due::Gaussians), (8, Due::Gaussians)];
+    assert_eq!(due(0.6), [reviews[0], (7, Due::Grids), reviews[1]]);
+    assert_eq!(due(0.001), [(1, Due::Grids), reviews[0], reviews[1]]);
+    // All have one from the start.
+    assert_eq!(due(0.0), reviews);
 }
 
 /// Dynamic Gaussians at rest at one place, each around its time, with a colour of their own where `colors` says so.

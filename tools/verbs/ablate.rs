@@ -1,6 +1,6 @@
 //! `ivv ablate`: the paper's ablations and other techniques, on captures.
 
-use crate::apart::{distinct, named, train_apart};
+use crate::apart::{distinct, held, named, train_apart};
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
 use crate::settings::SettingArgs;
@@ -151,7 +151,7 @@ impl Told {
 /// The studies of a capture.
 struct Job<'a> {
     place: &'a Place,
-    held: CaptureSummary,
+    held: [CaptureSummary; 2],
     peripheral: String,
     plans: Vec<Plan>,
     /// Key, seed and settings.
@@ -173,7 +173,7 @@ impl<'a> Job<'a> {
         };
         let plans = plans(args, place, &capture, config)?;
         let runs = runs(args, &plans, config);
-        Ok(Job { place, held: CaptureSummary::new(&capture), peripheral, plans, runs })
+        Ok(Job { place, held: held(&capture), peripheral, plans, runs })
     }
 
     /// Writes and, unless it is to be JSON, prints what the runs show.

@@ -1,6 +1,6 @@
 //! `ivv curves`: quality against time, preset by preset.
 
-use crate::apart::{distinct, named, train_apart};
+use crate::apart::{distinct, held, named, train_apart};
 use crate::files::{make_folder, read_json, write_json};
 use crate::screen::{out, say};
 use crate::settings::patch;
@@ -56,8 +56,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     // All are looked at before the first is trained on.
     let captures = named(&args.captures)?;
     let summary = |(_, path): &(String, &Path)| {
-        let held = CaptureSummary::new(&Capture::open(path)?);
-        anyhow::ensure!(held.test_images > 0, "{}: the capture has no test image; see `ivv check`", path.display());
+        let held = held(&Capture::open(path)?);
+        anyhow::ensure!(held[0].test_images > 0, "{}: the capture has no test image; see `ivv check`", path.display());
         Ok(held)
     };
     let all_held = captures.iter().map(summary).collect::<anyhow::Result<Vec<_>>>()?;
@@ -100,7 +100,7 @@ fn settings(args: &Args, name: &str) -> anyhow::Result<(String, Config)> {
 /// else the machine does meets all alike.
 fn curves(
     args: &Args,
-    (capture, held): (&Path, &CaptureSummary),
+    (capture, held): (&Path, &[CaptureSummary; 2]),
     folder: &Path,
     presets: &[(String, Config)],
     longest: f64,

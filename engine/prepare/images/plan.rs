@@ -223,7 +223,8 @@ impl Planned<'_> {
                 None => {
                     let reason =
                         format!("has no image of frame {frame}; a capture folder has all frames of every camera");
-                    let remedy = "add it, choose other frames, or train on the source as it is";
+                    let remedy =
+                        "add it, number the images without gaps, choose other frames, or train on the source as it is";
                     self.faults.add(&self.source.calibration, place, reason, remedy);
                 }
             }

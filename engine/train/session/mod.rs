@@ -19,7 +19,7 @@ use crate::scene::capture::{Capture, Picture};
 use crate::settings::Constants;
 use crate::train::average::Average;
 use crate::train::backdrop::{backdrop_of, put_before};
-use crate::train::cameras::{offsets_judged_at, poses_judged_at};
+use crate::train::cameras::{offsets_judged_at, poses_are_missed, poses_judged_at};
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::{Config, PoseKind};
 use crate::train::images::Shot;
@@ -173,21 +173,20 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Goes on for as long as `config` and `total` say.
+    /// Goes on for as long as `config` and `total` say; returns what is due now.
     ///
     /// # Errors
     /// As [`Trainer::extend`].
-    pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
+    pub fn extend(&mut self, config: Config, total: u64) -> Result<Owed> {
         self.trainer.extend(config.clone(), total)?;
-        // What comes once, and would have come by now in a run of this length.
-        let step = self.trainer.step();
-        let is_missed = |at: fn(u64) -> u64| at(total) <= step && step < at(self.total);
-        self.owed.1.poses |= config.poses == PoseKind::Auto && is_missed(poses_judged_at);
-        self.owed.1.offsets |= is_missed(offsets_judged_at);
+        // What comes once, and would have come by now in a run of this length; colour maps do not come late.
+        let (step, before) = (self.trainer.step(), self.total);
+        self.owed.1.poses |= config.poses == PoseKind::Auto && poses_are_missed(step, before, total);
+        self.owed.1.offsets |= offsets_judged_at(total) <= step && step < offsets_judged_at(before);
         (self.config, self.total, self.coming) = (config, total, None);
         // What was near the end is so no more.
         (self.average, self.owed.1.average) = (Average::default(), false);
-        Ok(())
+        Ok(self.owed.1)
     }
 
     /// What is trained.
