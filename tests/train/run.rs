@@ -437,16 +437,23 @@ fn a_trade_runs_all_settings_in_turn_and_finds_the_reference_to_be_exact() {
 #[test]
 fn a_trade_trains_and_scores_as_a_run_does() {
     let tiny = Tiny::new("trade-run");
-    let (capture, run, trade) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"), tiny.folder.join("trade"));
+    let (capture, trade) = (tiny.folder.to_str().unwrap(), tiny.folder.join("trade"));
     // Random Gaussians are before the lenses too, where a run shows none.
     let same = ["--steps", "20", "--set", "init=random", "--set", "init_points=3000"];
     let path = |folder: &Path| folder.to_str().unwrap().to_owned();
-    works(&[&["train", capture, "-o", &path(&run), "--seed", "3", "--eval-every", "0"][..], &same].concat());
-    let seeds = ["--seeds", "3", "--presets", "exact", "--only-presets"];
+    let seeds = ["--seeds", "3", "--presets", "balanced", "--only-presets"];
     works(&[&["trade", capture, "-o", &path(&trade)][..], &seeds, &same].concat());
-    let (run, trade) = (json(&run.join("eval.json")), json(&trade.join("trade.json")));
-    let [alone, in_turn] = [&run["psnr"], &trade["runs"][0][0]["psnr"]].map(|psnr| psnr.as_f64().unwrap());
-    assert!((alone - in_turn).abs() < 1e-3, "{alone} {in_turn}");
+    let trade = json(&trade.join("trade.json"));
+    // The second begins on images of half the size.
+    for (arm, preset) in ["exact", "balanced"].iter().enumerate() {
+        assert_eq!(trade["arms"][arm]["name"], *preset);
+        let run = tiny.folder.join(preset);
+        let train = ["train", capture, "-o", &path(&run), "--preset", preset, "--seed", "3", "--eval-every", "0"];
+        works(&[&train[..], &same].concat());
+        let run = json(&run.join("eval.json"));
+        let [alone, in_turn] = [&run["psnr"], &trade["runs"][0][arm]["psnr"]].map(|psnr| psnr.as_f64().unwrap());
+        assert!((alone - in_turn).abs() < 1e-3, "{preset}: {alone} {in_turn}");
+    }
 }
 
 /// A capture that `check` accepts with some options is trained, scored and gone on with as it was checked.

@@ -14,17 +14,18 @@ use ivv::files::write_atomic;
 use ivv::gpu::{Gpu, shaders_hash, spirv_hashes};
 use ivv::report::statistics::{deviation_of_sums, mean};
 use ivv::scene::Splats;
-use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, Picture};
+use ivv::scene::capture::{Asked, Capture, CaptureSettings, FrameCache, Picture};
 use ivv::scene::prior::read_flow;
 use ivv::stage::{DepthSpace, Outputs, Renderer};
 use ivv::study::{Circumstances, KNOB_SETTINGS, KernelError, Trade, TradeArm, TradeRun, trade_arms};
 use ivv::train::{
-    Config, Meter, Priors, Session, SessionOptions, Sight, constants_of, evaluate, initialise, merge, spread,
+    Config, Meter, Priors, Session, SessionOptions, Sight, constants_of, evaluate, initialise, merge, reduced_order,
+    spread,
 };
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
@@ -195,6 +196,23 @@ struct Found {
     kernel_errors: Vec<KernelError>,
 }
 
+/// The images `whole` as a run with `config` sees them after `done` of `total` steps. Those that are smaller there are made once, in
+/// `reduced`, and not while steps are timed: `ivv train` decodes ahead, and does not wait for them either.
+fn at_their_size(
+    whole: &[((usize, u32), Arc<Picture>)],
+    reduced: &mut HashMap<Asked, Arc<Picture>>,
+    config: &Config,
+    (done, total): (u64, u64),
+) -> Vec<((usize, u32), Arc<Picture>)> {
+    let order: Vec<_> = whole.iter().map(|(at, _)| *at).collect();
+    let image = |(asked, (at, picture)): (Asked, &((usize, u32), Arc<Picture>))| {
+        let factor = asked.reduction.min(picture.width).min(picture.height);
+        let make = || if factor > 1 { Arc::new(picture.reduced(factor)) } else { picture.clone() };
+        (*at, reduced.entry(asked).or_insert_with(make).clone())
+    };
+    reduced_order(&order, config, done, total).zip(whole).map(image).collect()
+}
+
 /// A run under way.
 struct Running<'a> {
     config: &'a Config,
@@ -209,7 +227,7 @@ impl Bench<'_> {
         let settings: Vec<&Config> = self.arms.iter().map(|(_, config)| config).collect();
         let of = json!({
             "settings": settings, "constants": self.constants, "steps": self.steps, "block": self.args.block,
-            "shaders": shaders_hash(), "test_frames": self.test_frames,
+            "shaders": shaders_hash(), "test_frames": self.test_frames, "timed": "steps",
             "device": self.gpu.caps().name, "driver": self.gpu.caps().driver, "capture": std::path::absolute(&self.args.capture).ok(), "first": is_first,
         });
         if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {
@@ -286,22 +304,25 @@ impl Bench<'_> {
             let next = |at: &(usize, u32)| -> anyhow::Result<((usize, u32), Arc<Picture>)> {
                 Ok((*at, cache.next_picture().context("the order of images ended early")??))
             };
-            let inputs = block.iter().map(next).collect::<Result<Vec<_>, _>>()?;
+            let whole = block.iter().map(next).collect::<Result<Vec<_>, _>>()?;
+            let mut reduced = HashMap::new();
             let done = (index + 1) as u64;
             let is_scored = done * SCORES / blocks.len() as u64 > (done - 1) * SCORES / blocks.len() as u64;
             for place in 0..n_arms {
                 // Nobody is always first.
                 let Running { config, session, run } = &mut all[(place + index) % n_arms];
+                let images = at_their_size(&whole, &mut reduced, config, (session.steps(), steps));
                 let start = Instant::now();
-                inputs.chunks(config.batch as usize).try_for_each(|images| {
+                images.chunks(config.batch as usize).try_for_each(|images| {
                     let images: Vec<_> = images.iter().map(|(at, picture)| (*at, &**picture)).collect();
                     session.step_on(&images)
                 })?;
-                let splats = session.scene()?;
+                session.wait()?;
+                session.settle()?;
                 run.block_seconds.push(start.elapsed().as_secs_f64());
                 session.take_events();
                 if is_scored && steps == self.steps {
-                    let psnr = self.psnr(&splats, config)?;
+                    let psnr = self.psnr(&session.scene()?, config)?;
                     run.curve.push([run.block_seconds.iter().sum(), psnr]);
                 }
             }

@@ -259,8 +259,8 @@ impl<'a> Session<'a> {
         Ok(true)
     }
 
-    /// As [`Session::step`] with the images that are at hand, whole: the next `batch` of [`Session::order`]. A session steps either this
-    /// way or the other.
+    /// As [`Session::step`] with the images that are at hand, whole or at the size that the step sees: the next `batch` of
+    /// [`Session::order`]. A session steps either this way or the other.
     ///
     /// # Errors
     /// Those of the device.
