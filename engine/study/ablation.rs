@@ -75,7 +75,7 @@ impl Measure {
         match self {
             Measure::FirstGaussians | Measure::LastGaussians | Measure::SceneBytes | Measure::Seconds => 0,
             Measure::Lpips | Measure::Ssim => 4,
-            Measure::StepTime => 1,
+            Measure::StepTime => 2,
             Measure::OffsetError => 3,
             _ => 2,
         }

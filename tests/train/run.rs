@@ -430,6 +430,11 @@ fn a_trade_runs_all_settings_in_turn_and_finds_the_reference_to_be_exact() {
     let to = ["trade", capture, "-o", output.to_str().unwrap(), "--only-presets"];
     let told = fails(&["trade", capture, "-o", output.to_str().unwrap(), "--knob", "batch=2"], 2);
     assert!(told.contains("batch=2: changes batch, steps, epochs or seed"), "{told}");
+    let metric = ["trade", capture, "-o", output.to_str().unwrap(), "--knob", "loss.depth_space=metric"];
+    assert!(fails(&metric, 2).contains("loss.depth_space=metric: takes depth or flow otherwise"));
+    let flow =
+        [&["trade", capture, "-o", output.to_str().unwrap()][..], &["--set", "loss.flow=0", "--knob", "loss.flow=1"]];
+    assert!(fails(&flow.concat(), 2).contains("loss.flow=1: takes depth or flow otherwise"));
     assert!(fails(&[&to[..], &["--seeds", "3,3"]].concat(), 2).contains("names 3 twice"));
     assert!(fails(&["trade", capture, "-o", "x", "--knob", "frame.depth=16"], 2).contains("frame.depth=16"));
 }

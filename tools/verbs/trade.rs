@@ -12,11 +12,12 @@ use anyhow::Context;
 use ivv::Constants;
 use ivv::files::write_atomic;
 use ivv::gpu::{Gpu, shaders_hash, spirv_hashes};
+use ivv::profile::Heat;
 use ivv::report::statistics::{deviation_of_sums, mean};
 use ivv::scene::Splats;
 use ivv::scene::capture::{Asked, Capture, CaptureSettings, FrameCache, Picture};
 use ivv::scene::prior::read_flow;
-use ivv::stage::{DepthSpace, Outputs, Renderer};
+use ivv::stage::{Outputs, Renderer};
 use ivv::study::{Circumstances, KNOB_SETTINGS, KernelError, Trade, TradeArm, TradeRun, trade_arms};
 use ivv::train::{
     Config, Meter, Priors, Session, SessionOptions, Sight, constants_of, evaluate, initialise, merge, reduced_order,
@@ -25,6 +26,7 @@ use ivv::train::{
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
+use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -85,6 +87,8 @@ struct Bench<'a> {
     steps: u64,
     // (camera, frame) of the test images that are scored.
     test_frames: Vec<(usize, u32)>,
+    // Whether this process has compiled the kernels.
+    is_warm: Cell<bool>,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
@@ -112,7 +116,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
     let constants = constants_of(&capture);
-    let bench = Bench { args, gpu, capture, constants, arms, steps, test_frames };
+    let bench = Bench { args, gpu, capture, constants, arms, steps, test_frames, is_warm: Cell::new(false) };
     let mut runs = Vec::new();
     let mut kernel_errors = Vec::new();
     let mut since = today();
@@ -175,9 +179,18 @@ fn arms(args: &Args, shared: &Config) -> anyhow::Result<Vec<(TradeArm, Config)>>
         let config: Config = serde_json::from_value(value).with_context(|| arm.name.clone())?;
         config.check().map_err(|fault| anyhow::anyhow!("{}: {fault}", arm.name))?;
         let shares = |of: &Config| (of.batch, of.steps, of.epochs, of.seed);
+        let lacks = |is_used: fn(&Config) -> bool| is_used(&config) && !is_used(shared);
         anyhow::ensure!(
             shares(&config) == shares(shared),
             "{}: changes batch, steps, epochs or seed, which all settings of a trade share; give it with --set, for all",
+            arm.name
+        );
+        anyhow::ensure!(
+            config.loss.depth_space == shared.loss.depth_space
+                && !lacks(|of| of.loss.depth > 0.0)
+                && !lacks(|of| of.loss.flow > 0.0),
+            "{}: takes depth or flow otherwise than what all settings of a trade share; give loss.depth_space, loss.depth or loss.flow \
+             with --set, for all",
             arm.name
         );
         Ok((arm, config))
@@ -197,7 +210,7 @@ struct Found {
 }
 
 /// The images `whole` as a run with `config` sees them after `done` of `total` steps. Those that are smaller there are made once, in
-/// `reduced`, and not while steps are timed: `ivv train` decodes ahead, and does not wait for them either.
+/// `reduced`, and not while steps are timed: other threads make those of `ivv train`.
 fn at_their_size(
     whole: &[((usize, u32), Arc<Picture>)],
     reduced: &mut HashMap<Asked, Arc<Picture>>,
@@ -233,7 +246,7 @@ impl Bench<'_> {
         if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {
             return Ok(found);
         }
-        if is_first {
+        if !self.is_warm.replace(true) {
             self.train(seed, WARM_UP, "warm-up")?;
         }
         let trained = self.train(seed, self.steps, "block")?;
@@ -263,7 +276,7 @@ impl Bench<'_> {
         let mut all: Vec<Running> = Vec::new();
         // What begins alike is made once.
         let mut begun: Vec<(Config, Splats)> = Vec::new();
-        let mut priors: Option<(DepthSpace, Priors)> = None;
+        let mut priors: Option<Priors> = None;
         for (_, config) in &self.arms {
             let key = beginning(seed, config);
             let own = Config { seed, ..config.clone() };
@@ -283,22 +296,23 @@ impl Bench<'_> {
                 constants: Some(self.constants),
                 total: Some(steps),
                 first: Some(first),
-                priors: priors.clone().filter(|(space, _)| *space == config.loss.depth_space).map(|(_, priors)| priors),
+                priors: priors.clone(),
                 // What all arms share is printed once.
                 watch: if all.is_empty() { watch() } else { Box::new(|_| ()) },
                 ..SessionOptions::default()
             };
             let session = Session::begin(self.gpu.clone(), &self.capture, own, options)?;
-            priors.get_or_insert_with(|| (config.loss.depth_space, session.priors().clone()));
+            priors.get_or_insert_with(|| session.priors().clone());
             all.push(Running { config, session, run: TradeRun::default() });
         }
         let order = all.first().map_or(Vec::new(), |first| first.session.order());
-        let plan = priors.map(|(_, priors)| priors.plan).unwrap_or_default();
+        let plan = priors.map(|priors| priors.plan).unwrap_or_default();
         let mut cache = FrameCache::new(&self.capture, order.iter().copied(), &plan, CACHE, 1)?;
         // Which all arms share.
         let batch = all.first().map_or(1, |first| first.config.batch as usize);
         let blocks: Vec<&[(usize, u32)]> = order.chunks(self.args.block as usize * batch).collect();
         let n_arms = all.len();
+        let mut heat = Heat::new(&self.gpu)?;
         let mut progress = Progress::new(what, blocks.len());
         for (index, block) in blocks.iter().enumerate() {
             let next = |at: &(usize, u32)| -> anyhow::Result<((usize, u32), Arc<Picture>)> {
@@ -306,14 +320,19 @@ impl Bench<'_> {
             };
             let whole = block.iter().map(next).collect::<Result<Vec<_>, _>>()?;
             let mut reduced = HashMap::new();
+            let of_arm = |Running { config, session, .. }: &Running| {
+                at_their_size(&whole, &mut reduced, config, (session.steps(), steps))
+            };
+            let images: Vec<_> = all.iter().map(of_arm).collect();
             let done = (index + 1) as u64;
             let is_scored = done * SCORES / blocks.len() as u64 > (done - 1) * SCORES / blocks.len() as u64;
             for place in 0..n_arms {
                 // Nobody is always first.
-                let Running { config, session, run } = &mut all[(place + index) % n_arms];
-                let images = at_their_size(&whole, &mut reduced, config, (session.steps(), steps));
+                let arm = (place + index) % n_arms;
+                let Running { config, session, run } = &mut all[arm];
+                heat.before(&self.gpu)?;
                 let start = Instant::now();
-                images.chunks(config.batch as usize).try_for_each(|images| {
+                images[arm].chunks(config.batch as usize).try_for_each(|images| {
                     let images: Vec<_> = images.iter().map(|(at, picture)| (*at, &**picture)).collect();
                     session.step_on(&images)
                 })?;

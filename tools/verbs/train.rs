@@ -479,7 +479,8 @@ impl Training<'_, '_> {
         }
         poses::print(&poses);
         let (n, step) = (splats.len(), seconds.seconds_per_step);
-        out!("{quality}; {}, {step:.3} s a step; {}", count(n, "Gaussian"), report.display());
+        let step = if step < 0.1 { format!("{:.2} ms", 1e3 * step) } else { format!("{step:.3} s") };
+        out!("{quality}; {}, {step} a step; {}", count(n, "Gaussian"), report.display());
         if self.args.profile {
             let passes = totals["profile"]["passes"].clone();
             passes::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");

@@ -287,7 +287,7 @@ impl<'a> Session<'a> {
         let _step = self.begun();
         let Some((images, begun)) = self.images()? else { return Ok(None) };
         let profiled = self.trainer.profile_on(images, begun)?;
-        self.stepped(begun)?;
+        self.stepped(begun + profiled.counting())?;
         Ok(Some(profiled))
     }
 

@@ -6,7 +6,7 @@ use crate::gpu::{Dispatch, PassTime, Recording};
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{Counters, PassReport, add_passes};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 /// A step whose passes were timed.
 pub struct ProfiledStep {
@@ -20,6 +20,15 @@ pub struct ProfiledStep {
     pub barriers: usize,
     /// What the host did: name, when it began, seconds.
     pub host: Vec<(&'static str, Instant, f64)>,
+}
+
+impl ProfiledStep {
+    /// How long the counting has taken since the host was done with the step.
+    pub(in crate::train) fn counting(&self) -> Duration {
+        self.host.last().map_or(Duration::ZERO, |(_, begun, seconds)| {
+            begun.elapsed().saturating_sub(Duration::from_secs_f64(*seconds))
+        })
+    }
 }
 
 impl Trainer {
