@@ -11,6 +11,7 @@ use ivv::{Constants, Error};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 /// Gaussians that are looked at, in the capture's own frame.
 pub enum Gaussians {
@@ -81,6 +82,29 @@ pub fn is_run(path: &Path) -> bool {
     Run::file(path).is_file()
 }
 
+/// Steps of the run in `folder`.
+pub fn total(folder: &Path) -> Option<u64> {
+    let config: Option<Config> = read_json(&folder.join("config.json"), "").ok();
+    let run = Run::read(folder).ok();
+    config.zip(run).map(|(config, run)| config.total(run.held.training_images as u64))
+}
+
+/// The scene of the run in `folder`, where it has ended: a run that goes on after its end has a checkpoint of a step before its new end
+/// that is newer than the scene.
+pub fn scene_of_end(folder: &Path) -> Option<PathBuf> {
+    let scene = folder.join("scene.ply");
+    let checkpoints = folder.join("checkpoints");
+    let step = Checkpoint::newest_step(&checkpoints).ok().flatten();
+    let is_newer = |step| changed(&Checkpoint::file(&checkpoints, step)) > changed(&scene);
+    let goes_on = step.zip(total(folder)).is_some_and(|(step, total)| step < total && is_newer(step));
+    (scene.is_file() && !goes_on).then_some(scene)
+}
+
+/// When `file` was written.
+pub fn changed(file: &Path) -> Option<SystemTime> {
+    file.metadata().and_then(|data| data.modified()).ok()
+}
+
 /// What a verb is given, before the Gaussians of it are asked for.
 pub struct Source<'a> {
     /// A scene file, or the folder of a run.
@@ -116,7 +140,8 @@ impl<'a> Source<'a> {
     /// # Errors
     /// As [`open`].
     pub fn parts(&self) -> ivv::Result<Option<(PathBuf, Box<dyn Parts>)>> {
-        let file = if self.path.is_dir() { self.path.join("scene.ply") } else { self.path.to_owned() };
+        let file = if self.path.is_dir() { scene_of_end(self.path) } else { Some(self.path.to_owned()) };
+        let Some(file) = file else { return Ok(None) };
         let clip: Option<Box<dyn Parts>> = match self.clip {
             Some(_) => FourDgsParts::open(&file)?.map(|clip| Box::new(clip) as Box<dyn Parts>),
             None if file.is_file() => PlyParts::open(&file)?.map(|clip| Box::new(clip) as Box<dyn Parts>),
@@ -148,7 +173,8 @@ impl<'a> Source<'a> {
     }
 }
 
-/// Reads the scene of `path`; of a run without scene.ply its newest checkpoint, and says of which step that is.
+/// Reads the scene of `path`; of a run without scene.ply, or one that goes on after its end, its newest checkpoint, and says of which
+/// step that is.
 ///
 /// # Errors
 /// Those of the files; [`Error::Data`] when a folder is neither a run's nor a scene, or a run has no checkpoint either.
@@ -158,8 +184,7 @@ pub fn open(path: &Path) -> ivv::Result<Shown> {
 
 /// The scene of anything but a `.4dgs`.
 fn of_path(path: &Path) -> ivv::Result<Shown> {
-    let scene = path.join("scene.ply");
-    if scene.is_file() {
+    if let Some(scene) = scene_of_end(path) {
         return Ok(of_file(&scene, read_scene(&scene)?, None));
     }
     if is_run(path) {

@@ -58,7 +58,7 @@ function showNewest() {
     ivv.app.show(place.view);
     ivv.app.seek(place.time);
   };
-  element('which').textContent = shown === 'end' ? 'The scene, trained' : `The scene after ${Number(shown)} steps`;
+  element('which').textContent = shown?.startsWith('end-') ? 'The scene, trained' : `The scene after ${Number(shown)} steps`;
   element('newest').hidden = true;
 }
 

@@ -154,3 +154,59 @@ fn a_training_is_watched_as_it_goes_and_by_another_process() {
     assert!(step >= number(&next) && state["step"].as_u64().is_some_and(|at| at <= step && at + 20 >= step), "{state}");
     assert!(!scene(&serving, &step.to_string()).splats().unwrap().is_empty());
 }
+
+/// A run that goes on after its end is shown as such: with its new length, and at its new end with its new scene.
+#[test]
+fn a_run_that_goes_on_after_its_end_is_served_with_its_new_length_and_scene() {
+    let tiny = Tiny::new("live-on");
+    let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
+    let path = run.to_str().unwrap();
+    let train = |more: &[&str]| {
+        let quick = ["train", "-o", path, "--eval-every", "0", "--checkpoint-every", "10", "-q"];
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+        command.args(quick).args(more).stdout(Stdio::null());
+        if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
+            command.args(["--device", &device]);
+        }
+        assert!(command.status().unwrap().success());
+    };
+    // Served from before its end on.
+    let ply = (run.join("scene.ply"), tiny.folder.join("kept.ply"));
+    train(&[capture, "--steps", "20", "--sh-degree", "1", "--max-gaussians", "400"]);
+    std::fs::rename(&ply.0, &ply.1).unwrap();
+    let serving = Serving::new(&["serve", path, "--port", "0"]);
+    assert_eq!(serving.says(|_| true)["ended"], false);
+    std::fs::rename(&ply.1, &ply.0).unwrap();
+    let before = serving.says(|state| state["ended"] == true);
+    assert_eq!((&before["step"], &before["total"]), (&20.into(), &20.into()));
+    let name = |state: &Value| state["scene"].as_str().unwrap().to_owned();
+    let (status, _, old) = serving.get(&format!("/at/{}/scene.4dgs", name(&before)));
+    assert_eq!(status, 200);
+
+    train(&["--resume", "--steps", "40"]);
+    let after = serving.says(|state| state["ended"] == true && state["step"] == 40);
+    assert_eq!(after["total"], 40);
+    assert_ne!(name(&after), name(&before));
+    let (status, _, new) = serving.get(&format!("/at/{}/scene.4dgs", name(&after)));
+    assert!(status == 200 && new != old, "the scene of the end before");
+    assert_eq!(serving.get("/at/end-1/scene.4dgs").0, 404);
+    drop(serving);
+
+    // As a run is left that was stopped on its way to another end.
+    for entry in std::fs::read_dir(run.join("checkpoints")).unwrap() {
+        let file = entry.unwrap().path();
+        if file.file_name().unwrap().to_string_lossy().contains("00040") {
+            std::fs::remove_file(file).unwrap();
+        } else {
+            std::fs::File::options()
+                .write(true)
+                .open(file)
+                .unwrap()
+                .set_modified(std::time::SystemTime::now())
+                .unwrap();
+        }
+    }
+    let serving = Serving::new(&["serve", path, "--port", "0"]);
+    let state = serving.says(|_| true);
+    assert_eq!((&state["ended"], &state["scene"], &state["total"]), (&false.into(), &"30".into(), &40.into()));
+}

@@ -2,13 +2,12 @@
 
 use super::held::Scene;
 use crate::export_clip::ClipArgs;
-use crate::files::read_json;
-use crate::shown::Source;
+use crate::shown::{Source, changed, scene_of_end, total};
 use bytes::Bytes;
 use hyper::body::{Body, Frame};
 use ivv::files::read_file;
 use ivv::formats::read_scene;
-use ivv::train::{Checkpoint, Config, Kind, Log, Run};
+use ivv::train::{Checkpoint, Kind, Log};
 use serde_json::{Value, json};
 use std::cell::{Cell, RefCell};
 use std::convert::Infallible;
@@ -27,8 +26,9 @@ const QUIET: u32 = 20;
 const KEPT: usize = 2;
 /// Part of the time in which scenes may be made for whoever watches: the training has the rest.
 const SHARE: f64 = 0.02;
-/// Name of the scene of a run that has ended; those before are named by their step.
-const END: &str = "end";
+/// What the name of the scene of a run that has ended begins with; the time follows, since a run may go on and end again. Those before
+/// are named by their step.
+const END: &str = "end-";
 
 /// The last line that a training in this process said of itself.
 pub type Said = Arc<Mutex<Value>>;
@@ -41,7 +41,8 @@ pub struct Live {
     scenes: tokio::sync::Mutex<Vec<(String, Scene)>>,
     /// The last line of the log, and when it was read.
     line: RefCell<(Option<SystemTime>, Value)>,
-    total: Cell<Option<u64>>,
+    /// The steps of the run, and when its settings were written.
+    total: Cell<(Option<SystemTime>, Option<u64>)>,
     begun: Instant,
     /// Seconds in which scenes were made.
     spent: Cell<f64>,
@@ -60,7 +61,7 @@ impl Live {
             clip,
             scenes,
             line,
-            total: Cell::new(None),
+            total: Cell::default(),
             begun: Instant::now(),
             spent: Cell::new(0.0),
             told: RefCell::default(),
@@ -76,14 +77,13 @@ impl Live {
         };
         let name = std::path::absolute(&self.folder).ok();
         let name = name.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
-        let report = changed(&self.folder.join("report.html"));
-        let report = report.and_then(|at| at.duration_since(UNIX_EPOCH).ok()).map(|at| at.as_millis() as u64);
+        let report = changed(&self.folder.join("report.html")).map(millis);
         let scene = self.scene_to_tell();
         let step = line["step"].as_u64().unwrap_or(0);
         json!({
             "name": name, "step": step, "total": self.total().unwrap_or(step), "seconds": line["seconds"],
             "loss": line["loss"], "psnr": line["psnr"], "gaussians": line["gaussians"],
-            "ended": scene.as_deref() == Some(END), "scene": scene, "report": report,
+            "ended": scene_of_end(&self.folder).is_some(), "scene": scene, "report": report,
         })
     }
 
@@ -98,14 +98,14 @@ impl Live {
         line.1.clone()
     }
 
-    /// Steps of the run.
+    /// Steps of the run, which it may be given anew.
     fn total(&self) -> Option<u64> {
-        if self.total.get().is_none() {
-            let config: Option<Config> = read_json(&self.folder.join("config.json"), "").ok();
-            let run = Run::read(&self.folder).ok();
-            self.total.set(config.zip(run).map(|(config, run)| config.total(run.held.training_images as u64)));
+        let at = changed(&self.folder.join("config.json"));
+        let (known_at, known) = self.total.get();
+        if known.is_none() || known_at != at {
+            self.total.set((at, total(&self.folder)));
         }
-        self.total.get()
+        self.total.get().1
     }
 
     /// The name of the scene that pages are told of: the newest one, unless scenes have been made for longer than their share of
@@ -114,7 +114,7 @@ impl Live {
         let newest = self.newest();
         let mut told = self.told.borrow_mut();
         let is_due = self.spent.get() <= SHARE * self.begun.elapsed().as_secs_f64();
-        if told.is_none() || is_due || newest.as_deref() == Some(END) {
+        if told.is_none() || is_due || newest.as_deref().is_some_and(|newest| newest.starts_with(END)) {
             *told = newest;
         }
         told.clone()
@@ -122,13 +122,10 @@ impl Live {
 
     /// The name of the newest scene.
     fn newest(&self) -> Option<String> {
-        let step = Checkpoint::newest_step(&self.checkpoints()).ok().flatten();
-        // A run that goes on after its end has checkpoints that are newer than its scene.
-        let last = step.and_then(|step| changed(&Checkpoint::file(&self.checkpoints(), step)));
-        match changed(&self.folder.join("scene.ply")) {
-            Some(end) if last.is_none_or(|last| last <= end) => Some(END.to_owned()),
-            _ => step.map(|step| step.to_string()),
+        if let Some(end) = scene_of_end(&self.folder).as_deref().and_then(changed) {
+            return Some(format!("{END}{}", millis(end)));
         }
+        Checkpoint::newest_step(&self.checkpoints()).ok().flatten().map(|step| step.to_string())
     }
 
     fn checkpoints(&self) -> PathBuf {
@@ -147,11 +144,13 @@ impl Live {
         if let Some((_, scene)) = scenes.iter().find(|(known, _)| known == name) {
             return Some(scene.clone());
         }
+        let is_end = name.starts_with(END);
         let file = match name {
-            END => self.folder.join("scene.ply"),
+            // Of an end before it there is no scene any more.
+            end if is_end => scene_of_end(&self.folder).filter(|_| self.newest().as_deref() == Some(end))?,
             step => Checkpoint::file(&self.checkpoints(), step.parse().ok()?),
         };
-        let (folder, clip, is_end) = (self.folder.clone(), self.clip.clone(), name == END);
+        let (folder, clip) = (self.folder.clone(), self.clip.clone());
         let begun = Instant::now();
         let made = tokio::task::spawn_blocking(move || {
             let splats = if is_end { read_scene(&file)? } else { Checkpoint::read(&file)?.splats() };
@@ -176,8 +175,8 @@ impl Live {
     }
 }
 
-fn changed(file: &Path) -> Option<SystemTime> {
-    file.metadata().and_then(|data| data.modified()).ok()
+fn millis(at: SystemTime) -> u64 {
+    at.duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis() as u64)
 }
 
 /// What a run says, as it says it: server-sent events, until the reader goes.

@@ -9,7 +9,7 @@ pub use live::Said;
 use crate::export_clip::ClipArgs;
 use crate::interrupt::Stop;
 use crate::screen::{alert, out, say};
-use crate::shown::{Source, is_run};
+use crate::shown::{Source, is_run, scene_of_end};
 use anyhow::Context;
 use held::{Removed, Scene};
 use hyper::Request;
@@ -58,7 +58,7 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let Args { source, bind, names, clip, .. } = args;
-    let is_live = is_run(source) && !source.join("scene.ply").is_file();
+    let is_live = is_run(source) && scene_of_end(source).is_none();
     let scene = if is_live { None } else { Some(scene(source, clip)?) };
     let stop = Stop::listen()?;
     let listener = listen(*bind, args.port, "--port")?;
