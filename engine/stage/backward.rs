@@ -47,8 +47,8 @@ pub struct Backward {
     camera_partials: Buf<[f32; 4]>,
     sums: Sums,
     wants_camera: bool,
-    // Of the fixed point, a power of two.
-    scale: f32,
+    // Whether cotangents are of a loss, see `Backward::scale`.
+    is_of_a_loss: bool,
     outputs: Outputs,
 }
 
@@ -123,14 +123,16 @@ impl Backward {
             camera_partials: gpu.alloc("d camera partials", 3 * CAMERA_GROUPS as usize)?,
             sums,
             wants_camera,
-            // Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean over three
-            // channels.
-            scale: match purpose {
-                Purpose::Training => (32.0 + (3.0 * pixels as f64).log2().floor()).exp2() as f32,
-                _ => 32f32.exp2(),
-            },
+            is_of_a_loss: purpose == Purpose::Training,
             outputs,
         })
+    }
+
+    /// Of the fixed point, a power of two. Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean
+    /// over three channels of the picture at hand: the sums have the same bits whichever other pictures there has been room for.
+    fn scale(&self, size: Size) -> f32 {
+        let n = if self.is_of_a_loss { 3.0 * f64::from(size.n_pixels.max(1)) } else { 1.0 };
+        (32.0 + n.log2().floor()).exp2() as f32
     }
 
     /// Appends the backward pass of `drawn`, a strip of `scene` whose forward pass was recorded for one.
@@ -291,7 +293,7 @@ impl Backward {
         if let Some(words) = &self.words {
             rec.pass(
                 fixed_sums::Args { count: &drawn.cull.n_active, words, d_slots: &self.d_slots },
-                fixed_sums::Push { inverse_scale: 1.0 / self.scale },
+                fixed_sums::Push { inverse_scale: 1.0 / self.scale(drawn.size) },
                 drawn.tiles.active_grid(),
             );
         }
@@ -322,7 +324,7 @@ impl Backward {
                 chunk0: &chunks.image0,
                 chunk1: &chunks.image1,
             };
-            let push = blend_bwd_p4::Push { n_tiles: size.n_tiles, block, scale: self.scale };
+            let push = blend_bwd_p4::Push { n_tiles: size.n_tiles, block, scale: self.scale(size) };
             let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
             rec.pass_variant(kernel, args, push, chunks.grid());
             rec.scale(1.0 / f64::from(self.dispatches(blend)));
@@ -358,7 +360,7 @@ impl Backward {
                     block,
                     segment: rounds - 1 - round,
                     first_round: u32::from(round == 0),
-                    scale: self.scale,
+                    scale: self.scale(size),
                 };
                 rec.pass_variant(kernel, args, push, Grid::Groups(n_work.div_ceil(subgroups_per_group)));
                 rec.scale(1.0 / f64::from(rounds * n_dispatches));

@@ -8,7 +8,7 @@ use ivv::Constants;
 use ivv::extremes::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
-use ivv::stage::{AdamMode, Rates, StepSettings, Strip, adam_params, lazy_sums, view_params};
+use ivv::stage::{AdamMode, Rates, StepSettings, Strip, Sums, adam_params, lazy_sums, view_params};
 
 tested! {
     "adam/adam_idle.comp" by Adam in a_step_of_every_parameter_seen_or_not_is_the_twins;
@@ -68,6 +68,22 @@ fn sparse_and_lazy_steps_leave_what_is_not_seen_alone_and_give_the_rest_the_dens
             *(if is_seen { &mut n_seen } else { &mut n_not }) += 1;
         }
         assert!(n_seen > 100 && n_not > 100);
+    }
+}
+
+/// A run whose cameras differ in size is resumed with room for fewer pixels than it had.
+#[test]
+fn a_step_has_the_same_bits_whatever_else_there_is_room_for() {
+    let view = view();
+    let scene = half_seen(9, 1);
+    let d_color = cotangents(&view, 6, 1e-3);
+    for sums in [Sums::Slots, Sums::Fixed32, Sums::Fixed64] {
+        if sums.check(gpu().caps()).is_err() {
+            continue;
+        }
+        let [found, expected] = [100_000, 0]
+            .map(|spare_pixels| scene.step(&gpu(), &view, &d_color, &Step { sums, spare_pixels, ..Step::dense(7) }));
+        assert!(found.unwrap() == expected.unwrap(), "{sums:?}");
     }
 }
 
