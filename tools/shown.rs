@@ -8,6 +8,7 @@ use ivv::scene::{Parts, Splats};
 use ivv::stage::Renderer;
 use ivv::train::{Checkpoint, Config, Run};
 use ivv::{Constants, Error};
+use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -89,14 +90,17 @@ pub fn total(folder: &Path) -> Option<u64> {
     config.zip(run).map(|(config, run)| config.total(run.held.training_images as u64))
 }
 
-/// The scene of the run in `folder`, where it has ended: a run that goes on after its end has a checkpoint of a step before its new end
-/// that is newer than the scene.
+/// The scene of the run in `folder`, where it has ended: a run that goes on after its end has a checkpoint that is newer than the scene,
+/// of a step before its new end, or of this while its scene is still to be made.
 pub fn scene_of_end(folder: &Path) -> Option<PathBuf> {
     let scene = folder.join("scene.ply");
     let checkpoints = folder.join("checkpoints");
     let step = Checkpoint::newest_step(&checkpoints).ok().flatten();
     let is_newer = |step| changed(&Checkpoint::file(&checkpoints, step)) > changed(&scene);
-    let goes_on = step.zip(total(folder)).is_some_and(|(step, total)| step < total && is_newer(step));
+    let totals: Option<Value> = read_json(&folder.join("train.json"), "").ok();
+    let scored = totals.and_then(|totals| totals["steps"].as_u64());
+    let is_before_an_end = |step| total(folder).is_some_and(|end| step < end) || scored.is_some_and(|end| end < step);
+    let goes_on = step.is_some_and(|step| is_newer(step) && is_before_an_end(step));
     (scene.is_file() && !goes_on).then_some(scene)
 }
 

@@ -183,6 +183,7 @@ fn a_run_that_goes_on_after_its_end_is_served_with_its_new_length_and_scene() {
     let (status, _, old) = serving.get(&format!("/at/{}/scene.4dgs", name(&before)));
     assert_eq!(status, 200);
 
+    let first_end = ["scene.ply", "train.json"].map(|name| (run.join(name), std::fs::read(run.join(name)).unwrap()));
     train(&["--resume", "--steps", "40"]);
     let after = serving.says(|state| state["ended"] == true && state["step"] == 40);
     assert_eq!(after["total"], 40);
@@ -192,21 +193,20 @@ fn a_run_that_goes_on_after_its_end_is_served_with_its_new_length_and_scene() {
     assert_eq!(serving.get("/at/end-1/scene.4dgs").0, 404);
     drop(serving);
 
-    // As a run is left that was stopped on its way to another end.
-    for entry in std::fs::read_dir(run.join("checkpoints")).unwrap() {
-        let file = entry.unwrap().path();
-        if file.file_name().unwrap().to_string_lossy().contains("00040") {
-            std::fs::remove_file(file).unwrap();
-        } else {
-            std::fs::File::options()
-                .write(true)
-                .open(file)
-                .unwrap()
-                .set_modified(std::time::SystemTime::now())
-                .unwrap();
+    // As a run is left that was lost before it wrote its second scene, and then one that was stopped on its way there.
+    first_end.iter().for_each(|(file, bytes)| std::fs::write(file, bytes).unwrap());
+    for newest in ["40", "30"] {
+        for entry in std::fs::read_dir(run.join("checkpoints")).unwrap() {
+            let file = entry.unwrap().path();
+            if newest == "30" && file.file_name().unwrap().to_string_lossy().contains("00040") {
+                std::fs::remove_file(file).unwrap();
+            } else {
+                let open = std::fs::File::options().write(true).open(file).unwrap();
+                open.set_modified(std::time::SystemTime::now()).unwrap();
+            }
         }
+        let serving = Serving::new(&["serve", path, "--port", "0"]);
+        let state = serving.says(|_| true);
+        assert_eq!((&state["ended"], &state["scene"], &state["total"]), (&false.into(), &newest.into(), &40.into()));
     }
-    let serving = Serving::new(&["serve", path, "--port", "0"]);
-    let state = serving.says(|_| true);
-    assert_eq!((&state["ended"], &state["scene"], &state["total"]), (&false.into(), &"30".into(), &40.into()));
 }

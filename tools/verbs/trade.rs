@@ -186,7 +186,7 @@ fn arms(args: &Args, shared: &Config) -> anyhow::Result<Vec<(TradeArm, Config)>>
             arm.name
         );
         anyhow::ensure!(
-            config.loss.depth_space == shared.loss.depth_space
+            (config.loss.depth_space == shared.loss.depth_space || config.loss.depth == 0.0)
                 && !lacks(|of| of.loss.depth > 0.0)
                 && !lacks(|of| of.loss.flow > 0.0),
             "{}: takes depth or flow otherwise than what all settings of a trade share; give loss.depth_space, loss.depth or loss.flow \
@@ -240,7 +240,7 @@ impl Bench<'_> {
         let settings: Vec<&Config> = self.arms.iter().map(|(_, config)| config).collect();
         let of = json!({
             "settings": settings, "constants": self.constants, "steps": self.steps, "block": self.args.block,
-            "shaders": shaders_hash(), "test_frames": self.test_frames, "timed": "steps",
+            "shaders": shaders_hash(), "test_frames": self.test_frames, "timed": "steps of a warm device",
             "device": self.gpu.caps().name, "driver": self.gpu.caps().driver, "capture": std::path::absolute(&self.args.capture).ok(), "first": is_first,
         });
         if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {
