@@ -91,7 +91,7 @@ pub fn total(folder: &Path) -> Option<u64> {
 }
 
 /// The scene of the run in `folder`, where it has ended: a run that goes on after its end has a checkpoint that is newer than the scene,
-/// of a step before its new end, or of this while its scene is still to be made.
+/// of a step before its new end, or of that end itself while its scene is still to be made.
 pub fn scene_of_end(folder: &Path) -> Option<PathBuf> {
     let scene = folder.join("scene.ply");
     let checkpoints = folder.join("checkpoints");

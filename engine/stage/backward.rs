@@ -128,7 +128,7 @@ impl Backward {
         })
     }
 
-    /// Of the fixed point, a power of two. Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean
+    /// The scale of the fixed point, a power of two. Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean
     /// over three channels of the picture at hand: the sums have the same bits whichever other pictures there has been room for.
     fn scale(&self, size: Size) -> f32 {
         let n = if self.is_of_a_loss { 3.0 * f64::from(size.n_pixels.max(1)) } else { 1.0 };

@@ -146,7 +146,7 @@ impl Live {
         }
         let is_end = name.starts_with(END);
         let file = match name {
-            // Of an end before it there is no scene any more.
+            // The scene of an earlier end is gone.
             end if is_end => scene_of_end(&self.folder).filter(|_| self.newest().as_deref() == Some(end))?,
             step => Checkpoint::file(&self.checkpoints(), step.parse().ok()?),
         };
