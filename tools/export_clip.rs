@@ -9,6 +9,7 @@ use anyhow::ensure;
 use glam::DVec3;
 use ivv::Constants;
 use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World};
+use ivv::scene::capture::Camera;
 use ivv::scene::{Splats, View, read_views, upright};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
@@ -54,7 +55,8 @@ pub struct ClipArgs {
     /// file, if it is a .4dgs that says it.
     #[arg(long, value_name = "M")]
     metres_per_unit: Option<f64>,
-    /// Also when the colours of more than 1 in 10 Gaussians are off by more than 2 levels of 255, since the format cannot hold them.
+    /// Writes the file even if the format, which cannot hold all colours, changes those of more than 1 in 10 Gaussians by more than 2
+    /// levels of 255.
     #[arg(long)]
     clamp_colors: bool,
     /// Whether nothing is said of what is stored, and it is stored quickly, since nobody asked for this file.
@@ -319,7 +321,7 @@ impl ClipArgs {
     }
 }
 
-/// The first view of each training camera of the run in `folder`; none where its capture is gone, which is said.
+/// The first view of each training camera of the run in `folder` that films; none where its capture is gone, which is said.
 fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
     if !run.capture.exists() {
         let gone = run.capture.display();
@@ -331,7 +333,8 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
     let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
     let capture = run.open_capture(None)?.transformed(&run.world.inverse());
     let mut views = Vec::new();
-    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
+    let films = |camera: &Camera| !camera.is_test && !camera.is_photo;
+    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| films(camera)) {
         if let Some(shot) = camera.shots.first() {
             views.push(View { background: config.background, ..capture.view(index, shot.frame)? });
         }

@@ -45,7 +45,7 @@ pub struct PathArgs {
     /// The axes of the path's poses. By default the head's in a CSV, OpenGL's in a JSON, OpenCV's in a TUM file.
     #[arg(long, requires = "path")]
     path_convention: Option<Axes>,
-    /// Frames per second. By default the path's, else the capture's, else 30.
+    /// Frames per second. By default the path's, else the capture's, else 30; with --orbit 30.
     #[arg(long, requires = "film")]
     fps: Option<f64>,
     /// WIDTHxHEIGHT in pixels. By default the path's, else 640x360; with --orbit that of the first view.
@@ -138,8 +138,14 @@ impl Film {
         Film { path: head, fps, size, focal: 0.0, clip, times, background, n_frames }.seen(args, fov)
     }
 
-    /// Once around what `views` look at, in `seconds`, through the time that they cover or at `time`.
-    pub fn around(args: &PathArgs, seconds: f64, views: &[View], time: Option<f64>) -> anyhow::Result<Film> {
+    /// Once around what `views` look at, in `seconds`, through `span` of normalised time, which is that of the views where it is
+    /// none, or at `time`.
+    pub fn around(
+        args: &PathArgs,
+        seconds: f64,
+        views: &[View],
+        (span, time): (Option<[f64; 2]>, Option<f64>),
+    ) -> anyhow::Result<Film> {
         anyhow::ensure!(
             seconds.is_finite() && seconds > 0.0,
             "--orbit: expected a positive number of seconds, found {seconds}"
@@ -147,8 +153,9 @@ impl Film {
         let orbit = Orbit::new(views).context(
             "--orbit: expected at least two views that look at one place, found none there; give a path with --path",
         )?;
-        let [first, last] =
-            [f64::min, f64::max].map(|pick| views.iter().map(|view| view.time).reduce(pick).unwrap_or(0.0));
+        let of_views =
+            || [f64::min, f64::max].map(|pick| views.iter().map(|view| view.time).reduce(pick).unwrap_or(0.0));
+        let [first, last] = span.unwrap_or_else(of_views);
         let times = time.map_or(Times::Span(first, last), Times::Fixed);
         let fps = args.fps.unwrap_or(FPS);
         // The last frame comes one before the first again.

@@ -7,11 +7,11 @@
 #                                        tells what is shown. Default: out/study. $IVV_STEPS: steps of a run (default: 600).
 #                                        $IVV_JOBS: captures at a time (default: 2)
 #   tools/quality.sh --curves [FOLDER]   what presets reach in 30 s to 10 minutes on the real captures, three seeds each: a night and
-#                                        a day on two cores. Runs that are there are not repeated. FOLDER/curves.md has the tables.
+#                                        a day on two cores. Runs that are there are not repeated. FOLDER/curves/curves.md has the tables.
 #                                        Default: out/study. $IVV_SECONDS: the times instead, such as 30,60
 #   tools/quality.sh --trade [FOLDER]    what settings cost and buy: each alone, presets, and `fast` without each of its settings, on the
-#                                        real captures with three seeds: an hour of one core for each capture. What else the machine
-#                                        does meets all settings alike. Runs that are there are not repeated. Default: assets/trade
+#                                        real captures with three seeds: an hour of one core for each capture. Other work on the
+#                                        machine slows all settings equally. Runs that are there are not repeated. Default: assets/trade
 #   tools/quality.sh --playback [FOLDER] what the settings of a frame cost and buy on the trained scenes of out/quality, which are trained
 #                                        where they are not there: some 5 minutes. Default: assets/trade, playback.md
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out.

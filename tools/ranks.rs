@@ -13,13 +13,17 @@ const SIZES: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TA
 /// Of these too: which of the processes of its machine it is.
 const LOCAL_RANKS: [&str; 4] = ["OMPI_COMM_WORLD_LOCAL_RANK", "MPI_LOCALRANKID", "PMI_LOCAL_RANK", "SLURM_LOCALID"];
 
+/// And of these: how many processes its machine has. Slurm tells of all machines, as in `4(x2),3`.
+const LOCAL_SIZES: [&str; 3] = ["OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_TASKS_PER_NODE"];
+
 /// The processes that train one scene; of one that was started alone there are no others.
 #[derive(Clone, Default)]
 pub struct Team(Option<Arc<dyn Ranks>>);
 
-/// The number that a launcher told in one of these variables.
+/// The number that a launcher told in one of these variables, the first one in it.
 fn told(variables: &[&str]) -> Option<usize> {
-    variables.iter().find_map(|name| std::env::var(name).ok()?.parse().ok())
+    let first = |text: String| text.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok();
+    variables.iter().find_map(|name| first(std::env::var(name).ok()?))
 }
 
 /// Which of the processes of this machine it is.
@@ -44,6 +48,11 @@ impl Team {
     /// Processes.
     pub fn size(&self) -> usize {
         self.0.as_ref().map_or(1, |ranks| ranks.size())
+    }
+
+    /// Processes that share this machine; all, where nothing tells.
+    pub fn local_size(&self) -> usize {
+        told(&LOCAL_SIZES).unwrap_or(usize::MAX).clamp(1, self.size())
     }
 
     /// Whether this is the one that writes.

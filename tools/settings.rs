@@ -9,10 +9,10 @@ use std::path::PathBuf;
 /// Settings of a run.
 #[derive(clap::Args)]
 pub struct SettingArgs {
-    /// Passes over all training images; with --resume, of the whole run.
+    /// Passes over all training images; with `train --resume`, of the whole run.
     #[arg(long, value_parser = clap::value_parser!(u32).range(1..), conflicts_with = "steps")]
     epochs: Option<u32>,
-    /// Steps, instead of what the epochs give; with --resume, of the whole run.
+    /// Steps, instead of what the epochs give; with `train --resume`, of the whole run.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// A preset to start from: reference, exact, balanced, fast, small, or the path of a preset's .json file;

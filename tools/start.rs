@@ -53,6 +53,10 @@ impl Start {
         capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
         if let Some(base) = &base {
             config = base.config(config);
+            config.check_held()?;
+            if let Some(reason) = base.moves() {
+                alert!("{reason}");
+            }
             capture = base.calibrated(capture)?;
         }
         let capture = shown(capture, &config);
@@ -169,8 +173,7 @@ impl Start {
             return Ok(());
         }
         // A run that is killed before its next checkpoint still goes on to the new end.
-        let (poses, offsets) = (checkpoint.owed.poses || now.poses, checkpoint.owed.offsets || now.offsets);
-        let owed = Owed { density: false, average: false, poses, offsets, ..checkpoint.owed };
+        let owed = Owed { density: false, ..now };
         Checkpoint { world: self.run.world, owed, ..session.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;

@@ -12,7 +12,7 @@
 #   tools/test.sh --mpi            a training by several processes under mpirun: the same bytes, also where some are killed
 #   tools/test.sh --budgets        what compilers of AMD's and NVIDIA's chips make of the kernels, against assets/gpu/budgets.tsv;
 #                                  needs no GPU. IVV_BLESS=1 writes the table
-#   tools/test.sh --fuzz [SECONDS] every reader on damaged files, so long for all formats together; an hour without
+#   tools/test.sh --fuzz [SECONDS] damaged files for every reader, for SECONDS in all; by default an hour
 # ARGS go to cargo test.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."

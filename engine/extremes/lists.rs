@@ -131,7 +131,7 @@ fn nothing(bench: &Bench, tally: &mut Tally) {
         tally.case(name, |_| {
             let (frame, report) = bench.render(&splats, &view)?;
             let counts = [report.active, report.intersections, report.bad_gaussians];
-            ensure!(counts == [0; 3], "{report:?}");
+            ensure!(counts == [0; 3] && (report.replays, report.strips) == (0, 1), "{report:?}");
             ensure!(frame.color.len() == 33 * 17 && frame.color.iter().all(|c| *c == view.background), "a colour");
             let mut rest = frame.alpha.iter().chain(&frame.depth).chain(&frame.inverse_depth);
             ensure!(rest.all(|x| *x == 0.0) && frame.flow.as_flattened().iter().all(|x| *x == 0.0), "an output");

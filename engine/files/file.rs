@@ -60,11 +60,18 @@ impl Temporary {
     /// An empty file that will be `path`. Its name ends in `ending`, which is empty or begins with a dot.
     ///
     /// # Errors
-    /// [`Error::Data`] naming `path` when it names no file or its folder cannot be written.
+    /// [`Error::Data`] naming `path` when it names no file, or something that is no file, such as a device or a pipe, whose name would
+    /// be taken away from it; or when its folder cannot be written.
     pub fn beside(path: &Path, ending: &str) -> Result<Self> {
         let Some(name) = path.file_name() else {
             return Err(Error::data(path, "", "this names no file", "give a path that ends in a file name"));
         };
+        if let Ok(kind) = fs::metadata(path).map(|there| there.file_type())
+            && !kind.is_file()
+        {
+            let reason = format!("expected a regular file, or none, found {}", kind_of(&kind));
+            return Err(Error::data(path, "", reason, "give the path of a file"));
+        }
         loop {
             let serial = NEXT_TEMPORARY.fetch_add(1, Ordering::Relaxed);
             let mut temporary = std::ffi::OsString::from(".");
@@ -183,14 +190,16 @@ pub fn open_file(path: &Path) -> io::Result<File> {
     if kind.is_file() {
         return File::open(path);
     }
-    let found = if kind.is_dir() { "a folder" } else { special(&kind) };
+    let found = kind_of(&kind);
     Err(io::Error::new(io::ErrorKind::InvalidInput, format!("expected a regular file, found {found}")))
 }
 
+/// What there is instead of a regular file.
 #[cfg(unix)]
-fn special(kind: &fs::FileType) -> &'static str {
+fn kind_of(kind: &fs::FileType) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
     match () {
+        () if kind.is_dir() => "a folder",
         () if kind.is_fifo() => "a named pipe",
         () if kind.is_socket() => "a socket",
         () if kind.is_char_device() || kind.is_block_device() => "a device",
@@ -199,8 +208,8 @@ fn special(kind: &fs::FileType) -> &'static str {
 }
 
 #[cfg(not(unix))]
-fn special(_: &fs::FileType) -> &'static str {
-    "something else"
+fn kind_of(kind: &fs::FileType) -> &'static str {
+    if kind.is_dir() { "a folder" } else { "something else" }
 }
 
 /// The bytes of a whole file.

@@ -30,8 +30,10 @@ pub(super) const HEADER_BYTES_V4: usize = 32;
 const FLAG_ANTIALIASED: u8 = 1;
 /// Vendor records are present; one of Adobe's changes the range of the spherical harmonics.
 const FLAG_EXTENSIONS: u8 = 2;
-/// DEFLATE cannot expand a byte to more than this, so a longer promise is a lie.
-const MAX_GZIP_RATIO: u64 = 1032;
+/// DEFLATE cannot expand a byte to more than this, so a longer promise is a lie. Zstandard could; Gaussians that differ do not.
+const MAX_RATIO: u64 = 1032;
+/// So much a file of zstd streams may promise however small it is: few bytes hold Gaussians that are all the same.
+const SMALL_BYTES: u64 = 16 << 20;
 /// The window that every zstd decoder must support; a stream may name this much even when it holds less.
 const ZSTD_WINDOW: u64 = 8 << 20;
 /// The stored colour is `0.5 + 0.15 * f_dc`, wider than [0, 1] on purpose.
@@ -105,7 +107,7 @@ pub fn read_spz(path: &Path) -> Result<Splats> {
         let _ = stream.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut start);
         let header = Header::parse(path, &start)?;
         let size: usize = header.sizes().iter().sum();
-        if size as u64 > MAX_GZIP_RATIO * bytes.len() as u64 {
+        if size as u64 > MAX_RATIO * bytes.len() as u64 {
             let reason =
                 format!("{} Gaussians need {size} bytes, a file of {} cannot hold them", header.count, bytes.len());
             return Err(Error::data(path, "header, byte 8", reason, REMEDY));
@@ -153,6 +155,12 @@ fn inflate_streams(path: &Path, header: &Header, bytes: &[u8]) -> Result<Vec<u8>
     let Some(entries) = entries.filter(|_| table >= HEADER_BYTES_V4) else {
         return Err(fault("header, byte 16", format!("no table of {} streams at byte {table}", sizes.len())));
     };
+    let size: usize = sizes.iter().sum();
+    if size as u64 > SMALL_BYTES.max(MAX_RATIO * bytes.len() as u64) {
+        let reason =
+            format!("{} Gaussians need {size} bytes, a file of {} cannot hold them", header.count, bytes.len());
+        return Err(fault("header, byte 8", reason));
+    }
     let mut payload = Vec::new();
     let mut at = table + entries.len();
     for (index, (entry, &size)) in entries.as_chunks::<16>().0.iter().zip(sizes).enumerate() {

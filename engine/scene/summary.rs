@@ -106,8 +106,9 @@ impl Splats {
     /// Counts, sizes and distributions of the scene.
     pub fn summary(&self) -> Summary {
         let (n, n_dynamic) = (self.len() as u64, self.motion.len() as u64);
-        // Position, normal, opacity, scale, rotation; velocity, time of peak visibility and tau when it is dynamic.
-        let floats = 14 + 3 * self.n_coefficients() as u64 + if n_dynamic > 0 { 5 } else { 0 };
+        // Position, normal, opacity, scale, rotation; velocity, time of peak visibility and tau when it is dynamic; its span.
+        let of_time = if n_dynamic > 0 { 5 } else { 0 } + if self.span.is_empty() { 0 } else { 2 };
+        let floats = 14 + 3 * self.n_coefficients() as u64 + of_time;
         let mut by_degree = [[0usize; 4]; 2];
         (0..self.len()).for_each(|i| by_degree[usize::from(i >= self.n_static)][self.degree_of(i)] += 1);
         let with_band = |band: usize| by_degree.iter().flat_map(|counts| &counts[band..]).sum::<usize>() as u64;

@@ -21,12 +21,15 @@ pub struct Batch {
     touched: Buf<u32>,
 }
 
+/// Most bytes of a part of rows: what every device can bind. The same on all machines, since rows lie by part.
+const PART_BYTES: usize = 1 << 27;
+
 /// Sums of chosen Gaussians, as machines exchange them.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rows {
     /// By group that is trained, the chosen Gaussians, counted from the group's first, ascending.
     pub ids: Vec<Vec<u32>>,
-    /// One group after the other: element e of row r of its n at e * n + r.
+    /// One group after the other, each in parts of as many rows as fit 128 MiB: element e of row r of a part of n at e * n + r.
     pub sums: Vec<i64>,
 }
 
@@ -182,15 +185,17 @@ impl Batch {
         let mut rec = Recording::new();
         rec.section("exchange");
         let mut rows = Vec::new();
-        for ((index, planes, _), ids) in self.parts(scene).zip(&ids).filter(|(_, ids)| !ids.is_empty()) {
-            let of_group = gpu.alloc::<i64>("rows of sums", ids.len() * elements(planes))?;
-            self.record_rows(gpu, &mut rec, (scene, index, planes), ids, (&of_group, true))?;
-            rows.push(of_group);
+        for ((index, planes, _), ids) in self.parts(scene).zip(&ids) {
+            for ids in ids.chunks(rows_of_part(planes)) {
+                let part = gpu.alloc::<i64>("rows of sums", ids.len() * elements(planes))?;
+                self.record_rows(gpu, &mut rec, (scene, index, planes), ids, (&part, true))?;
+                rows.push(part);
+            }
         }
         gpu.run(&rec)?;
         let mut sums = Vec::new();
-        for of_group in rows {
-            sums.extend(gpu.read(&of_group)?);
+        for part in rows {
+            sums.extend(gpu.read(&part)?);
         }
         Ok(Rows { ids, sums })
     }
@@ -204,11 +209,13 @@ impl Batch {
         let mut rec = Recording::new();
         rec.section("exchange");
         let mut from = 0;
-        for ((index, planes, _), ids) in self.parts(scene).zip(&rows.ids).filter(|(_, ids)| !ids.is_empty()) {
-            let n = ids.len() * elements(planes);
-            let of_group = gpu.upload("rows of sums", &rows.sums[from..from + n])?;
-            from += n;
-            self.record_rows(gpu, &mut rec, (scene, index, planes), ids, (&of_group, false))?;
+        for ((index, planes, _), ids) in self.parts(scene).zip(&rows.ids) {
+            for ids in ids.chunks(rows_of_part(planes)) {
+                let n = ids.len() * elements(planes);
+                let part = gpu.upload("rows of sums", &rows.sums[from..from + n])?;
+                from += n;
+                self.record_rows(gpu, &mut rec, (scene, index, planes), ids, (&part, false))?;
+            }
         }
         gpu.run(&rec)
     }
@@ -270,6 +277,11 @@ fn words_of(n: u32) -> usize {
 /// Numbers of a row: four for each plane of the parameters.
 fn elements(sums: &Planes) -> usize {
     4 * sums.plane_counts().sum::<usize>()
+}
+
+/// Most rows of a part.
+fn rows_of_part(sums: &Planes) -> usize {
+    PART_BYTES / (size_of::<i64>() * elements(sums))
 }
 
 /// The places of the bits that are set.

@@ -109,6 +109,9 @@ pub fn compact(
     judge.truth = judge.frames(subject.splats.clone())?;
     let (finest, floor) = judge.look(Grades::default())?;
     let fault = |reason: String| Error::data(path, "", reason, "ask for less");
+    if matches!(goal, Goal::Bytes(most) if finest.len() as u64 <= most) {
+        return Ok(Compact { psnr: psnr_of(floor), bytes: finest, grades: Grades::default(), n_tried: judge.n_tried });
+    }
     let budget = match goal {
         Goal::Psnr(db) if floor > error_of(db) => {
             return Err(fault(format!("expected {db} dB, the finest file has {:.1} dB", psnr_of(floor))));

@@ -81,7 +81,8 @@ impl Cull {
             }
         }
         rec.group(None);
-        let blocks = Grid::Groups((scene.n_flat / CULL_BLOCK).div_ceil(SCAN_BLOCK as u32));
+        // At least one, which says that there is nothing.
+        let blocks = Grid::Groups((scene.n_flat / CULL_BLOCK).div_ceil(SCAN_BLOCK as u32).max(1));
         self.scan.record(rec, &self.n_blocks, &self.offsets, &self.n_active, blocks);
         self.record_compact(rec, scene);
         rec.pass(

@@ -54,7 +54,7 @@ impl Room {
     }
 
     /// Intersections whose lists, and slots or chunks where there are any, fit one binding.
-    pub(super) fn max_intersections(&self, gpu: &Gpu) -> u32 {
+    pub(crate) fn max_intersections(&self, gpu: &Gpu) -> u32 {
         let of_chunks = if Blend::has_chunks(gpu) { chunks::BYTES } else { 4 };
         let bytes = if self.has_slots() { 8 * SLOT_PAIRS as u64 } else { of_chunks };
         (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32

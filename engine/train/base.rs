@@ -1,7 +1,7 @@
 //! A run on top of another: what rests is the other's, and so is what it learnt of the cameras.
 
 use super::checkpoint::{CameraState, Checkpoint, Owed};
-use super::config::{Config, PoseKind, Required};
+use super::config::{Config, PoseKind, Required, Strategy};
 use super::poses::Correction;
 use super::run::Run;
 use crate::error::{Error, Result};
@@ -61,6 +61,18 @@ impl Base {
             required: Required { reviews: 0, grids_at: 0.0, ..config.required },
             ..config
         }
+    }
+
+    /// That hardly any of its Gaussians are static, where it is so: what is on top of it then takes over and trains nearly all.
+    pub fn moves(&self) -> Option<String> {
+        let (n, n_static) = (self.splats.len(), self.splats.n_static);
+        (self.run.held.frames > 1 && 10 * n_static < n).then(|| {
+            format!(
+                "{}: {n_static} of {n} Gaussians are static; expected most of them: a run on top of this one trains the others \
+                 anew. Give foreground masks, or train it with --set required.reviews=2",
+                self.folder.display()
+            )
+        })
     }
 
     /// `capture`, in its own world, with the cameras as the run learnt them.
@@ -148,5 +160,22 @@ impl Base {
         let on_clock = self.splats.clone().on_clock(scale, shift);
         let lives = |i: usize| (0..n).any(|frame| on_clock.weight_at(i, f64::from(frame) / f64::from(n)) >= VISIBLE);
         on_clock.kept(|i| i < on_clock.n_static || lives(i)).into_owned()
+    }
+}
+
+impl Config {
+    /// Refuses what would change static Gaussians that stay as they began.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the setting.
+    pub fn check_held(&self) -> Result<()> {
+        let (draws, reviews) = (self.density.strategy == Strategy::Mcmc, self.required.reviews > 0);
+        let changed = match (self.trains_static, draws, reviews) {
+            (false, true, _) => "density.strategy=mcmc, which would change those that it copies",
+            (false, _, true) => "required.reviews, which would reduce them",
+            _ => return Ok(()),
+        };
+        let reason = format!("leaves static Gaussians as they are, and was given with {changed}");
+        Err(Error::data(Path::new("settings"), "trains_static=false", reason, "leave one of the two out"))
     }
 }

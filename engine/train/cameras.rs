@@ -44,6 +44,8 @@ pub(super) struct Cameras {
     clocks: Option<Clocks>,
     learns_offset: Vec<bool>,
     poses: Option<Poses>,
+    /// Whether poses have been learnt already, in a run that may have been shorter.
+    has_learnt_poses: bool,
     learns_pose: Vec<Option<DVec3>>,
     /// Of the scene, scene units.
     extent: f64,
@@ -106,6 +108,7 @@ impl Cameras {
             clocks: None,
             learns_offset,
             poses: None,
+            has_learnt_poses: false,
             learns_pose,
             extent: setup.extent.radius,
             graded: None,
@@ -179,7 +182,8 @@ impl Cameras {
 
     /// The poses, once their learning has begun: step `step` of `total`.
     fn poses_at(&self, step: u64, total: u64) -> Option<&Poses> {
-        self.poses.as_ref().filter(|_| (step - 1) as f64 / total.max(1) as f64 >= POSES_FROM)
+        let has_begun = self.has_learnt_poses || (step - 1) as f64 / total.max(1) as f64 >= POSES_FROM;
+        self.poses.as_ref().filter(|_| has_begun)
     }
 
     /// Whether step `step` of `total` of a camera's parameters reads the view that its image was seen from.
@@ -371,7 +375,9 @@ impl Cameras {
             let remedy = "go on with the capture and the test cameras that the run began with";
             return Err(Error::data(Path::new("checkpoint"), "cameras", reason, remedy));
         }
-        if !state.poses.is_empty() {
+        if let Some([[_, _, decay, _], ..]) = state.poses.last() {
+            // 1 - beta_2^steps of what all share.
+            self.has_learnt_poses = *decay > 0.0;
             self.poses = Some(Poses::new(gpu, &state.poses, &self.learns_pose)?);
         }
         let n_grids = self.graded.as_ref().map_or(0, |graded| graded.steps.len());

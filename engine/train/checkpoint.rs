@@ -54,6 +54,8 @@ pub struct Checkpoint {
 pub struct Owed {
     /// The round of density control.
     pub density: bool,
+    /// The look at which cameras need a colour map.
+    pub grids: bool,
     /// The review of what the scene requires.
     pub review: bool,
     /// The look at which cameras' time offsets the pictures tell.

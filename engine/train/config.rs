@@ -37,15 +37,15 @@ settings! {
         seed: u64 = 42, "", Range::Whole(0, u64::MAX);
         /// Highest degree of the spherical harmonics: how finely colours depend on the direction of view.
         sh_degree: u32 = 3, "", Range::Whole(0, 3);
-        /// The scene is the mean of those of the last steps of the run, over this share of it, in which density control does nothing; 0 takes
-        /// that of the last step.
+        /// The scene of a run is the mean of the scenes in this last share of it, in which density control does nothing; 0 takes the scene of
+        /// the last step alone.
         average: f64 = 0.1, "of the run", Range::SHARE;
         /// The number of Gaussians never exceeds this.
         max_gaussians: usize = 500_000, "Gaussians", Range::COUNT;
         /// Where the first Gaussians come from.
         init: Init = Init::Auto, "",
             Range::Word(&["auto", "flow", "any_view", "concat", "points", "hull", "frustum", "random"]);
-        /// Most Gaussians from the surfaces that the images show; as many as the capture has points where those are more.
+        /// Most Gaussians from surfaces found in the images. If the capture has more points, as many as it has points.
         init_points: usize = 20_000, "Gaussians", Range::Whole(1, MOST_POINTS);
         /// Gaussians from the visual hull of one frame.
         init_moving_points: usize = 1500, "Gaussians", Range::Whole(1, MOST_POINTS);
@@ -61,8 +61,8 @@ settings! {
         init_static_tau: f64 = 10.0, "clips", Range::NOT_NEGATIVE;
         /// Whether static Gaussians are trained. Otherwise they stay as they began, and are neither pruned nor cloned nor split.
         trains_static: bool = true, "", Range::Switch;
-        /// Directions, evenly spread, that the end of a run looks in: in each that no training camera sees, beside what one does see, a
-        /// large static Gaussian is put behind the scene, in the colour of what is seen next to it. 0 leaves black holes there. None where
+        /// How many evenly spread directions are looked in at the end of a run. Where no training camera sees one, but a camera sees close
+        /// to it, a large static Gaussian is put behind the scene, in the colour seen next to it. 0 leaves black holes there. None where
         /// images show the background, where it shows through the scene, and where there would be more than max_gaussians; density control
         /// leaves room for it, a tenth of them at most.
         backdrop: u32 = 1000, "directions", Range::Whole(0, 10_000);

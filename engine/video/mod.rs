@@ -138,7 +138,7 @@ impl Video {
 
     /// The arguments of ffmpeg, from `pictures` to `output`.
     fn arguments(&self, pictures: OsString, output: &Path) -> Vec<OsString> {
-        let ending = self.path.extension().unwrap_or_default();
+        let is_mp4 = self.path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"));
         let mut words: Vec<OsString> = Vec::new();
         fn plain<'a>(words: &'a [&str]) -> impl Iterator<Item = OsString> + 'a {
             words.iter().map(OsString::from)
@@ -152,7 +152,7 @@ impl Video {
         }
         let mut add = |more: &[&str]| words.extend(plain(more));
         if self.settings.sound.is_some() {
-            add(if ending == "mp4" { &["-c:a", "aac", "-b:a", "320k"] } else { &["-c:a", "pcm_s24le"] });
+            add(if is_mp4 { &["-c:a", "aac", "-b:a", "320k"] } else { &["-c:a", "pcm_s24le"] });
             // Sound that is longer than the pictures ends with them; shorter sound is followed by silence.
             add(&["-af", "apad", "-shortest"]);
         }
@@ -160,7 +160,7 @@ impl Video {
         let colors = "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=limited,format=yuv420p";
         add(&["-vf", colors, "-c:v", "libx264", "-crf", "18", "-preset", "medium"]);
         add(&["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"]);
-        if ending == "mp4" {
+        if is_mp4 {
             add(&["-movflags", "+faststart"]);
         }
         words.push(file_url(output));

@@ -29,6 +29,30 @@ pub(super) fn subgroup_size(vendor: u32, least: u32, most: u32, default: u32) ->
     if (least..=most).contains(&wanted) { wanted } else { default }
 }
 
+/// Threads of the largest workgroup: `sort_count`.
+const MOST_THREADS: u32 = 256;
+/// Bytes that the workgroup with most of them shares: `sort_scatter`.
+const MOST_SHARED_BYTES: u32 = 16_448;
+/// Storage buffers of the kernel that may have most, as `shaders-glsl/README.md` says.
+const MOST_BUFFERS: u32 = 24;
+
+/// Whether all kernels fit `limits`.
+///
+/// # Errors
+/// The first limit that is too small.
+pub(super) fn check_limits(limits: &vk::PhysicalDeviceLimits) -> Result<(), String> {
+    let threads = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
+    let all = [
+        ("threads of a workgroup", threads, MOST_THREADS),
+        ("bytes that a workgroup shares", limits.max_compute_shared_memory_size, MOST_SHARED_BYTES),
+        ("storage buffers of a kernel", limits.max_per_stage_descriptor_storage_buffers, MOST_BUFFERS),
+    ];
+    match all.into_iter().find(|(_, has, needed)| has < needed) {
+        Some((what, has, needed)) => Err(format!("{has} {what}; expected at least {needed}")),
+        None => Ok(()),
+    }
+}
+
 /// Whether kernels can run with `lanes` lanes on a device that takes `least` to `most`.
 ///
 /// # Errors
@@ -87,6 +111,28 @@ mod tests {
         assert_eq!(check_size(16, 8, 32), Ok(()));
         for (lanes, least, most) in [(4, 8, 32), (64, 8, 32), (24, 8, 32), (0, 1, 128), (128, 1, 128), (2, 1, 128)] {
             assert!(check_size(lanes, least, most).unwrap_err().contains(&format!("{lanes} lanes")));
+        }
+    }
+
+    #[test]
+    fn a_device_that_some_kernel_does_not_fit_is_refused_with_the_limit() {
+        let enough = vk::PhysicalDeviceLimits {
+            max_compute_work_group_invocations: 256,
+            max_compute_work_group_size: [256, 1, 1],
+            max_compute_shared_memory_size: 16_448,
+            max_per_stage_descriptor_storage_buffers: 24,
+            ..Default::default()
+        };
+        assert_eq!(check_limits(&enough), Ok(()));
+        let few = vk::PhysicalDeviceLimits { max_compute_work_group_size: [128, 1, 1], ..enough };
+        let narrow = vk::PhysicalDeviceLimits { max_compute_shared_memory_size: 16_384, ..enough };
+        let poor = vk::PhysicalDeviceLimits { max_per_stage_descriptor_storage_buffers: 4, ..enough };
+        for (limits, told) in [
+            (few, "128 threads of a workgroup; expected at least 256"),
+            (narrow, "16384 bytes that a workgroup shares; expected at least 16448"),
+            (poor, "4 storage buffers of a kernel; expected at least 24"),
+        ] {
+            assert_eq!(check_limits(&limits), Err(told.to_owned()));
         }
     }
 

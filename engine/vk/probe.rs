@@ -155,6 +155,7 @@ impl Answers {
         if !(4..=64).contains(&lanes) {
             return Err(format!("{name}: subgroups of {lanes} lanes; 4 to 64 are supported"));
         }
+        choose::check_limits(&self.core.limits).map_err(|reason| format!("{name}: {reason}"))?;
         if v12.timeline_semaphore == vk::FALSE {
             return Err(format!("{name}: timeline semaphores are needed"));
         }

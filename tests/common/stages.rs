@@ -8,7 +8,7 @@ use ivv::scene::{Splats, View};
 use ivv::stage::{Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, Zeros, view_params};
 
 /// Pairs of a Gaussian and a tile that fit.
-const INTERSECTIONS: u32 = 1 << 16;
+const INTERSECTIONS: u32 = 1 << 20;
 
 /// A scene, a view and the stages' buffers on the device.
 pub struct Fixture {

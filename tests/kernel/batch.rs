@@ -175,6 +175,34 @@ fn rows_that_were_exchanged_come_back_where_they_belong() {
     }
 }
 
+#[test]
+fn rows_of_more_than_a_binding_holds_come_in_parts() {
+    let gpu = gpu();
+    // Three bands and no motion: 17 planes of four numbers.
+    const ELEMENTS: usize = 68;
+    let in_part = (1 << 27) / (8 * ELEMENTS);
+    let n = in_part + 5;
+    let params = Splats { n_static: n, motion: Vec::new(), ..scene(3, n, 3) };
+    let buffers = SceneBuffers::upload(&gpu, &params, &Constants::default(), Purpose::Training).unwrap();
+    assert_eq!(buffers.groups.len(), 1);
+    let batch = Batch::new(&gpu, &buffers).unwrap();
+    let mut touched = batch.touched(&gpu).unwrap();
+    (0..n).for_each(|i| touched[i / 32] |= 1 << (i % 32));
+    let sums = (0..n * ELEMENTS).map(|at| (at as i64).wrapping_mul(0x9E37_79B9_7F4A_7C15_u64 as i64)).collect();
+    let rows = Rows { ids: vec![(0..n as u32).collect()], sums };
+    batch.put(&gpu, &buffers, &rows, &touched).unwrap();
+    assert!(batch.rows(&gpu, &buffers, &touched).unwrap() == rows);
+    // Each by itself has its own sums, on both sides of the border.
+    for i in [0, in_part - 1, in_part, n - 1] {
+        let mut one = vec![0; touched.len()];
+        one[i / 32] = 1 << (i % 32);
+        let (first, n_part) = if i < in_part { (0, in_part) } else { (in_part, n - in_part) };
+        let of_row = |e| rows.sums[first * ELEMENTS + batch_place(e, i - first, n_part)];
+        let found = batch.rows(&gpu, &buffers, &one).unwrap();
+        assert!(found.sums.iter().copied().eq((0..ELEMENTS).map(of_row)), "Gaussian {i}");
+    }
+}
+
 /// Two images of one scene, and their cotangents.
 pub fn two(size: f32) -> [(View, Vec<[f32; 3]>); 2] {
     let first = view();

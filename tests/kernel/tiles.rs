@@ -97,6 +97,21 @@ fn equal_depths_are_listed_by_index() {
 }
 
 #[test]
+fn gaussians_that_fill_a_large_picture_are_listed_in_each_of_its_tiles() {
+    let (width, height) = (3840, 2160);
+    let small = view().intrinsics;
+    let scale = f64::from(width) / f64::from(small.width);
+    let (fx, fy, cx, cy) = (small.fx * scale, small.fy * scale, f64::from(width) / 2.0, f64::from(height) / 2.0);
+    let view = View { intrinsics: Intrinsics { width, height, fx, fy, cx, cy }, ..view() };
+    // As many as a subgroup has lanes.
+    let mut splats = Splats { n_static: 16, motion: Vec::new(), ..scene(5, 16, 0) };
+    splats.scale.fill([4.0, 4.0, -3.0]);
+    splats.rotation.fill([1.0, 0.0, 0.0, 0.0]);
+    let [found, needed] = check("a picture of 4K", &splats, &view);
+    assert_eq!([found, needed], [16 * (3840 / 16) * (2160 / 16); 2]);
+}
+
+#[test]
 fn images_of_odd_sizes_and_their_last_tiles_miss_no_pair() {
     for (width, height) in [(1, 1), (1, 17), (15, 17), (16, 16), (17, 16), (33, 47), (129, 3)] {
         let (cx, cy) = (f64::from(width) / 2.0, f64::from(height) / 2.0);

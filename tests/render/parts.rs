@@ -98,7 +98,7 @@ fn contents() -> Contents<'static> {
 }
 
 /// Before and after the clip, about and at borders, back and forth.
-const TIMES: [f64; 12] = [0.0, 0.1, 0.179, 0.19, 0.2, 0.21, 0.55, 0.6, 0.99, 0.45, -0.5, 7.0];
+const TIMES: [f64; 13] = [0.0, 0.1, 0.179, 0.19, 0.2, 0.21, 0.55, 0.6, 0.99, 1.0, 0.45, -0.5, 7.0];
 
 /// That `parts` gives the pictures of `whole`.
 fn shows(parts: Box<dyn Parts>, whole: &Splats) {

@@ -205,6 +205,18 @@ fn a_count_that_the_file_cannot_hold_is_refused_before_it_is_believed() {
     raw.extend([3, 12, 0, 0]);
     let path = folder.write("count.spz", gzip(&raw));
     assert!(fault(read_spz(&path), &path).contains("4294967295 Gaussians"));
+    // Version 4, whose streams of zstd can promise more of a byte: 2^28 Gaussians of degree 0.
+    let mut streams = raw.clone();
+    streams[4] = 4;
+    streams[8..12].copy_from_slice(&(1_u32 << 28).to_le_bytes());
+    (streams[12], streams[15]) = (0, 5);
+    streams.extend(32_u32.to_le_bytes());
+    streams.resize(32, 0);
+    for size in [9_u64, 1, 3, 3, 4] {
+        streams.extend([0, size << 28].map(u64::to_le_bytes).concat());
+    }
+    let path = folder.write("streams.spz", streams);
+    assert!(fault(read_spz(&path), &path).contains("268435456 Gaussians need 5368709120 bytes"));
     // Ten megabytes of zeros behind a header that needs twenty bytes.
     raw[8..12].copy_from_slice(&1_u32.to_le_bytes());
     raw[12] = 0;

@@ -174,6 +174,9 @@ fn a_file_is_as_small_as_its_pictures_allow_and_as_good_as_its_size_allows() {
         let error = pairs.iter().map(|(a, b)| 10f64.powf(-psnr(a, b) / 10.0)).sum::<f64>() / pairs.len() as f64;
         assert!((-10.0 * error.log10() - found.psnr).abs() < 0.01, "{}", -10.0 * error.log10());
     }
+    // Where the finest fits, it is that.
+    let found = find(Goal::Bytes(finest)).unwrap();
+    assert_eq!((found.bytes.len() as u64, found.grades, found.n_tried), (finest, Grades::default(), 1));
     let found = find(Goal::Bytes(finest * 2 / 3)).unwrap();
     println!("{} bytes of {finest}: {:.2} dB, {:?}", found.bytes.len(), found.psnr, found.grades);
     assert!(found.bytes.len() as u64 <= finest * 2 / 3 && found.psnr > 33.0, "{} dB", found.psnr);

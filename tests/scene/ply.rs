@@ -291,6 +291,17 @@ fn a_failed_write_leaves_the_old_file_and_nothing_else() {
     ivv::files::write_atomic(&path, |to| to.write_all(b"new")).unwrap();
     assert_eq!(fs::read(&path).unwrap(), b"new");
     assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 1);
+    // What is no file keeps its name: as root `-o /dev/null` would replace the device.
+    #[cfg(unix)]
+    {
+        let device = folder.file("device.ply");
+        std::os::unix::fs::symlink("/dev/null", &device).unwrap();
+        assert!(fault(write_ply(&device, &sample(0, 1, 0)), &device).contains("found a device"));
+        assert!(fs::symlink_metadata(&device).unwrap().is_symlink());
+        let inside = folder.file("folder");
+        fs::create_dir(&inside).unwrap();
+        assert!(fault(write_ply(&inside, &sample(0, 1, 0)), &inside).contains("found a folder"));
+    }
     let nowhere = folder.file("absent/scene.ply");
     fault(write_ply(&nowhere, &sample(0, 1, 0)), &nowhere);
     fault(write_ply(Path::new("/"), &sample(0, 1, 0)), Path::new("/"));

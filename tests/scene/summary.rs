@@ -35,6 +35,12 @@ fn a_summary_counts_populations_bytes_and_faults() {
     let header = file.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
     assert_eq!(summary.ply_bytes, (file.len() - header) as u64);
     assert_eq!(summary.ply_bytes_per_gaussian * 8, summary.ply_bytes);
+    // With spans too.
+    scene.span = vec![[0.0, 0.5]; 3];
+    write_ply(&path, &scene).unwrap();
+    let (file, summary) = (std::fs::read(&path).unwrap(), scene.summary());
+    let header = file.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    assert_eq!(summary.ply_bytes, (file.len() - header) as u64);
     let text = serde_json::to_string(&summary).unwrap();
     assert!(text.contains("\"n_dynamic\":3"), "{text}");
 }

@@ -76,6 +76,8 @@ fn a_part_of_a_clip_is_trained_on_top_of_a_run_over_the_clip() {
     let first = tiny.capture.cameras[0].name.as_str();
     let of_others = ["train", capture, "-o", text(&other), "--base", text(&base), "--test-cameras", first];
     assert!(fails(&of_others, 3).contains("give a run on the same cameras"));
+    let drawn = ["train", capture, "-o", text(&other), "--base", text(&base), "--set", "density.strategy=mcmc"];
+    assert!(fails(&drawn, 3).contains("density.strategy=mcmc") && !other.exists(), "nothing is written");
     works(&[&["train", capture, "-o", text(&other), "--steps", "9"], &SHORT[..]].concat());
     std::fs::remove_dir_all(other.join("checkpoints")).unwrap();
     assert!(

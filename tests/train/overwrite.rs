@@ -34,9 +34,9 @@ fn a_run_is_replaced_with_all_that_was_written_for_it_once_the_new_one_can_begin
     let stale = [
         at(&["renders", &old, "00001.png"]),
         at(&["renders", "progress", "00000002.png"]),
-        at(&["eval", "other", "eval.json"]),
-        at(&["eval", "other", "report.html"]),
-        at(&["eval", "other", "renders", &old, "00000.png"]),
+        at(&["eval", "other.ply", "eval.json"]),
+        at(&["eval", "other.ply", "report.html"]),
+        at(&["eval", "other.ply", "renders", &old, "00000.png"]),
     ];
     stale.iter().for_each(|file| assert!(file.is_file(), "{}", file.display()));
     // Somebody's own.
@@ -59,7 +59,7 @@ fn a_run_is_replaced_with_all_that_was_written_for_it_once_the_new_one_can_begin
     works(&[&train[..], &["--overwrite", "--eval-every", "0", "--test-cameras", &new]].concat());
     assert_eq!(json(&run.join("run.json"))["test_cameras"], serde_json::json!([new]));
     stale.iter().for_each(|file| assert!(!file.exists(), "{}", file.display()));
-    assert!(!at(&["eval", "other"]).exists() && !at(&["renders", "progress"]).exists(), "folders of nothing go");
+    assert!(!at(&["eval", "other.ply"]).exists() && !at(&["renders", "progress"]).exists(), "folders of nothing go");
     own.iter().for_each(|file| assert_eq!(std::fs::read_to_string(file).unwrap(), "mine", "{}", file.display()));
     assert!(at(&["renders", &new, "00001.png"]).is_file());
     // Neither does a new run begin beside results without a scene.

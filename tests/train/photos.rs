@@ -50,6 +50,12 @@ fn a_photograph_shows_and_teaches_what_rests_alone() {
     works(&["render", text(&part), "-o", text(&clip.0.join("views")), "--frames", "0:1"]);
     // Nor are photographs among the views of the base, which would be of no time of the clip.
     works(&["render", text(&base), "-o", text(&clip.0.join("all"))]);
+    // Nor among those that a file of the clip has to start from.
+    let file = clip.0.join("clip.4dgs");
+    works(&["export", text(&base), "-o", text(&file), "--clamp-colors"]);
+    let views = ivv::formats::FourDgs::open(&file).unwrap().views().unwrap();
+    assert!(views.len() > 1 && views.iter().all(|view| !view.name.contains("photo")), "{views:?}");
+    works(&["render", text(&file), "-o", text(&clip.0.join("of-file"))]);
     assert!(
         !std::fs::read_dir(clip.0.join("all")).unwrap().any(|file| file
             .unwrap()

@@ -141,6 +141,24 @@ fn poses_that_show_what_the_calibration_shows_are_the_captures_again() {
 }
 
 #[test]
+fn a_run_that_is_made_much_longer_keeps_the_poses_that_it_has_learnt() {
+    let _device = gpu();
+    let tiny = Tiny::new("poses-longer");
+    let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let config = Config { sh_degree: 0, steps: 20, max_gaussians: 2_000, poses: PoseKind::Learnt, ..Config::default() };
+    let options = SessionOptions::default();
+    let mut session = Session::begin(gpu().clone(), &capture, config.clone(), options).unwrap();
+    while session.step().unwrap() {}
+    let before = session.trainer().poses().unwrap();
+    assert!(before.values().any(|pose| pose.turn.length() > 0.0));
+    // Below the tenth of a run at which one of this length begins to learn them.
+    session.extend(config, 400).unwrap();
+    session.step().unwrap();
+    session.wait().unwrap();
+    assert_ne!(session.trainer().poses().unwrap(), before, "they are in use, and go on being learnt");
+}
+
+#[test]
 fn a_run_tells_where_it_found_the_cameras_in_the_captures_own_world() {
     let tiny = Tiny::new("poses");
     let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));

@@ -97,8 +97,14 @@ fn a_run_is_scored_again_from_its_folder_alone() {
     let snapshot = tiny.folder.join("at.ply");
     works(&["export", path, "-o", snapshot.to_str().unwrap(), "--time", "0.5"]);
     works(&["eval", path, "--scene", snapshot.to_str().unwrap()]);
-    let other = json(&run.join("eval/at/eval.json"));
+    let other = json(&run.join("eval/at.ply/eval.json"));
     assert!(other["psnr"].as_f64().unwrap() > 5.0 && scores(&other) != views);
+    assert_eq!(other["step"], 0, "no run says how many steps it took");
+    // One of the same name in another format has scores of its own.
+    works(&["export", path, "-o", tiny.folder.join("at.splat").to_str().unwrap(), "--time", "0.5"]);
+    works(&["eval", path, "--scene", tiny.folder.join("at.splat").to_str().unwrap()]);
+    assert_ne!(json(&run.join("eval/at.splat/eval.json"))["psnr"], other["psnr"]);
+    assert_eq!(json(&run.join("eval/at.ply/eval.json")), other);
     works(&["eval", path, "--scene", &format!("{path}/checkpoints/..")]);
     assert!(run.join("eval").join(run.file_name().unwrap()).join("eval.json").is_file());
     assert_eq!(json(&run.join("eval.json")), trained);

@@ -50,6 +50,10 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     fn jobs<'a>(plan: &'a str, only: &[&'a str]) -> Vec<&'a str> {
         [&["segments", "run", plan][..], only, &["--", "--eval-every", "0"]].concat()
     }
+    // What no segment could be trained with is told before the first run is.
+    let other = tiny.folder.join("other");
+    let drawn = ["segments", "plan", text(&tiny.folder), "-o", text(&other), "--set", "density.strategy=mcmc"];
+    assert!(fails(&drawn, 2).contains("density.strategy=mcmc") && !other.exists());
     let script = std::process::Command::new("bash").arg("-n").arg(plan.join("slurm.sh")).status().unwrap();
     assert!(script.success() && plan.join("Snakefile").is_file());
     let run = |only| jobs(text(&plan), only);

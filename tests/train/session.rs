@@ -187,6 +187,39 @@ fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() 
 }
 
 #[test]
+fn a_run_that_is_made_shorter_makes_up_for_the_reviews_that_it_is_past() {
+    let _device = gpu();
+    let tiny = Tiny::new("shorter");
+    let reviews = |required: &Required, [stop, total]: [u64; 2]| {
+        let config =
+            Config { sh_degree: 0, steps: 40, max_gaussians: 2_000, required: required.clone(), ..Config::default() };
+        let options = SessionOptions::default();
+        let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), options).unwrap();
+        while session.steps() < stop {
+            session.step().unwrap();
+        }
+        session.settle().unwrap();
+        session.extend(config, total).unwrap();
+        let events = end(session).1;
+        let of = |event: &Event| {
+            if let Event::Review(review) = event { Some((review.step, review.grids.len())) } else { None }
+        };
+        events.iter().filter_map(of).collect::<Vec<_>>()
+    };
+    let two = Required { reviews: 2, first: 0.6, last: 0.8, images: 4, grids_at: 0.0, ..Required::default() };
+    assert_eq!(reviews(&two, [20, 40]), [(24, 0), (32, 0)], "as it was");
+    assert_eq!(reviews(&two, [20, 22]), [(20, 0)], "both are past");
+    assert_eq!(reviews(&two, [20, 30]), [(20, 0), (24, 0)], "one is past");
+    assert_eq!(reviews(&two, [20, 20]), [], "no step follows that could mend what is lost");
+    let grids = Required { reviews: 0, grids_at: 0.5, ..Required::default() };
+    assert_eq!(reviews(&grids, [18, 40]), [(20, 4)]);
+    assert_eq!(reviews(&grids, [18, 24]), [(18, 4)], "the cameras are asked late");
+    let both = Required { grids_at: 0.3, ..two };
+    assert_eq!(reviews(&both, [11, 36]), [(11, 4), (22, 0), (29, 0)], "of two kinds the one that is past");
+    assert_eq!(reviews(&both, [11, 16]), [(11, 4), (11, 0), (13, 0)], "and both");
+}
+
+#[test]
 fn a_capture_without_training_images_is_refused() {
     let _device = gpu();
     let mut tiny = Tiny::new("session-none");
@@ -205,7 +238,7 @@ fn a_step_of_a_full_run_has_so_many_passes_and_barriers() {
     }
     let tiny = Tiny::new("passes");
     let required = Required { grids_at: 0.0, ..Required::default() };
-    let config = Config { steps: STEPS, max_gaussians: 2_000, required, ..Config::default() };
+    let config = Config { steps: STEPS, max_gaussians: 2_000, required: required.clone(), ..Config::default() };
     let mut session = Session::begin(gpu.clone(), &tiny.capture, config, SessionOptions::default()).unwrap();
     // All terms of the loss, brightness grids, time offsets; Gaussians that move.
     let step = session.profile().unwrap().unwrap();

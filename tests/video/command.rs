@@ -327,4 +327,23 @@ fn an_orbit_of_a_clip_plays_it_once_or_stands_still() {
     assert_eq!([played.len(), begin.len(), end.len()], [3; 3]);
     assert!(played[0] == begin[0] && played[2] == end[2], "from the first frame to the last");
     assert!(played[2] != begin[2], "it moves");
+    // A file of a clip has views to start from, all of them at its begin.
+    let [cameras, clip] = ["cameras.json", "clip.4dgs"].map(|name| folder.0.join(name).to_str().unwrap().to_owned());
+    for step in [
+        &["cameras", &capture, "--frames", "0", "-o", &cameras][..],
+        &["export", scene, "-o", &clip, "--seconds", "1", "--cameras", &cameras],
+    ] {
+        let done = ivv(step);
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    }
+    let of_clip = |more: &[&str]| {
+        let output = folder.0.join("clip.y4m");
+        let film = ["render", &clip, "--orbit", "1", "--fps", "3", "--size", "32x24", "-o", output.to_str().unwrap()];
+        let done = ivv(&[&film[..], more].concat());
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        y4m(&output, 32, 24)
+    };
+    let (played, begin, end) =
+        (of_clip(&[]), of_clip(&["--time", "0"]), of_clip(&["--time", &(29.0 / 30.0).to_string()]));
+    assert!(played[0] == begin[0] && played[2] == end[2] && played[2] != begin[2], "a file of a clip plays too");
 }

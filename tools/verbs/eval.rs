@@ -36,7 +36,7 @@ pub struct Args {
     /// The folder of a run of `ivv train`. Where it has not ended, its newest checkpoint is scored, into
     /// RUN/eval/step-STEP.
     run: PathBuf,
-    /// Another scene to score; its scores go to RUN/eval/NAME, named as its folder or its file.
+    /// Another scene to score; its scores go to RUN/eval/NAME, named as its folder, or as its file with the ending.
     #[arg(long)]
     scene: Option<PathBuf>,
     /// The capture, if it has moved since the run.
@@ -238,13 +238,15 @@ fn totals(run_folder: &Path) -> serde_json::Value {
     read_json(&run_folder.join("train.json"), "").unwrap_or_default()
 }
 
-/// What the scores of `scene` are called: as its folder, where all scenes of such folders have one name.
-fn own_name(scene: &Path) -> anyhow::Result<OsString> {
+/// What the scores of `scene` are called: as its folder, where all scenes of such folders have one name, else as its file, with the
+/// ending: files of several formats may be of one scene. And the steps of the run of that folder, 0 where there is none.
+fn own_name(scene: &Path) -> anyhow::Result<(OsString, u64)> {
     let path = std::fs::canonicalize(scene).with_context(|| format!("{}: cannot be found", scene.display()))?;
     let of_folder = path.file_name() == Some(OsStr::new("scene.ply"));
     let folder = if of_folder { path.parent() } else { path.is_dir().then_some(&*path) };
-    let name = folder.map_or(path.file_stem(), Path::file_name);
-    Ok(name.unwrap_or(OsStr::new("scene")).to_owned())
+    let name = folder.map_or(path.file_name(), Path::file_name);
+    let steps = folder.and_then(|folder| totals(folder)["steps"].as_u64());
+    Ok((name.unwrap_or(OsStr::new("scene")).to_owned(), steps.unwrap_or(0)))
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
@@ -252,15 +254,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
     let capture = run.open_capture(args.capture.as_deref())?;
     let shown = Source::open(args.scene.as_ref().unwrap_or(&args.run))?.seen()?;
-    let output = match (&args.scene, shown.unfinished) {
-        (Some(scene), _) => args.run.join("eval").join(own_name(scene)?),
-        (None, Some(step)) => args.run.join("eval").join(format!("step-{step:08}")),
-        (None, None) => args.run.clone(),
+    let (output, steps) = match (&args.scene, shown.unfinished) {
+        (Some(scene), _) => {
+            let (name, steps) = own_name(scene)?;
+            (args.run.join("eval").join(name), steps)
+        }
+        (None, Some(step)) => (args.run.join("eval").join(format!("step-{step:08}")), step),
+        (None, None) => (args.run.clone(), totals(&args.run)["steps"].as_u64().unwrap_or(0)),
     };
     make_folder(&output)?;
     let gpu = args.device.open()?;
     let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
-    let step = shown.unfinished.or(totals(&args.run)["steps"].as_u64()).unwrap_or(0);
+    let step = shown.unfinished.unwrap_or(steps);
     let mut fits = BTreeMap::new();
     let seen = match shown.splats {
         Gaussians::Whole(splats) => {

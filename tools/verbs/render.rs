@@ -230,10 +230,19 @@ impl Args {
         }
     }
 
+    /// From the first to the last frame of the clip, normalised time, where the views are those in the scene's file: they are places to
+    /// start from, whatever their times.
+    fn span_of_file(&self, source: &Source, run: Option<&Run>) -> Option<[f64; 2]> {
+        let is_of_file = run.is_none() && self.capture.is_none() && self.cameras.is_none();
+        let frames = source.clip.as_ref().filter(|_| is_of_file)?.clock().frames.max(1);
+        Some([0.0, f64::from(frames - 1) / f64::from(frames)])
+    }
+
     /// The video that is asked for; none where views are.
     fn film(&self, source: &Source, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
         let Some(path) = self.film.path() else {
-            let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, self.time);
+            let span = self.span_of_file(source, run);
+            let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, (span, self.time));
             return self.film.orbit().map(orbit).transpose();
         };
         let remedy = "leave them out, or use --orbit";

@@ -13,7 +13,7 @@ use ivv::formats::{PlyParts, read_ply, write_parts};
 use ivv::scene::Parts;
 use ivv::scene::capture::Capture;
 use ivv::settings::Constants;
-use ivv::train::{Checkpoint, Config, Joined, Plan as TrainingPlan, Run, RunLock, Segments, constants_of};
+use ivv::train::{Checkpoint, Config, Joined, Plan as TrainingPlan, Run, RunLock, Segments, Strategy, constants_of};
 use ivv::words::count;
 use serde_json::json;
 use std::ffi::OsString;
@@ -94,6 +94,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 
 fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     let config = args.settings.resolve()?;
+    ensure!(
+        config.density.strategy != Strategy::Mcmc,
+        "density.strategy=mcmc: would change the static Gaussians, which segments take over as they are; leave it out"
+    );
     let capture = capture::open(&args.capture, &args.read.settings())?;
     ensure!(
         capture.settings().frames.are_all(),

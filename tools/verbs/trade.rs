@@ -53,8 +53,8 @@ pub struct Args {
     /// Presets to measure, by name or path. `exact`, with which all others are compared, is always among them.
     #[arg(long, value_delimiter = ',', default_value = "reference,balanced,fast,small")]
     presets: Vec<String>,
-    /// A single setting to measure, KEY=VALUE as for --set; may be given several times. By default all settings that trade
-    /// accuracy for speed.
+    /// A single setting to measure, KEY=VALUE as for --set; may be given several times. By default the settings that trade
+    /// accuracy for speed, each with one value or two.
     #[arg(long)]
     knob: Vec<String>,
     /// The preset to measure again without each of its settings.

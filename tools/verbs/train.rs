@@ -48,7 +48,7 @@ pub struct Args {
     pub output: PathBuf,
     #[command(flatten)]
     pub settings: SettingArgs,
-    /// Bytes of images to decode ahead; a quarter of the machine's memory by default.
+    /// Bytes of images to decode ahead; by default a quarter of the machine's memory, divided by the processes of the run on it.
     #[arg(long)]
     pub cache_bytes: Option<u64>,
     /// Bytes of images to keep in the device's memory, where steps on them need neither decoding nor a copy. By default three
@@ -70,8 +70,8 @@ pub struct Args {
     #[arg(long)]
     pub resume: bool,
     /// Trains what moves on top of another run on the same cameras, which has ended: its static Gaussians stay as they are, and so
-    /// does what it learnt of clocks and poses. Its dynamic Gaussians that live in this part of the clip are begun with, beside
-    /// those of what moves in the images.
+    /// does what it learnt of clocks and poses. The run starts with its dynamic Gaussians that live in this part of the clip, and with
+    /// new ones of what moves in the images.
     #[arg(long, value_name = "RUN", conflicts_with = "resume")]
     pub base: Option<PathBuf>,
     /// Replaces the run in the run folder, with all that `ivv` wrote there for it. It stays until capture and settings are
@@ -121,7 +121,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let options = SessionOptions {
         constants: Some(run.constants),
         total: Some(*total),
-        cache_bytes: args.cache_bytes.unwrap_or_else(share_of_memory),
+        cache_bytes: args.cache_bytes.unwrap_or_else(|| share_of_memory() / team.local_size() as u64),
         device_image_bytes: args.device_image_bytes,
         ranks: team.ranks(),
         watch: watch(),
@@ -189,6 +189,8 @@ fn follow(mut session: Session, (total, due): (u64, &DueArgs), team: &Team, stop
         session.take_events();
         session.settle()?;
         if team.any(stop.is_asked())? {
+            // A launcher kills the others as soon as one has ended, so all wait for the checkpoint.
+            team.finish();
             return Err(Interrupted("the process that leads wrote a checkpoint; continue with --resume").into());
         }
         if due.checkpoint(session.steps()) {
@@ -261,6 +263,7 @@ impl Training<'_, '_> {
             }
             if is_stopped {
                 self.behind.wait()?;
+                self.team.finish();
                 return Err(Interrupted("a checkpoint was written; continue with --resume").into());
             }
         }

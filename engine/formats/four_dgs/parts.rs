@@ -43,6 +43,9 @@ impl FourDgsParts {
             let entry = &index[*chunk as usize];
             // Rounded as the times of its Gaussians are.
             let [from, to] = [entry.t0, entry.t1].map(|time| f64::from((time / seconds) as f32));
+            // What is there at an end of the clip is there beyond it, as it is where the file is read whole.
+            let from = if entry.t0 <= 0.0 { f64::NEG_INFINITY } else { from };
+            let to = if entry.t1 >= seconds { f64::INFINITY } else { to };
             Part { from, to, n: n(chunk) }
         };
         let mut parts: Vec<Part> = brief.iter().map(part).collect();

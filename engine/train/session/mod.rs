@@ -5,6 +5,7 @@ mod feed;
 mod notice;
 mod options;
 mod order;
+mod owed;
 mod priors;
 
 pub use notice::{Event, Notice, Phase, Watch};
@@ -19,15 +20,14 @@ use crate::scene::capture::{Capture, Picture};
 use crate::settings::Constants;
 use crate::train::average::Average;
 use crate::train::backdrop::{backdrop_of, put_before};
-use crate::train::cameras::{offsets_judged_at, poses_are_missed, poses_judged_at};
 use crate::train::checkpoint::{Checkpoint, Owed};
-use crate::train::config::{Config, PoseKind};
+use crate::train::config::Config;
 use crate::train::images::Shot;
 use crate::train::init::initialise;
 use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;
-use crate::train::require::{Due, review, review_due};
+use crate::train::require::{Due, review};
 use crate::train::setup::{Setup, constants_of};
 use crate::train::trainer::{ProfiledStep, Seen, Trainer};
 use coming::Coming;
@@ -179,13 +179,8 @@ impl<'a> Session<'a> {
     /// As [`Trainer::extend`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<Owed> {
         self.trainer.extend(config.clone(), total)?;
-        // What comes once, and would have come by now in a run of this length; colour maps do not come late.
-        let (step, before) = (self.trainer.step(), self.total);
-        self.owed.1.poses |= config.poses == PoseKind::Auto && poses_are_missed(step, before, total);
-        self.owed.1.offsets |= offsets_judged_at(total) <= step && step < offsets_judged_at(before);
-        (self.config, self.total, self.coming) = (config, total, None);
-        // What was near the end is so no more.
-        (self.average, self.owed.1.average) = (Average::default(), false);
+        self.owed.1 = self.owed.1.extended(&config, self.trainer.step(), [self.total, total]);
+        (self.config, self.total, self.coming, self.average) = (config, total, None, Average::default());
         Ok(self.owed.1)
     }
 
@@ -319,9 +314,13 @@ impl<'a> Session<'a> {
     /// # Errors
     /// As [`Session::step`].
     pub fn settle(&mut self) -> Result<()> {
-        let (step, owed) = self.owed;
-        if let (true, Some(due)) = (owed.review, review_due(&self.config, step, self.total)) {
-            self.review(due)?;
+        let owed = self.owed.1;
+        if owed.grids {
+            self.review(Due::Grids)?;
+        }
+        self.owed.1.grids = false;
+        if owed.review {
+            self.review(Due::Gaussians)?;
         }
         self.owed.1.review = false;
         if owed.offsets {
@@ -365,7 +364,7 @@ impl<'a> Session<'a> {
             Ordering::Less => Owed::default(),
             Ordering::Equal => owed,
             // It ended while it was rescued.
-            Ordering::Greater => self.due_after(rescued.step),
+            Ordering::Greater => Owed::after(&self.config, rescued.step, self.total),
         };
         let owed = Owed { density: rescued.owed.density, ..owed };
         Ok(Checkpoint { owed, average: self.average.clone(), ..rescued })
@@ -442,7 +441,7 @@ impl<'a> Session<'a> {
     /// Notes a step that was handed over, and waits for it where something is due after it.
     fn stepped(&mut self, begun: Instant) -> Result<()> {
         let step = self.trainer.step();
-        self.owed = (step, self.due_after(step));
+        self.owed = (step, Owed::after(&self.config, step, self.total));
         if self.owed.1 != Owed::default() {
             self.trainer.finish()?;
         }
@@ -453,15 +452,6 @@ impl<'a> Session<'a> {
 
     fn collect(&mut self) {
         self.events.extend(self.trainer.take_reports().into_iter().map(Event::Step));
-    }
-
-    /// What is due after a step beside density control, which the trainer sees to. Time offsets that the images do not tell are
-    /// frozen once the scene has formed.
-    fn due_after(&self, step: u64) -> Owed {
-        let review = review_due(&self.config, step, self.total).is_some();
-        let offsets = step > 0 && step == offsets_judged_at(self.total);
-        let poses = self.config.poses == PoseKind::Auto && step > 0 && step == poses_judged_at(self.total);
-        Owed { review, offsets, poses, average: Average::is_due(&self.config, step, self.total), density: false }
     }
 
     /// Reviews what the scene requires, and continues with that part.

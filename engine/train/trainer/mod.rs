@@ -12,7 +12,7 @@ mod step;
 pub use profile::ProfiledStep;
 pub use report::StepReport;
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Buf, Gpu, Recording, Running, Staging};
 use crate::scene::capture::{Asked, Picture};
@@ -22,7 +22,7 @@ use crate::stage::{
     AdamMode, Batch, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings,
     Workspace, adam_params, constants_on, lazy_sums,
 };
-use crate::train::config::{Config, Strategy};
+use crate::train::config::Config;
 use crate::train::density::{density_round, regularisers};
 use crate::train::images::{Loaded, Shot};
 use crate::train::objective::{Objective, Report, Taken, Truth};
@@ -164,7 +164,7 @@ impl Trainer {
     ) -> Result<Self> {
         let accumulation = config.accumulation.on(gpu.caps());
         accumulation.check(gpu.caps())?;
-        held_statics(&config)?;
+        config.check_held()?;
         splats.refuse_spans(Path::new("the scene"), "training", "give one of the segments that it was joined of")?;
         let constants = constants_on(gpu.caps().kind, config.frame, constants);
         let mut scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
@@ -179,7 +179,7 @@ impl Trainer {
         let state = upload_state(&gpu, &scene, &state)?;
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
         let objective = Objective::new(&gpu, &config, &setup)?;
-        let room = Room {
+        let mut room = Room {
             active: scene.n.max(1),
             intersections: scene.n.saturating_mul(4).max(1 << 14),
             tiles: 1,
@@ -192,6 +192,7 @@ impl Trainer {
             is_batched: config.batch > 1,
             depth_bits: constants.knobs.depth_bits,
         };
+        room.intersections = room.intersections.min(room.max_intersections(&gpu));
         Ok(Trainer {
             objective,
             staging: Staging::new(&gpu),
@@ -405,18 +406,6 @@ impl Trainer {
         }
         Ok(())
     }
-}
-
-/// Refuses what would change static Gaussians that stay as they began.
-fn held_statics(config: &Config) -> Result<()> {
-    let (draws, reviews) = (config.density.strategy == Strategy::Mcmc, config.required.reviews > 0);
-    let changed = match (config.trains_static, draws, reviews) {
-        (false, true, _) => "density.strategy=mcmc, which would change those that it copies",
-        (false, _, true) => "required.reviews, which would reduce them",
-        _ => return Ok(()),
-    };
-    let reason = format!("leaves static Gaussians as they are, and was given with {changed}");
-    Err(Error::data(Path::new("settings"), "trains_static=false", reason, "leave one of the two out"))
 }
 
 /// State in the order of the scene's Gaussians, by group.
