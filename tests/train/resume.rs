@@ -4,6 +4,7 @@ use super::run::{fails, ivv, json, works};
 use super::{Tiny, bits};
 use crate::common::device::gpu;
 use ivv::Constants;
+use ivv::scene::Splats;
 use ivv::stage::AdamMode;
 use ivv::train::{Checkpoint, Config, RunLock, Setup, Trainer, from_points};
 use serde_json::Value;
@@ -250,6 +251,32 @@ fn a_killed_training_leaves_no_lock() {
     let total = (newest.step + 2).to_string();
     works(&case.resume(&["--steps", &total]));
     assert_eq!(case.totals()["steps"], newest.step + 2, "shortened, as was asked");
+}
+
+#[test]
+fn a_trainer_begins_with_more_gaussians_than_four_pairs_of_each_fit_a_binding() {
+    let _device = gpu();
+    let tiny = Tiny::of_frames("many", 2);
+    // At 48 bytes a pair: more than lavapipe's 128 MiB. None of them is in view.
+    let n = 700_000;
+    let begin = Splats {
+        n_static: n,
+        position: vec![[0.0, 0.0, 1e4]; n],
+        rotation: vec![[1.0, 0.0, 0.0, 0.0]; n],
+        scale: vec![[-9.0; 3]; n],
+        opacity: vec![0.0; n],
+        sh: vec![[0.0; 3]; n],
+        source_row: (0..n as u32).collect(),
+        ..Splats::new(0)
+    };
+    let config = Config { sh_degree: 0, max_gaussians: 1_000_000, ..Config::default() };
+    let setup = Setup::new(&tiny.capture, &config);
+    let mut trainer = Trainer::new(gpu().clone(), &begin, Constants::default(), config, 9, setup).unwrap();
+    let (camera, frame) = tiny.capture.training_frames()[0];
+    let picture = tiny.capture.picture(camera, frame).unwrap();
+    trainer.train(camera, &tiny.capture.view(camera, frame).unwrap(), &picture).unwrap();
+    trainer.finish().unwrap();
+    assert_eq!((trainer.step(), trainer.n_gaussians()), (1, n as u32));
 }
 
 #[test]

@@ -100,6 +100,9 @@ fn a_run_is_scored_again_from_its_folder_alone() {
     let other = json(&run.join("eval/at.ply/eval.json"));
     assert!(other["psnr"].as_f64().unwrap() > 5.0 && scores(&other) != views);
     assert_eq!(other["step"], 0, "no run says how many steps it took");
+    let driver = json(&run.join("train.json"))["device"]["driver"].as_str().unwrap().to_owned();
+    let tells = |report: &str| std::fs::read_to_string(run.join(report)).unwrap().contains(&driver);
+    assert!(tells("report.html") && !tells("eval/at.ply/report.html"), "the training is in the run's own report alone");
     // One of the same name in another format has scores of its own.
     works(&["export", path, "-o", tiny.folder.join("at.splat").to_str().unwrap(), "--time", "0.5"]);
     works(&["eval", path, "--scene", tiny.folder.join("at.splat").to_str().unwrap()]);

@@ -206,7 +206,10 @@ impl Scorer<'_> {
         output: &Path,
     ) -> ivv::Result<PathBuf> {
         let name = name_of(output);
-        let totals = totals(run_folder);
+        // Of another scene, or after another step, they say nothing.
+        let step = scores.map(|scores| scores.evaluation.step);
+        let is_of_it = |totals: &serde_json::Value| step.is_none_or(|step| totals["steps"].as_u64() == Some(step));
+        let totals = Some(totals(run_folder)).filter(is_of_it).unwrap_or_default();
         let log = Log::open(run_folder, u64::MAX);
         let Scorer { run, config, .. } = self;
         let file = output.join("report.html");
