@@ -61,7 +61,7 @@ settings! {
         init_static_tau: f64 = 10.0, "clips", Range::NOT_NEGATIVE;
         /// Whether static Gaussians are trained. Otherwise they stay as they began, and are neither pruned nor cloned nor split.
         trains_static: bool = true, "", Range::Switch;
-        /// How many evenly spread directions are looked in at the end of a run. Where no training camera sees one, but a camera sees close
+        /// How many evenly spread directions are checked at the end of a run. Where no training camera sees one, but a camera sees close
         /// to it, a large static Gaussian is put behind the scene, in the colour seen next to it. 0 leaves black holes there. None where
         /// images show the background, where it shows through the scene, and where there would be more than max_gaussians; density control
         /// leaves room for it, a tenth of them at most.

@@ -8,7 +8,7 @@ use std::path::Path;
 const TABLE: &str = "assets/gpu/budgets.tsv";
 
 #[test]
-#[ignore = "slow: compiles all kernels for ten chips and widths; tools/test.sh --budgets runs it"]
+#[ignore = "slow: compiles all kernels for each chip and width; tools/test.sh --budgets runs it"]
 fn no_kernel_is_worse_than_its_budget() {
     let Some(folder) = std::env::var_os("IVV_BUDGETS") else {
         notes::skip("the statistics of offline drivers are not there; tools/test.sh --budgets makes them");

@@ -206,10 +206,8 @@ impl Scorer<'_> {
         output: &Path,
     ) -> ivv::Result<PathBuf> {
         let name = name_of(output);
-        // Of another scene, or after another step, they say nothing.
-        let step = scores.map(|scores| scores.evaluation.step);
-        let is_of_it = |totals: &serde_json::Value| step.is_none_or(|step| totals["steps"].as_u64() == Some(step));
-        let totals = Some(totals(run_folder)).filter(is_of_it).unwrap_or_default();
+        // Reports of other scenes, and of a run that goes on, have folders of their own: the totals say nothing of those.
+        let totals = if output == run_folder { totals(run_folder) } else { serde_json::Value::Null };
         let log = Log::open(run_folder, u64::MAX);
         let Scorer { run, config, .. } = self;
         let file = output.join("report.html");
