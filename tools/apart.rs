@@ -16,7 +16,7 @@ pub fn train_apart(
     config: &Config,
     device: Option<&str>,
 ) -> anyhow::Result<()> {
-    let settings = folder.with_extension("json");
+    let settings = beside(folder, ".json");
     let path = std::path::absolute(capture)?;
     let is_done = folder.join("eval.json").is_file()
         && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config)
@@ -31,7 +31,7 @@ pub fn train_apart(
         return Err(fault).with_context(|| format!("{}: earlier scores cannot be removed", folder.display()));
     }
     write_json(&settings, config)?;
-    let log = std::fs::File::create(folder.with_extension("log")).context("the log of a run cannot be made")?;
+    let log = std::fs::File::create(beside(folder, ".log")).context("the log of a run cannot be made")?;
     let program = std::env::current_exe().context("the path of this program is not known")?;
     let status = Command::new(program)
         .arg("train")
@@ -48,6 +48,13 @@ pub fn train_apart(
         .context("`ivv train` cannot be started")?;
     anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
     Ok(())
+}
+
+/// The file beside a run's folder that has its whole name before `end`: the name of a preset may have a dot.
+fn beside(folder: &Path, end: &str) -> PathBuf {
+    let mut path = folder.as_os_str().to_owned();
+    path.push(end);
+    path.into()
 }
 
 /// What runs on `capture` may hold: with its photographs, or without.

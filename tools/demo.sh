@@ -23,5 +23,5 @@ The scene: $out/run/scene.ply; the test views: $out/run/renders
 With a capture of your own (images and a COLMAP model in sparse/0; \`ivv check\` names other formats and every fault):
   $ivv check CAPTURE
   $ivv train CAPTURE -o RUN
-  $ivv export RUN -o scene.spz
+  $ivv export RUN -o scene.html
 EOT

@@ -70,6 +70,8 @@ pub struct ClipArgs {
 pub struct Setting {
     /// The clock of the clip, where something tells it.
     pub clock: Option<Clock>,
+    /// When the clip begins, seconds of the capture that it was trained on; 0 where nothing tells.
+    pub start: f64,
     /// Views to start from.
     pub views: Vec<View>,
     /// What is heard.
@@ -97,10 +99,15 @@ impl Beside {
     }
 }
 
-/// What a file cannot hold of its Gaussians.
+/// What a file holds of its Gaussians, and what it cannot.
 #[derive(Default)]
-struct Losses {
-    n: usize,
+pub struct Losses {
+    /// Gaussians that it holds.
+    pub n: usize,
+    /// Dynamic ones among them.
+    pub n_dynamic: usize,
+    /// Gaussians with a parameter that is not finite, which it does not hold.
+    pub n_left_out: usize,
     n_clamped_colors: usize,
     n_clamped_harmonics: usize,
     n_off: usize,
@@ -109,6 +116,8 @@ struct Losses {
 impl Losses {
     fn count(&mut self, encoded: &Encoded, views: &[View]) {
         self.n += encoded.len();
+        self.n_dynamic += encoded.n_dynamic;
+        self.n_left_out += encoded.n_left_out;
         self.n_clamped_colors += encoded.n_clamped_colors;
         self.n_clamped_harmonics += encoded.n_clamped_harmonics;
         self.n_off += encoded.n_off(views);
@@ -130,8 +139,9 @@ impl ClipArgs {
     /// Whether `source` is a `.4dgs` of which nothing is asked to be changed.
     ///
     /// # Errors
-    /// Those of options that cannot be.
+    /// Those of options that cannot be; those of a file that no player shows as it is.
     pub fn is_as_it_is(&self, source: &Source) -> anyhow::Result<bool> {
+        source.clip.as_ref().map_or(Ok(()), FourDgs::check_shown)?;
         let is_changed = self.cameras.is_some() || self.seconds.is_some();
         let is_changed = is_changed || self.sound.is_some() || self.hrtf.is_some() || self.metres_per_unit.is_some();
         Ok(source.clip.is_some() && self.goal()?.is_none() && !is_changed)
@@ -191,9 +201,9 @@ impl ClipArgs {
         Ok(found.bytes)
     }
 
-    /// Writes a `.4dgs` of the clip in parts that `source` is, one part after the other; says how many Gaussians it has. `None` where
+    /// Writes a `.4dgs` of the clip in parts that `source` is, one part after the other; says what it holds. `None` where
     /// `source` is no such clip, or a file that can be so small has to be looked for.
-    pub fn write_parts(&self, source: &Source, to: &Path) -> anyhow::Result<Option<usize>> {
+    pub fn write_parts(&self, source: &Source, to: &Path) -> anyhow::Result<Option<Losses>> {
         let (None, Some((_, mut clip))) = (self.goal()?, source.parts()?) else { return Ok(None) };
         let beside = self.beside(source, false)?;
         let contents = beside.contents();
@@ -201,12 +211,12 @@ impl ClipArgs {
         let measure = contents.measure(&mut *clip, |encoded| losses.count(encoded, contents.views))?;
         self.judge(&losses)?;
         contents.write(to, &mut *clip, &measure)?;
-        Ok(Some(losses.n))
+        Ok(Some(losses))
     }
 
     /// What a file of the scene of `source` holds beside its Gaussians.
     fn beside(&self, source: &Source, is_still: bool) -> anyhow::Result<Beside> {
-        let Setting { clock, views, mut sounds, constants, background } = self.setting(source)?;
+        let Setting { clock, start, views, mut sounds, constants, background } = self.setting(source)?;
         let clock = match clock {
             Some(clock) => clock,
             // Nothing changes in it, so it may be as short as one frame.
@@ -222,9 +232,11 @@ impl ClipArgs {
             let known = world.and_then(|world| world.metres_per_unit);
             let metres_per_unit = scene.metres_per_unit.or(known);
             world = Some(World { up: scene.up.to_array(), metres_per_unit });
-            sounds = ivv::sound::clip::sounds(&scene, clock.seconds())?.heard_with(ears);
+            sounds = ivv::sound::clip::sounds(&scene, start, clock.seconds())?.heard_with(ears);
             let bytes = sounds.n_bytes() as f64 / 1e6;
             say!("{} of sound, {bytes:.2} MB", count(sounds.len(), "source"));
+        } else {
+            refuse_stretched(self.seconds, &sounds)?;
         }
         if let Some(hrtf) = &self.hrtf {
             ensure!(!sounds.is_empty(), "--hrtf: expected a scene with sound, found none; give --sound too");
@@ -271,7 +283,7 @@ impl ClipArgs {
     }
 
     fn judge(&self, losses: &Losses) -> anyhow::Result<()> {
-        let Losses { n, n_clamped_colors, n_clamped_harmonics, n_off } = *losses;
+        let Losses { n, n_clamped_colors, n_clamped_harmonics, n_off, .. } = *losses;
         ensure!(
             n_off as f64 <= MOST_OFF * n as f64 || self.clamp_colors || self.is_silent,
             "expected colours that a .4dgs holds, found {n_off} of {} off by more than 2 levels of 255; export as PLY, or give \
@@ -298,7 +310,7 @@ impl ClipArgs {
             let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
             let background = views.first().map_or([0.0; 3], |view| view.background);
             let (sounds, constants) = (Sounds::default(), run.constants_of_capture());
-            return Ok(Setting { clock, views, sounds, constants, background });
+            return Ok(Setting { clock, start: start_of(&run), views, sounds, constants, background });
         }
         let file = source.clip.as_ref();
         let clock = match self.seconds {
@@ -317,8 +329,23 @@ impl ClipArgs {
         let (constants, background) = file.and_then(FourDgs::own).map_or_else(Default::default, of_own);
         let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
         let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
-        Ok(Setting { clock, views, sounds, constants, background })
+        Ok(Setting { clock, start: 0.0, views, sounds, constants, background })
     }
+}
+
+/// Refuses to show in other `seconds` what comes with `sounds` of its own, which stay as long as they are.
+pub fn refuse_stretched(seconds: Option<f64>, sounds: &Sounds) -> anyhow::Result<()> {
+    ensure!(
+        seconds.is_none() || sounds.is_empty(),
+        "--seconds: the file knows how long its clip is, and its sound cannot be stretched; leave it out, or give --sound"
+    );
+    Ok(())
+}
+
+/// When the clip of `run` begins, seconds of its capture: the run may have taken only some of the frames.
+pub fn start_of(run: &Run) -> f64 {
+    let frames = run.capture_settings.frames;
+    f64::from(frames.from) / (run.held.fps * f64::from(frames.every))
 }
 
 /// The first view of each training camera of the run in `folder` that films; none where its capture is gone, which is said.

@@ -74,7 +74,7 @@ fn told(error: &anyhow::Error) -> Value {
 /// What kind of fault it is, and its exit code. What has no kind of its own is the fault of what was asked.
 fn kind(error: &anyhow::Error) -> (&'static str, u8) {
     if error.downcast_ref::<interrupt::Interrupted>().is_some() {
-        return ("interrupted", 130);
+        return ("interrupted", interrupt::Interrupted::EXIT_CODE);
     }
     if error.downcast_ref::<check::Faulty>().is_some() {
         return ("data", 3);

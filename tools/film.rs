@@ -1,6 +1,7 @@
 //! `ivv render --path` and `--orbit`: a video of the way of a head, with what it hears, or around a scene.
 
 use crate::device::DeviceArgs;
+use crate::export_clip::start_of;
 use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;
@@ -18,6 +19,7 @@ use ivv::sound::render::{RenderConfig, Rendered, render};
 use ivv::sound::scene_file::SoundScene;
 use ivv::sound::wav::{Depth, write};
 use ivv::stage::{Destination, Outputs};
+use ivv::train::Run;
 use ivv::video::{Made, Video, VideoSettings};
 use ivv::words::count;
 use std::path::{Path, PathBuf};
@@ -248,10 +250,19 @@ impl Film {
         }
     }
 
-    /// What is heard while the video lasts; silence where nothing is rendered.
-    fn heard(&self, rendered: &Rendered) -> Vec<[f32; 2]> {
+    /// When the clip begins, seconds of its capture: that of the run which the scene in `file` is of; else 0.
+    fn start_of_clip(&self, file: &Path) -> f64 {
+        // Through another clip, such as that of --capture, times are of that.
+        let is_of_run = |run: &Run| self.clip == Some((run.held.fps, run.held.frames));
+        let run = file.ancestors().find_map(|folder| Run::read(folder).ok().filter(is_of_run));
+        run.map_or(0.0, |run| start_of(&run))
+    }
+
+    /// What is heard while the video lasts, of what was rendered of all the capture, of which the clip begins at `start`, seconds;
+    /// silence where nothing is rendered.
+    fn heard(&self, rendered: &Rendered, start: f64) -> Vec<[f32; 2]> {
         let fs = f64::from(rendered.fs);
-        let first = (self.start() * fs).round() as i64;
+        let first = ((start + self.start()) * fs).round() as i64;
         let n = (self.n_frames as f64 / self.fps * fs).round() as i64;
         let sample = |at: i64| usize::try_from(at).ok().and_then(|at| rendered.samples.get(at)).copied();
         (first..first + n).map(|at| sample(at).unwrap_or_default()).collect()
@@ -305,7 +316,7 @@ pub fn run(film: &Film, args: &PathArgs, shown: Shown<Gaussians>, studio: &Studi
     make_folder(output.parent().context("-o must name a video file")?)?;
     // Before sound is made, which takes minutes.
     Video::check(output, film.size.into(), film.fps)?;
-    let (sound, report) = sound(args, film, output)?;
+    let (sound, report) = sound(args, film, &shown.file, output)?;
     let gpu = device.open()?;
     let mut renderer = shown.splats.renderer(gpu, constants)?;
     let settings = VideoSettings { width: film.size.0, height: film.size.1, fps: film.fps, sound };
@@ -346,7 +357,7 @@ pub fn run(film: &Film, args: &PathArgs, shown: Shown<Gaussians>, studio: &Studi
 /// A sound file, and the second of it where the video begins; with a report where it is rendered here.
 type Sound = (Option<(PathBuf, f64)>, Option<ivv::sound::render::Report>);
 
-fn sound(args: &PathArgs, film: &Film, output: &Path) -> anyhow::Result<Sound> {
+fn sound(args: &PathArgs, film: &Film, file: &Path, output: &Path) -> anyhow::Result<Sound> {
     let Some(scene) = &args.sound else {
         return Ok((args.wav.clone().map(|wav| (wav, film.start())), None));
     };
@@ -360,7 +371,10 @@ fn sound(args: &PathArgs, film: &Film, output: &Path) -> anyhow::Result<Sound> {
         "{}: the sound of the video would replace the recording that it is made of; choose another name with -o",
         wav.display()
     );
-    let rendered = render(&scene, &film.path.track, &hrtf, &RenderConfig::default())?;
-    write(&wav, &film.heard(&rendered), Depth::Int24)?;
+    let start = film.start_of_clip(file);
+    let of_capture = |pose: &HeadPose| HeadPose { t: start + pose.t, ..*pose };
+    let head = PoseTrack::new(film.path.track.poses().iter().map(of_capture).collect())?;
+    let rendered = render(&scene, &head, &hrtf, &RenderConfig::default())?;
+    write(&wav, &film.heard(&rendered, start), Depth::Int24)?;
     Ok((Some((wav, 0.0)), Some(rendered.report)))
 }

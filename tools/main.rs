@@ -182,8 +182,8 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Serve(args) => serve::run(args, cli.json),
         Verb::Play(args) => play::run(args),
-        Verb::Vjp(args) => vjp::run(args),
-        Verb::Demo(args) => demo::run(args),
+        Verb::Vjp(args) => vjp::run(args, cli.json),
+        Verb::Demo(args) => demo::run(args, cli.json),
         Verb::Synth(args) => synth::run(args, cli.json),
         Verb::Completions(args) => {
             manual::completions(args);

@@ -4,7 +4,7 @@ use crate::files::read_json;
 use anyhow::Context;
 use ivv::train::{Config, Preset, check_name, check_settings, merge};
 use serde_json::{Value, json};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Settings of a run.
 #[derive(clap::Args)]
@@ -68,7 +68,7 @@ fn differences(key: &str, has: &Value, asked: &Value, found: &mut Vec<String>) {
 }
 
 impl SettingArgs {
-    /// The settings of a run that goes on for as long as --steps or --epochs ask.
+    /// `run` for as long as --steps or --epochs ask. Epochs count only where no steps are set.
     pub fn extended(&self, run: &Config) -> Config {
         let mut config = run.clone();
         if let Some(epochs) = self.epochs {
@@ -76,6 +76,11 @@ impl SettingArgs {
         }
         config.steps = self.steps.unwrap_or(config.steps);
         config
+    }
+
+    /// The file of settings.
+    pub fn file(&self) -> Option<&Path> {
+        self.config.as_deref()
     }
 
     /// What else the flags ask for that `run` does not have.
@@ -110,9 +115,8 @@ impl SettingArgs {
             let patch = patch(set).with_context(|| format!("--set {set}"))?;
             merge(&mut value, &patch);
         }
-        let mut config: Config = serde_json::from_value(value).context("--set")?;
-        config.epochs = self.epochs.unwrap_or(config.epochs);
-        config.steps = self.steps.unwrap_or(config.steps);
+        let config: Config = serde_json::from_value(value).context("--set")?;
+        let mut config = self.extended(&config);
         config.max_gaussians = self.max_gaussians.unwrap_or(config.max_gaussians);
         config.seed = self.seed.unwrap_or(config.seed);
         config.sh_degree = self.sh_degree.unwrap_or(config.sh_degree);

@@ -26,7 +26,8 @@ export class Clock {
   /** Seconds of the clip, 0 up to but not including its duration. */
   time() {
     const t = this.elapsed();
-    const last = this.duration * (1 - 2 ** -30);
+    // As in `lastMoment`.
+    const last = this.duration * (1 - 2 ** -23);
     return this.loop && this.duration > 0 ? Math.min(last, t % this.duration) : Math.min(last, Math.max(0, t));
   }
 

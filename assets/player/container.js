@@ -12,6 +12,9 @@ const MAX_RECORDS = 1 << 20;
 const MAX_CHUNK_GAUSSIANS = 1 << 22;
 /** More Gaussians than this in one file are refused. */
 const MAX_GAUSSIANS = 2 ** 31;
+const LEFT_HANDED = 2;
+/** Metres of the format's units of length, by number; 0 where the file names none. */
+const UNIT_METRES = [0, 1, 0.01, 0.001, 1000, 0.3048, 0.0254];
 
 /**
  * @typedef {{ offset: number, length: number }} Span bytes of the file
@@ -293,9 +296,15 @@ const READERS = {
   async 0x20({ scene }, _, open) {
     const c = await open('Coordinate Frame');
     if (c.string() !== '') return;
-    const [handedness, upAxis] = [c.u8(), c.u8()];
-    c.take(2);
-    scene.frame ??= { handedness, upAxis, metresPerUnit: c.finite('metres per unit') };
+    const [handedness, upAxis, , unit] = [c.u8(), c.u8(), c.u8(), c.u8()];
+    scene.frame ??= { handedness, upAxis, metresPerUnit: c.finite('metres per unit') || (UNIT_METRES[unit] ?? 0) };
+  },
+  async 0x25(_state, _span, open) {
+    const c = await open('Object Track', 9);
+    const id = c.u32();
+    c.u8();
+    // One without samples moves nothing.
+    if (c.u32() > 0) throw new FormatError('unsupported-tracks', `expected Gaussians that move along lines, found a track that moves object ${id}, which this player cannot show. Save the scene without tracks of objects`);
   },
 };
 
@@ -375,6 +384,10 @@ function checkScene(scene, hasIndex) {
   if (!scene.header || !scene.grid) {
     throw new FormatError('missing-record', `expected a Header and a Quantization record, found ${scene.header ? 'no Quantization' : 'no Header'}`);
   }
+  const { frame, header } = scene;
+  // What the record says goes before the text, also where it leaves this open.
+  const isLeft = frame ? frame.handedness === LEFT_HANDED : /left-handed/.test(header.attributes.get('coordinate_system') ?? '');
+  if (isLeft) throw new FormatError('unsupported-axes', 'expected right-handed axes, found left-handed ones, with which this player would show the mirror image. Save the scene with right-handed axes');
   if (!scene.windows?.length) scene.windows = new Float64Array(2);
   let total = 0;
   // A file can hold fewer bands than its header says, of all its Gaussians.
@@ -396,9 +409,9 @@ function checkScene(scene, hasIndex) {
   }
 }
 
-/** Seconds at which nothing that is stored has ended yet: the last moment that a player shows. @param {Scene} scene */
+/** Seconds at which nothing that is stored has ended yet, ends being rounded to singles: the last moment that a player shows. @param {Scene} scene */
 export function lastMoment(scene) {
-  return scene.header.duration * (1 - 2 ** -30);
+  return scene.header.duration * (1 - 2 ** -23);
 }
 
 /** Position of a sound source at a time of the scene, world. @param {SoundSource} source @param {number} t seconds */

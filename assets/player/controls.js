@@ -50,9 +50,9 @@ export class Rig {
     this.reach = reach;
   }
 
-  /** Shifts so that what it looks at follows the pointer. @param {number} dx pixels of the view @param {number} dy */
-  pan(dx, dy) {
-    this.shift([(-dx * this.reach) / this.view.fx, (-dy * this.reach) / this.view.fy, 0]);
+  /** Shifts so that what it looks at follows the pointer. @param {number} dx pixels of the picture @param {number} dy @param {{ fx: number, fy: number }} picture */
+  pan(dx, dy, { fx, fy }) {
+    this.shift([(-dx * this.reach) / fx, (-dy * this.reach) / fy, 0]);
   }
 }
 
@@ -63,11 +63,11 @@ const TURNS = { ArrowLeft: [1, 0], ArrowRight: [-1, 0], ArrowUp: [0, 1], ArrowDo
 
 /** Binds pointer, wheel and keys of a canvas to a rig. */
 export class Controls {
-  /** @param {HTMLElement} canvas @param {Rig} rig @param {() => number} pixelScale pixels of the view per pixel of the page */
-  constructor(canvas, rig, pixelScale) {
+  /** @param {HTMLElement} canvas @param {Rig} rig @param {() => import('./camera.js').View} picture the view as the canvas shows it */
+  constructor(canvas, rig, picture) {
     this.canvas = canvas;
     this.rig = rig;
-    this.pixelScale = pixelScale;
+    this.picture = picture;
     /** @type {Map<number, { x: number, y: number }>} */
     this.pointers = new Map();
     /** @type {Set<string>} */
@@ -103,13 +103,14 @@ export class Controls {
     const [dx, dy] = [event.clientX - before.x, event.clientY - before.y];
     const others = [...this.pointers].filter(([id]) => id !== event.pointerId).map(([, at]) => at);
     this.pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
-    const scale = this.pixelScale();
+    const picture = this.picture();
+    const scale = picture.width / this.canvas.clientWidth;
     if (others.length > 0) {
       const spread = (/** @type {{ x: number, y: number }} */ at) => Math.hypot(at.x - others[0].x, at.y - others[0].y) || 1;
       this.rig.approach(spread(before) / spread({ x: event.clientX, y: event.clientY }));
-      this.rig.pan((dx * scale) / 2, (dy * scale) / 2);
+      this.rig.pan((dx * scale) / 2, (dy * scale) / 2, picture);
     } else if (event.buttons & 2 || event.buttons & 4 || event.shiftKey) {
-      this.rig.pan(dx * scale, dy * scale);
+      this.rig.pan(dx * scale, dy * scale, picture);
     } else {
       // What is under the pointer follows it: the scene turns in orbit, the gaze turns the other way in flight.
       const angle = this.rig.mode === 'fly' ? TURN_PER_PIXEL : -TURN_PER_PIXEL;
@@ -155,5 +156,5 @@ function sideways(rig) {
 
 /** Whether keys belong to an element that takes text or choices. @param {KeyboardEvent} event */
 export function isTyping(event) {
-  return event.target instanceof HTMLInputElement ? event.target.type !== 'checkbox' : event.target instanceof HTMLSelectElement;
+  return event.target instanceof HTMLInputElement ? !['checkbox', 'range'].includes(event.target.type) : event.target instanceof HTMLSelectElement;
 }

@@ -29,7 +29,7 @@ export class App {
     const { scene, startViews, clock } = player;
     this.isStill = scene.header.duration === 0;
     this.rig = new Rig(player.view, player.up, player.pivotDistance());
-    this.controls = new Controls(canvas, this.rig, () => canvas.width / canvas.clientWidth);
+    this.controls = new Controls(canvas, this.rig, () => this.currentView());
     this.ui = new Ui(this.actions(), { duration: clock.duration, views: startViews.map(({ name }) => name), hasSound: scene.sounds.length > 0 });
     this.sound = scene.sounds.length > 0 ? new Sound(player.source, scene, clock, notify) : null;
     /** Pixels of the picture, where a program has set them. @type {{ width: number, height: number } | null} */

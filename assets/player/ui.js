@@ -11,7 +11,8 @@ export const element = (id) => /** @type {T} */ (document.getElementById(id));
 
 /** `m:ss.t`. @param {number} seconds */
 export function clockText(seconds) {
-  const tenths = Math.floor(seconds * 10 + 1e-6);
+  // The last moment of a clip, which is a little less, counts as its length.
+  const tenths = Math.floor(seconds * 10 * (1 + 2 ** -22) + 1e-6);
   return `${Math.floor(tenths / 600)}:${String(Math.floor(tenths / 10) % 60).padStart(2, '0')}.${tenths % 10}`;
 }
 
@@ -160,7 +161,8 @@ export class Ui {
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event)) return;
     const { actions } = this;
-    const onButton = event.target instanceof HTMLButtonElement || event.target instanceof HTMLInputElement;
+    const { target } = event;
+    const onButton = target instanceof HTMLButtonElement || (target instanceof HTMLInputElement && target.type === 'checkbox');
     /** @type {Record<string, () => void>} */
     const commands = {
       j: () => actions.step(-1), l: () => actions.step(1), ',': () => actions.step(-FRAME_SECONDS), '.': () => actions.step(FRAME_SECONDS),

@@ -33,6 +33,7 @@ pub use spz_write::{SpzVersion, write_spz};
 use crate::error::Result;
 use crate::scene::Splats;
 use format::Reader;
+use std::ops::Range;
 use std::path::Path;
 
 /// The formats that scenes are read from. What content tells comes before what an ending tells.
@@ -48,6 +49,14 @@ pub const WRITERS: &[Writer] = &[
     glb::WRITER,
     splat::WRITER,
 ];
+
+/// How many static and how many dynamic Gaussians of `splats` are in a file of `writer`, or in a `.4dgs` where that is none: all formats
+/// but 3DGS's PLY leave out those with a parameter that is not finite.
+pub fn count_written(splats: &Splats, writer: Option<&Writer>) -> [usize; 2] {
+    let keeps_all = writer.is_some_and(|writer| writer.name == ply::WRITER.name);
+    let count = |among: Range<usize>| among.filter(|i| keeps_all || splats.is_finite(*i)).count();
+    [count(0..splats.n_static), count(splats.n_static..splats.len())]
+}
 
 /// Reads a scene in any supported format: by content where that tells, else by its extension.
 ///

@@ -5,12 +5,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use super::images::Images;
 use super::settings::{PrepareSettings, Progress, Triangulate};
-use super::source::Source;
-use super::{prepare_posed, triangulate};
+use super::{Begun, prepare_posed, triangulate};
 use crate::error::{Error, Result};
-use crate::scene::capture::{Faults, Frames};
+use crate::scene::capture::Frames;
 
 /// Frames that are prepared, from the middle of the clip.
 const SAMPLED: u32 = 4;
@@ -63,15 +61,10 @@ impl Drop for Scratch {
 /// folder is removed.
 ///
 /// # Errors
-/// As [`super::prepare`]; the first of the source's faults.
+/// As [`super::prepare`]; [`Error::Data`] for the first fault of the source, or of what the sample became.
 pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Estimate> {
     settings.check()?;
-    let mut faults = Faults::default();
-    let source = Source::read(settings, &mut faults)?;
-    let images = Images::plan(&source, settings, &mut faults);
-    if let Some(fault) = faults.first() {
-        return Err(fault);
-    }
+    let Begun { source, images, settings, .. } = Begun::faultless(settings)?;
     let (n, every) = (images.n_frames(), settings.frames.every);
     let sampled = SAMPLED.min(n);
     let from = settings.frames.from + (n - sampled) / 2 * every;
@@ -86,7 +79,7 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
     // When each stage was last heard of.
     let heard: Mutex<Vec<(&'static str, Instant)>> = Mutex::new(Vec::new());
     let start = Instant::now();
-    prepare_posed(&sample, None, Vec::new(), &|told| {
+    let prepared = prepare_posed(&sample, None, Vec::new(), &|told| {
         let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
         match heard.iter_mut().find(|(stage, _)| *stage == told.stage) {
             Some((_, at)) => *at = Instant::now(),
@@ -94,6 +87,9 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
         }
         progress(told);
     })?;
+    if let Some(fault) = prepared.report.faults.into_iter().next() {
+        return Err(fault.into());
+    }
     let heard = heard.into_inner().unwrap_or_else(PoisonError::into_inner);
     let mut before = start;
     let mut stages = Vec::new();
@@ -101,7 +97,7 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
         let Some((_, end)) = heard.iter().find(|(told, _)| *told == stage) else { continue };
         let sampled_seconds = end.duration_since(before).as_secs_f64();
         before = *end;
-        let times = match (stage, triangulate::asked(&source, settings).0) {
+        let times = match (stage, triangulate::asked(&source, &settings).0) {
             ("points", Triangulate::Reference) => 1.0,
             ("points", Triangulate::Every(every)) => f64::from(n.div_ceil(every)) / f64::from(sampled.div_ceil(every)),
             ("flow", _) => f64::from(n - 1) / f64::from((sampled - 1).max(1)),

@@ -1,13 +1,13 @@
 //! Optical flow of the finished images, by `tools/priors.py`.
 
 use std::io::{BufRead, BufReader, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::json;
 
-use super::images::Images;
+use super::images::{Camera, Images};
 use super::journal::Journal;
 use super::program::last_line;
 use super::settings::{PrepareSettings, Progress, Share};
@@ -29,7 +29,8 @@ fn at_once(threads: usize, pixels: u64, memory: u64) -> usize {
     threads.min(usize::try_from(fit).unwrap_or(usize::MAX)).max(1)
 }
 
-/// Estimates what is not estimated yet: flow to the next frame of every frame but the last.
+/// Estimates what is not estimated yet: flow to the next frame of every frame but the last. Cameras whose flow comes along with the
+/// source's pictures keep that.
 #[tracing::instrument(level = "info", name = "flow", skip_all)]
 pub(super) fn make(
     images: &Images,
@@ -38,19 +39,24 @@ pub(super) fn make(
     journal: &Journal,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<()> {
-    journal.begin("flow", json!({ "method": "dis at full resolution" }))?;
-    let n = images.n_frames().saturating_sub(1) as usize;
     let output = &images.output;
-    let own =
-        || (0..).zip(&images.cameras).filter(|(number, _)| share.has(*number)).map(|(_, camera)| camera.name.as_str());
-    let mut left = left(images);
-    left.retain(|name| own().any(|own| own == *name));
+    let (carried, estimated): (Vec<&Camera>, Vec<&Camera>) =
+        images.cameras.iter().partition(|camera| camera.has_flow());
+    if estimated.is_empty() {
+        return Ok(());
+    }
+    let kept: Vec<PathBuf> = carried.iter().map(|camera| output.join("flow").join(&camera.name)).collect();
+    journal.begin_beside("flow", json!({ "method": "dis at full resolution" }), &kept)?;
+    let n = images.n_frames().saturating_sub(1) as usize;
+    let own = (0..).zip(estimated).filter(|(number, _)| share.has(*number)).map(|(_, camera)| camera);
+    let own: Vec<&Camera> = own.collect();
+    let left: Vec<&str> =
+        own.iter().filter(|camera| is_left(images, camera)).map(|camera| camera.name.as_str()).collect();
     if left.is_empty() {
         return Ok(());
     }
     let python = python(output)?;
-    let n_cameras = own().count();
-    let (done, total) = (AtomicUsize::new((n_cameras - left.len()) * n), n_cameras * n);
+    let (done, total) = (AtomicUsize::new((own.len() - left.len()) * n), own.len() * n);
     let tell = |piece: &str| {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress(Progress { stage: "flow", done, total, piece });
@@ -60,23 +66,30 @@ pub(super) fn make(
     in_parallel(left.len(), at_once, |index| estimate(python, output, left[index], &tell), |_| {}).map(|_| ())
 }
 
-/// The cameras whose flow is not estimated yet.
-pub(super) fn left(images: &Images) -> Vec<&str> {
-    let n = images.n_frames().saturating_sub(1);
-    // Flow of a source that is a capture has come along as it was.
-    let is_there = |name: &str, frame: u32| {
-        let folder = images.output.join("flow").join(name);
-        ["npy", "flo", "exr", "png"].iter().any(|ending| folder.join(format!("{frame:05}.{ending}")).is_file())
-    };
-    let is_done = |name: &str| (0..n).all(|frame| is_there(name, frame));
-    images.cameras.iter().map(|camera| camera.name.as_str()).filter(|name| !is_done(name)).collect()
+/// Whether some of the flow of a camera is not estimated yet.
+fn is_left(images: &Images, camera: &Camera) -> bool {
+    let folder = images.output.join("flow").join(&camera.name);
+    (0..images.n_frames().saturating_sub(1)).any(|frame| !folder.join(format!("{frame:05}.npy")).is_file())
+}
+
+/// What the script will need, unless there is nothing to estimate.
+///
+/// # Errors
+/// [`Error::Data`] that names the package.
+pub(super) fn require(images: &Images, settings: &PrepareSettings) -> Result<()> {
+    let mut estimated = images.cameras.iter().filter(|camera| !camera.has_flow());
+    // With force, what is there may be made again.
+    if settings.flow && estimated.any(|camera| settings.force || is_left(images, camera)) {
+        python(&settings.source)?;
+    }
+    Ok(())
 }
 
 /// A Python that has what the script needs.
 ///
 /// # Errors
 /// [`Error::Data`] that names the package.
-pub(super) fn python(about: &Path) -> Result<&'static str> {
+fn python(about: &Path) -> Result<&'static str> {
     let has_opencv = |python: &&str| {
         let mut command = Command::new(python);
         command.args(["-c", "import cv2, numpy"]).stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());

@@ -4,8 +4,9 @@ use std::collections::BTreeMap;
 use std::fs::{self, File};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 use super::settings::PrepareSettings;
 use crate::error::{Error, Result};
@@ -13,12 +14,15 @@ use crate::files::{read_file, remove_temporaries, write_atomic};
 use crate::scene::capture::JOURNAL;
 
 /// The parts of a capture that each stage makes. All depend on the first two, which come in this order.
-const STAGES: [(&str, &[&str]); 4] = [
+const STAGES: [(&str, &[&str]); 5] = [
     ("reconstruction", &["reconstruction", "photos"]),
-    ("images", &["images", "masks", "foreground", "covisible", "depth", "flow", "audio", "keypoints", "truth.json"]),
+    ("images", &["images", "masks", "foreground", "covisible", "depth", "flow", "truth.json"]),
     ("points", &["sparse", "points"]),
     ("flow", &["flow"]),
+    (SOUND, &["audio", "keypoints"]),
 ];
+/// Files beside the pictures: one that comes later is taken over too.
+pub(super) const SOUND: &str = "sound";
 const MANIFEST: &str = "capture.toml";
 const LOCK: &str = ".prepare.lock";
 
@@ -81,17 +85,25 @@ impl Journal {
     /// Begins a stage or continues it. When its files were made from something else they are removed first, and with the
     /// images all that was made from them; that needs `force`, as does removing files of which nothing is known.
     pub fn begin(&self, stage: &'static str, made_from: Value) -> Result<()> {
+        self.begin_beside(stage, made_from, &[])
+    }
+
+    /// As [`Journal::begin`], for a stage whose folder also holds what came along with the images: the folders `kept`, which
+    /// stay.
+    pub fn begin_beside(&self, stage: &'static str, made_from: Value, kept: &[PathBuf]) -> Result<()> {
         let _lock = self.lock()?;
         let mut record = self.read()?;
-        if record.made_from.get(stage) == Some(&made_from) {
+        let before = record.made_from.get(stage);
+        // Earlier versions had no such stage.
+        if before.map_or(stage == SOUND, |before| agree(before, &made_from)) {
             remove_temporaries(&self.output, 2)?;
-            return Ok(());
+            return if before == Some(&made_from) { Ok(()) } else { self.note(record, stage, made_from) };
         }
         let at = STAGES.iter().position(|(name, _)| *name == stage).unwrap_or(0);
         let n = if at < 2 { STAGES.len() - at } else { 1 };
         let anew = &STAGES[at..at + n];
-        let parts = anew.iter().flat_map(|(_, parts)| *parts);
-        let old: Vec<PathBuf> = parts.map(|part| self.output.join(part)).filter(|path| path.exists()).collect();
+        let parts = anew.iter().flat_map(|(_, parts)| *parts).map(|part| self.output.join(part));
+        let old: Vec<PathBuf> = parts.flat_map(|part| without(part, kept)).filter(|path| path.exists()).collect();
         if let Some(path) = old.first().filter(|_| !self.force) {
             let reason = match record.made_from.get(stage) {
                 Some(before) => format!("was made with other settings: {}", difference(before, &made_from)),
@@ -100,7 +112,8 @@ impl Journal {
             let remedy = "give --force to make it again, or choose another folder with -o";
             return Err(Error::data(path, "", reason, remedy));
         }
-        for path in std::iter::once(self.output.join(MANIFEST)).filter(|path| path.exists()).chain(old) {
+        // A part of two stages is there once.
+        for path in std::iter::once(self.output.join(MANIFEST)).chain(old).filter(|path| path.exists()) {
             let removed = if path.is_dir() { fs::remove_dir_all(&path) } else { fs::remove_file(&path) };
             removed.map_err(|fault| {
                 Error::data(&path, "", format!("cannot be removed: {fault}"), "check its permissions")
@@ -109,15 +122,43 @@ impl Journal {
         for (name, _) in anew {
             record.made_from.remove(*name);
         }
+        self.note(record, stage, made_from)
+    }
+
+    fn note(&self, mut record: Record, stage: &str, made_from: Value) -> Result<()> {
         record.made_from.insert(stage.to_owned(), made_from);
         let text = serde_json::to_vec_pretty(&record).map_err(std::io::Error::other);
         write_atomic(&self.output.join(JOURNAL), |to| to.write_all(&text?))
     }
 }
 
+/// Whether what was made from `before` can stay. Of a list of files there may be more now. Where earlier versions noted a name or a
+/// number there is a list now: that cannot be told from a change, and was none for them.
+fn agree(before: &Value, now: &Value) -> bool {
+    match (before, now) {
+        (Value::Array(before), Value::Array(now)) => before.iter().all(|file| now.contains(file)),
+        (Value::Object(before), Value::Object(now)) => {
+            let same = |(name, value): (&String, &Value)| {
+                now.get(name).is_some_and(|now| now == value || (now.is_array() && !value.is_array()))
+            };
+            before.len() == now.len() && before.iter().all(same)
+        }
+        _ => before == now,
+    }
+}
+
+/// What is removed of a part: all of it, or of a folder that holds some of `kept` what else it holds.
+fn without(part: PathBuf, kept: &[PathBuf]) -> Vec<PathBuf> {
+    if !kept.iter().any(|path| path.starts_with(&part)) {
+        return vec![part];
+    }
+    let entries = fs::read_dir(part).into_iter().flatten().flatten().map(|entry| entry.path());
+    entries.filter(|path| !kept.contains(path)).collect()
+}
+
 /// A value that differs, with its name.
 fn difference(before: &Value, now: &Value) -> String {
-    let (Value::Object(old), Value::Object(new)) = (before, now) else { return "the source has changed".to_owned() };
+    let (Value::Object(old), Value::Object(new)) = (before, now) else { return "its files have changed".to_owned() };
     let is_list = |value: &Value| value.is_array() || value.is_object();
     let mut differ: Vec<_> = new.iter().filter(|(name, value)| old.get(*name) != Some(*value)).collect();
     // A setting tells more than the lists that follow from it.
@@ -125,10 +166,23 @@ fn difference(before: &Value, now: &Value) -> String {
     differ.first().map_or_else(
         || "the source has changed".to_owned(),
         |(name, value)| match old.get(name.as_str()) {
-            Some(was) if !is_list(was) => format!("{name} was {was} and is {value}"),
+            Some(was) if !is_list(was) && !is_list(value) => format!("{name} was {was} and is {value}"),
             _ => format!("{name} have changed"),
         },
     )
+}
+
+/// Files from which a stage is made, as the journal knows them: name, length and the second of the last change.
+pub(super) fn stamps<P: AsRef<Path>>(files: impl IntoIterator<Item = P>) -> Value {
+    files.into_iter().map(|file| stamp(file.as_ref())).collect()
+}
+
+fn stamp(file: &Path) -> Value {
+    let data = fs::metadata(file).ok();
+    let time = data.as_ref().and_then(|data| data.modified().ok());
+    let seconds = time.and_then(|time| time.duration_since(UNIX_EPOCH).ok()).map(|age| age.as_secs());
+    // Not every name of a file is text, which JSON must be.
+    json!([file.to_string_lossy(), data.map(|data| data.len()), seconds])
 }
 
 /// A folder, made when it is absent.

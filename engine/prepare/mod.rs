@@ -36,7 +36,9 @@ pub use self::reconstruct::Forecast;
 pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, Stage, Triangulate};
 use self::source::{Footage, Source};
 use crate::error::{Error, Result};
-use crate::scene::capture::{CaptureSettings, Faults, Manifest, Report, check_capture, write_true_offsets};
+use crate::scene::capture::{
+    CaptureSettings, Faults, Manifest, Report, check_capture, check_downscale, write_true_offsets,
+};
 
 /// What a folder or file holds of which [`prepare`] makes a capture, and which is not a capture itself: an English phrase such as
 /// `a Pose2Sim recording`; nothing where it is a capture or unknown.
@@ -57,6 +59,9 @@ pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
 fn pictures(settings: &PrepareSettings) -> Result<Option<Pictures>> {
     settings.check()?;
     let pictures = source::pictures(settings);
+    if pictures.is_some() {
+        check_downscale(&settings.source, &settings.capture)?;
+    }
     reconstruct::check_moving(settings, pictures.as_ref())?;
     photos::check(settings, pictures.as_ref())?;
     Ok(pictures)
@@ -120,11 +125,8 @@ pub fn prepare_share(
     if stage == Stage::Cameras {
         return Ok(());
     }
-    let begun = Begun::new(posed.as_ref().unwrap_or(settings))?;
-    let Begun { source, images, settings, faults } = &begun;
-    if let Some(fault) = faults.first() {
-        return Err(fault);
-    }
+    let begun = Begun::faultless(posed.as_ref().unwrap_or(settings))?;
+    let Begun { source, images, settings, .. } = &begun;
     let journal = Journal::open(settings)?;
     if stage == Stage::Images {
         return images.make(share, &journal, progress);
@@ -146,6 +148,8 @@ struct Begun {
     settings: PrepareSettings,
     /// What is wrong with the source.
     faults: Faults,
+    /// The photographs of the place.
+    photos: Option<Box<Begun>>,
 }
 
 impl Begun {
@@ -158,7 +162,30 @@ impl Begun {
             [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
         }
         let images = Images::plan(&source, &settings, &mut faults);
-        Ok(Begun { source, images, settings, faults })
+        let photos = photos::settings_of(&settings, &source).map(|of_photos| Begun::new(&of_photos)).transpose()?;
+        Ok(Begun { source, images, settings, faults, photos: photos.map(Box::new) })
+    }
+
+    /// One without a fault.
+    ///
+    /// # Errors
+    /// As [`Begun::new`]; [`Error::Data`] for the first fault.
+    fn faultless(settings: &PrepareSettings) -> Result<Begun> {
+        let mut begun = Begun::new(settings)?;
+        match begun.faulty().and_then(|report| report.faults.into_iter().next()) {
+            Some(fault) => Err(fault.into()),
+            None => Ok(begun),
+        }
+    }
+
+    /// The report of a source that is faulty, or whose photographs are.
+    fn faulty(&mut self) -> Option<Report> {
+        if self.faults.n() == 0 {
+            return self.photos.as_mut()?.faulty();
+        }
+        let mut report = Report::new(&self.settings.source, self.source.format);
+        report.set_faults(std::mem::take(&mut self.faults));
+        Some(report)
     }
 }
 
@@ -169,17 +196,25 @@ fn prepare_posed(
     notes: Vec<String>,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Prepared> {
-    let Begun { source, images, settings, faults } = Begun::new(settings)?;
+    let mut begun = Begun::new(settings)?;
+    if let Some(report) = begun.faulty() {
+        let Source { format, notes, .. } = begun.source;
+        return Ok(Prepared { source_format: format, notes, points: Vec::new(), report });
+    }
+    make(begun, journal, notes, progress)
+}
+
+/// Makes what was begun and has no fault.
+fn make(
+    begun: Begun,
+    journal: Option<Journal>,
+    notes: Vec<String>,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<Prepared> {
+    let Begun { source, images, settings, photos, .. } = begun;
     let settings = &settings;
-    if faults.n() > 0 {
-        let mut report = Report::new(&settings.source, source.format);
-        report.set_faults(faults);
-        return Ok(Prepared { source_format: source.format, notes: source.notes, points: Vec::new(), report });
-    }
     triangulate::require(&images, &source, settings)?;
-    if settings.flow && (settings.force || !flow::left(&images).is_empty()) {
-        flow::python(&settings.source)?;
-    }
+    flow::require(&images, settings)?;
     let journal = match journal {
         Some(journal) => journal,
         None => Journal::open(settings)?,
@@ -190,16 +225,15 @@ fn prepare_posed(
     if settings.flow {
         flow::make(&images, settings, Share::ALL, &journal, progress)?;
     }
-    images.write_sound()?;
-    sound::carry(&images, settings)?;
+    sound::carry(&images, settings, &journal)?;
     let true_offsets = clocks::true_offsets(&source, &images);
     if !true_offsets.is_empty() {
         write_true_offsets(output, true_offsets)?;
     }
-    let n_photos = match photos::settings_of(settings, &source) {
-        Some(of_photos) => {
+    let n_photos = match photos {
+        Some(photos) => {
             let tell = |told: Progress| progress(Progress { stage: "photos", ..told });
-            let made = prepare_posed(&of_photos, None, Vec::new(), &tell)?;
+            let made = make(*photos, None, Vec::new(), &tell)?;
             if made.report.n_faults > 0 {
                 return Ok(Prepared { source_format: source.format, ..made });
             }

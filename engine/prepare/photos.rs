@@ -108,12 +108,20 @@ pub(super) fn settings_of(settings: &PrepareSettings, source: &Source) -> Option
     let from = settings.photos.clone().or_else(|| source.photos.clone())?;
     // COLMAP's project has its pictures elsewhere.
     let is_own = from.starts_with(&settings.output);
-    let images = if is_own { settings.capture.images.clone() } else { CaptureSettings::default().images };
+    let asked = &settings.capture;
+    let images = if is_own { asked.images.clone() } else { CaptureSettings::default().images };
     Some(PrepareSettings {
         scale: settings.scale,
         format: settings.format,
         triangulate: Some(Triangulate::None),
-        capture: CaptureSettings { images, test_every: 0, ..CaptureSettings::default() },
+        capture: CaptureSettings {
+            images,
+            test_every: 0,
+            skip_missing: asked.skip_missing,
+            rescale: asked.rescale,
+            alpha: asked.alpha,
+            ..CaptureSettings::default()
+        },
         force: settings.force,
         threads: settings.threads,
         frames: Frames::default(),

@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::journal::cannot_list;
-use super::source::footage::{is_video, video_names};
+use super::source::footage::{has_video, is_video};
 use crate::error::Result;
 use crate::scene::capture::is_image;
 
@@ -25,7 +25,7 @@ impl Pictures {
         if is_video(path) {
             return Some(Pictures::Video(path.to_owned()));
         }
-        if !video_names(path).is_empty() {
+        if has_video(path) {
             return Some(Pictures::Videos(path.to_owned()));
         }
         let holds_photos = |folder: &Path| {

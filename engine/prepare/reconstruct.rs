@@ -13,7 +13,7 @@ use serde_json::json;
 
 use super::colmap::{self, Arguments};
 use super::frames::take;
-use super::journal::{Journal, cannot_list, make_folder};
+use super::journal::{Journal, cannot_list, make_folder, stamps};
 use super::photos::Together;
 use super::pictures::{Pictures, photos};
 use super::program::{COLMAP, FFMPEG, FFPROBE};
@@ -150,10 +150,10 @@ pub(super) fn make(
     let project = settings.output.join("reconstruction");
     let PrepareSettings { frames, shifts, .. } = settings;
     let mut made_from = json!({
-        "pictures": pictures.name(), "source": settings.source.to_string_lossy(), "frames": frames, "shifts": shifts,
+        "pictures": stamps(files(pictures)?), "source": settings.source.to_string_lossy(), "frames": frames, "shifts": shifts,
     });
-    if let Some(photos) = &settings.photos {
-        made_from["photos"] = json!(photos.to_string_lossy());
+    if let Some(photos) = settings.photos.as_deref().and_then(Pictures::at) {
+        made_from["photos"] = stamps(files(&photos)?);
     }
     if let Some(step) = settings.moving {
         made_from["moving"] = json!(step);
@@ -201,6 +201,23 @@ pub(super) fn make(
     Ok((derived, notes))
 }
 
+/// The names and paths of the videos of a folder.
+fn videos(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+    video_names(folder).into_iter().filter_map(move |name| match find(folder, &name) {
+        Some(Footage::Video(path)) => Some((name, path)),
+        _ => None,
+    })
+}
+
+/// The pictures that are placed, or the videos that they are taken of.
+fn files(pictures: &Pictures) -> Result<Vec<PathBuf>> {
+    Ok(match pictures {
+        Pictures::Photos(folder) => photos(folder)?.iter().map(|name| folder.join(name)).collect(),
+        Pictures::Video(path) => vec![path.clone()],
+        Pictures::Videos(folder) => videos(folder).map(|(_, path)| path).collect(),
+    })
+}
+
 /// Which frames of a video are placed: those that are asked for, or evenly chosen ones among them where none is to be left out.
 fn selection(settings: &PrepareSettings, n_frames: u32) -> Selection {
     let asked = settings.frames;
@@ -238,8 +255,7 @@ impl Reconstruction<'_> {
                 self.take(path, selection(self.settings, n), |frame| format!("{frame:05}.jpg"))
             }
             Pictures::Videos(folder) => {
-                for name in video_names(folder) {
-                    let Some(Footage::Video(path)) = find(folder, &name) else { continue };
+                for (name, path) in videos(folder) {
                     let start = self.settings.frames.from.saturating_add_signed(self.settings.shift(&name));
                     self.take(&path, Selection { start, every: 1, n: 1 }, |_| format!("{name}.jpg"))?;
                 }

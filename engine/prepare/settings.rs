@@ -158,11 +158,26 @@ impl PrepareSettings {
         if let Some((option, _)) = zero.iter().find(|(_, zero)| *zero) {
             return bad(option, "is 0".to_owned(), "give at least 1");
         }
-        let absolute = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or_default();
-        if absolute(&self.source).starts_with(absolute(&self.output)) {
-            return bad("", "is the source or holds it".to_owned(), "choose another folder with -o");
+        match self.inside() {
+            Some(what) => bad("", format!("is {what} or holds it"), "choose another folder with -o"),
+            None => Ok(()),
         }
-        Ok(())
+    }
+
+    /// What is read and lies in the output, where it would be removed or overwritten.
+    fn inside(&self) -> Option<&'static str> {
+        let absolute = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or_default();
+        let output = absolute(&self.output);
+        let places = [
+            ("the source", Some(self.source.clone())),
+            ("the folder of --static", self.photos.clone()),
+            ("the folder of --footage", self.footage.clone()),
+            // Of a plain COLMAP project both name a folder in the source.
+            ("the folder of --footage", self.footage.as_ref().map(|footage| self.source.join(footage))),
+            ("the folder of --images", Some(self.source.join(&self.capture.images))),
+        ];
+        let is_inside = |place: &Option<PathBuf>| place.as_ref().is_some_and(|it| absolute(it).starts_with(&output));
+        places.iter().find(|(_, place)| is_inside(place)).map(|(what, _)| *what)
     }
 }
 

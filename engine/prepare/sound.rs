@@ -1,40 +1,37 @@
 //! Sound and keypoints that lie beside a source's pictures.
 
-use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
 
-use super::images::{Camera, Images, take_over};
-use super::journal::{cannot_list, make_folder};
+use super::images::{Camera, Images, keypoints, sounds, take_over};
+use super::journal::{Journal, SOUND, make_folder, stamps};
 use super::settings::PrepareSettings;
 use super::video::Selection;
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
 use crate::scene::undistort::Undistortion;
 
-/// Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken, but for those of cameras
+/// Writes the sound of the videos, and takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken, but for those of cameras
 /// of which later frames are taken. Keypoints are undistorted with their pictures.
 #[tracing::instrument(level = "info", name = "sound", skip_all)]
-pub(super) fn carry(images: &Images, settings: &PrepareSettings) -> Result<()> {
+pub(super) fn carry(images: &Images, settings: &PrepareSettings, journal: &Journal) -> Result<()> {
     let Selection { start, every, n } = images.select();
-    let audio = settings.source.join("audio");
-    if start == 0 && audio.is_dir() {
-        make_folder(&images.output.join("audio"))?;
-        for entry in fs::read_dir(&audio).map_err(|fault| cannot_list(&audio, &fault))?.flatten() {
-            let to = images.output.join("audio").join(entry.file_name());
-            let is_shifted = images.cameras.iter().any(|camera| {
-                camera.start != 0 && entry.path().file_stem().is_some_and(|stem| stem == camera.name.as_str())
-            });
-            if entry.path().extension().is_some_and(|ending| ending == "wav") && !to.exists() && !is_shifted {
-                take_over(&entry.path(), &to)?;
-            }
+    let sounds = sounds(&settings.source, &images.cameras, start)?;
+    let points = images.cameras.iter().filter_map(|camera| keypoints(&settings.source, camera));
+    journal.begin(SOUND, stamps(sounds.iter().cloned().chain(points)))?;
+    images.write_sound()?;
+    for from in sounds {
+        let to = images.output.join("audio").join(from.file_name().unwrap_or_default());
+        if !to.exists() {
+            make_folder(&images.output.join("audio"))?;
+            take_over(&from, &to)?;
         }
     }
-    for camera in images.cameras.iter().filter(|camera| camera.start == 0) {
-        let name = format!("keypoints/{}.json", camera.name);
-        let (from, to) = (settings.source.join(&name), images.output.join(&name));
-        if from.is_file() && !to.exists() {
+    for camera in &images.cameras {
+        let Some(from) = keypoints(&settings.source, camera) else { continue };
+        let to = images.output.join(format!("keypoints/{}.json", camera.name));
+        if !to.exists() {
             make_folder(&images.output.join("keypoints"))?;
             let moved = moved(&from, camera, every, n)?;
             write_atomic(&to, |to| Ok(serde_json::to_writer(to, &moved)?))?;

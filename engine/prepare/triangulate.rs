@@ -7,11 +7,12 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use serde_json::json;
+use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
 
 use super::colmap::{Colmap, Matched, OFF, ON};
 use super::images::{Camera, Images};
-use super::journal::{Journal, make_folder};
+use super::journal::{Journal, make_folder, stamps};
 use super::model::{self, ModelCamera, ModelPoint};
 use super::program::COLMAP;
 use super::settings::{PrepareSettings, Progress, Share, Triangulate};
@@ -45,7 +46,10 @@ pub(super) fn make(
 ) -> Result<Vec<(u32, usize)>> {
     let (what, keeps) = asked(source, settings);
     let carried = source.frame_points.as_ref().filter(|_| keeps && what == Triangulate::None);
-    let of_source = carried.map_or(json!(source.points.len()), |points| json!(points.folder.to_string_lossy()));
+    let of_source = match carried {
+        Some(points) => stamps((0..images.n_frames()).map(|frame| points.path(source_frame(images, frame)))),
+        None => digest(source, what),
+    };
     let posed: Vec<_> = images.cameras.iter().map(|c| json!([c.name, c.is_test, c.poses])).collect();
     journal.begin("points", json!({ "triangulate": what, "cameras": posed, "source points": of_source }))?;
     let stage =
@@ -109,6 +113,27 @@ pub(super) fn make(
     }
     stage.clear()?;
     frames.into_iter().step_by(every as usize).map(|frame| Ok((frame, n_points(&file(frame))?))).collect()
+}
+
+/// The frame of the source that a frame of the capture is.
+fn source_frame(images: &Images, frame: u32) -> u32 {
+    let Selection { start, every, .. } = images.select();
+    start + frame * every
+}
+
+/// The points of the source that are not of single frames, for the journal: each format has them in another file. Where none of
+/// them is taken, how many there are.
+fn digest(source: &Source, what: Triangulate) -> Value {
+    if what != Triangulate::None || source.points.is_empty() {
+        return json!(source.points.len());
+    }
+    let mut hash = Sha256::new();
+    for (point, seen_by) in &source.points {
+        hash.update(point.position.map(f64::to_le_bytes).as_flattened());
+        hash.update(point.color);
+        seen_by.iter().for_each(|name| hash.update(format!("{name}\n")));
+    }
+    json!([source.points.len(), format!("{:x}", hash.finalize())])
 }
 
 /// Of which frames points are triangulated, and whether the source's are kept.
@@ -181,9 +206,8 @@ impl Triangulation<'_> {
 
     /// The source's points of a frame, which were triangulated from pictures of whatever size.
     fn carried(&self, points: &FramePoints, frame: u32) -> Result<Vec<SeenPoint>> {
-        let Selection { start, every, .. } = self.images.select();
         let index = |name: &str| self.images.cameras.iter().position(|camera| camera.name == name);
-        let points = points.read(start + frame * every, index)?.into_iter();
+        let points = points.read(source_frame(self.images, frame), index)?.into_iter();
         let seen = |by: Vec<usize>| by.into_iter().map(Self::id).collect();
         Ok(points.map(|p| SeenPoint { position: p.position, rgb: p.color, camera_ids: seen(p.seen_by) }).collect())
     }

@@ -170,7 +170,15 @@ fn check_views(path: &Path, views: &[View]) -> Result<()> {
 /// A fault of a view: field, reason, remedy.
 pub(super) type Fault = (&'static str, String, &'static str);
 
+/// Normalised time of photographs: far from every clip, so that nothing that moves is alive.
+pub(super) const PHOTO_TIME: f64 = 1e6;
+
 impl View {
+    /// Whether it is that of a photograph, which shows no moment of the clip.
+    pub fn is_photo(&self) -> bool {
+        self.time == PHOTO_TIME
+    }
+
     /// A view from `eye` to `target`, world, with the direction `up` upwards in the picture: so many pixels (width, height), square
     /// ones, and so many degrees from its lower border to its upper one. At time 0, over black. Where `eye` is at `target` it looks
     /// along z; where it looks along `up`, some direction is upwards.

@@ -8,6 +8,7 @@ use super::hrtf::{HrtfSet, Lookup};
 use super::pose::PoseTrack;
 use super::render::{RenderConfig, signals};
 use super::scene_file::SoundScene;
+use super::source_track::SourceSample;
 use super::wav::{Depth, encode};
 use super::wola::Baker;
 use crate::error::{Error, Result};
@@ -25,25 +26,25 @@ const FADE: usize = 16;
 /// Part of a response's energy that may be beyond its taps.
 const SPARED: f64 = 1e-6;
 
-/// The sources of a clip of `seconds`: each as a listener hears it who stays where the microphone was at first, in its gates
-/// alone, and its path. One that is never heard is left out.
+/// The sources of a clip of `seconds` that begins `start` seconds into the recordings: each as a listener hears it who stays where the
+/// microphone was at first, in its gates alone, and its path, up to the ends of the clip. One that is never heard is left out.
 ///
 /// A microphone that moves is louder near a source than the law of distance of a player, which knows one place of it, can tell;
 /// that is in the recordings then.
 ///
 /// # Errors
 /// [`Error::Data`] where a recording cannot be read, or is too long for a WAV file.
-pub fn sounds(scene: &SoundScene, seconds: f64) -> Result<Sounds> {
+pub fn sounds(scene: &SoundScene, start: f64, seconds: f64) -> Result<Sounds> {
     let config = RenderConfig { mode: Mode::Paper3d, ..RenderConfig::default() };
     let mic = scene.mic.pose.poses()[0];
     let listener = PoseTrack::new(vec![mic])?;
-    let most = (seconds * f64::from(FS)).round() as usize;
+    let [before, most] = [start, seconds].map(|time| (time * f64::from(FS)).round() as usize);
     let (mut found, mut r_min) = (Vec::new(), 0.0);
     for (source, signal) in scene.sources.iter().zip(signals(scene)?) {
         let course = Course::new(scene, source, &listener, &config)?;
         r_min = course.r_min;
         let heard = |(at, x): (usize, &f32)| (f64::from(*x) * course.gain(at as f64 / f64::from(FS))) as f32;
-        let samples: Vec<f32> = signal.iter().take(most).enumerate().map(heard).collect();
+        let samples: Vec<f32> = signal.iter().enumerate().skip(before).take(most).map(heard).collect();
         let is_heard = |x: &f32| *x != 0.0;
         let Some((first, last)) = samples.iter().position(is_heard).zip(samples.iter().rposition(is_heard)) else {
             continue;
@@ -57,7 +58,11 @@ pub fn sounds(scene: &SoundScene, seconds: f64) -> Result<Sounds> {
             Error::data(&scene.mic.wav, "", reason, "a WAV file holds at most 4 GiB: give a shorter clip")
         })?;
         let at = |sample: usize| sample as f64 / f64::from(FS);
-        let places = source.track.samples.iter().map(|sample| (sample.t, course.place(sample.t).to_array()));
+        // Files hold no time beyond the clip: where it is at an end stands for that.
+        let of_clip = |sample: &SourceSample| (sample.t - start).min(seconds).max(0.0);
+        let mut times: Vec<f64> = source.track.samples.iter().map(of_clip).collect();
+        times.dedup();
+        let places = times.into_iter().map(|time| (time, course.place(start + time).to_array()));
         found.push(Sound {
             name: source.track.id.clone(),
             wav,

@@ -164,6 +164,11 @@ impl<'a> Course<'a> {
         })
     }
 
+    /// Whether the way's delay is heard.
+    pub(super) fn is_late(&self) -> bool {
+        self.propagation
+    }
+
     /// Where the source is; where it is not known, where it was known last or next.
     pub(super) fn place(&self, t: f64) -> DVec3 {
         self.track.at(t).unwrap_or_else(|| {

@@ -1,5 +1,6 @@
 //! From a recording and places to what a head hears on its way.
 
+use std::borrow::Cow;
 use std::path::Path;
 use std::rc::Rc;
 
@@ -120,8 +121,8 @@ pub fn render_signals(
     Ok(Rendered { samples, fs: FS, cues, report })
 }
 
-/// Renders given signals as first-order ambisonics at the head's place: channels W, Y, Z, X (AmbiX). The world stays as it
-/// is, so that a player can turn the head; x is the sound plane's forward.
+/// Renders given signals as first-order ambisonics at the head's place: channels W, Y, Z, X (AmbiX), as late as for the ears.
+/// The world stays as it is, so that a player can turn the head; x is the sound plane's forward.
 ///
 /// # Errors
 /// As [`render`].
@@ -135,6 +136,8 @@ pub fn render_ambix(
     let mut out = vec![[0.0; 4]; n];
     for (source, signal) in scene.sources.iter().zip(signals) {
         let course = Course::new(scene, source, head, config)?;
+        let signal =
+            if course.is_late() { Cow::Owned(arrived(&course, signal, config)) } else { Cow::Borrowed(signal) };
         let gains = |at: usize| {
             let t = at as f64 / f64::from(FS);
             let mut to = ambix::of_world(&course.plane, course.place(t) - head.at(t).p);
@@ -157,6 +160,35 @@ pub fn render_ambix(
         }
     }
     Ok(out)
+}
+
+/// A signal as it arrives at the head: late by its way, which glides over each block, with a crossfade where the head jumps.
+fn arrived(course: &Course, signal: &[f32], config: &RenderConfig) -> Vec<f32> {
+    let (table, block) = (DelayTable::new(), config.block.max(1));
+    let n_fade = fade_blocks(config, block);
+    let n_blocks = signal.len().div_ceil(block);
+    let late = |k: usize| course.cue((k * block) as f64 / f64::from(FS)).delay * f64::from(FS);
+    let late: Vec<f64> = (0..=n_blocks + n_fade).map(late).collect();
+    let at = |i: usize, late: f64| table.at(signal, i as f64 - late);
+    let mut out = Vec::with_capacity(signal.len());
+    let mut k = 0;
+    while k < n_blocks {
+        let start = k * block;
+        let is_jump = (late[k + 1] - late[k]).abs() > JUMP * block as f64;
+        let (length, to) = if is_jump { (n_fade * block, late[k + n_fade]) } else { (block, late[k + 1]) };
+        out.extend((start..(start + length).min(signal.len())).map(|i| {
+            let a = (i - start) as f64 / length as f64;
+            let glide = || at(i, late[k] + a * (to - late[k]));
+            if is_jump { (1.0 - a as f32) * at(i, late[k]) + a as f32 * at(i, to) } else { glide() }
+        }));
+        k += length / block;
+    }
+    out
+}
+
+/// Blocks of the crossfade where the head jumps.
+fn fade_blocks(config: &RenderConfig, block: usize) -> usize {
+    ((config.jump_fade * f64::from(FS) / block as f64).ceil() as usize).max(1)
 }
 
 /// The paper's modes: one filter and one gain for each frame, at the time of its centre.
@@ -196,7 +228,7 @@ fn physical(
         return Err(Error::data(Path::new("settings"), "block", "it is 0", "choose 64 to 1024 samples"));
     }
     let table = DelayTable::new();
-    let n_fade = ((config.jump_fade * f64::from(FS) / block as f64).ceil() as usize).max(1);
+    let n_fade = fade_blocks(config, block);
     let n_blocks = signal.len().div_ceil(block);
     let edges: Vec<Edge> = (0..=n_blocks + n_fade + LEAD.div_ceil(block))
         .map(|k| {

@@ -4,7 +4,10 @@ use super::blend::SEGMENT;
 use super::params::Outputs;
 use crate::error::{Error, Result};
 use crate::gpu::KernelInfo;
-use crate::gpu::generated::{self, constants::blend_bwd::SWAP_SEGMENT};
+use crate::gpu::generated::{
+    self,
+    constants::blend_bwd::{SUM_SEGMENT, SWAP_SEGMENT},
+};
 use crate::vk::{Caps, DeviceKind};
 
 /// vec2 per slot: the twelve sums that one intersection gives its splat.
@@ -85,7 +88,11 @@ impl Sums {
 
     /// Entries of a list that one round of the backward kernel walks.
     pub(super) fn segment(self) -> u32 {
-        if self == Sums::Swapped { SWAP_SEGMENT } else { SEGMENT }
+        match self {
+            Sums::Slots => SEGMENT,
+            Sums::Swapped => SWAP_SEGMENT,
+            Sums::Floats | Sums::Fixed32 | Sums::Fixed64 => SUM_SEGMENT,
+        }
     }
 
     /// The kernel of the blend's adjoint that adds up this way.

@@ -15,6 +15,7 @@ use super::scene::{Group, SceneBuffers};
 use super::tiles::{Lists, Tiles};
 use super::zeros::Zeros;
 use crate::error::Result;
+use crate::gpu::generated::constants::types::{CAMERA_ALONE, CAMERA_WITH_NEXT};
 use crate::gpu::generated::{
     self, background_sum, blend_bwd_p4, blend_bwd_p8, camera_sum, camera_total, constants, fixed_sums,
     project_bwd_adam_static_sh0, project_bwd_static_sh0,
@@ -128,6 +129,15 @@ impl Backward {
         })
     }
 
+    /// What is asked for of the camera: where poses are learnt, a correction moves the camera of the next frame too.
+    fn camera(&self) -> u32 {
+        match (self.wants_camera, self.is_of_a_loss) {
+            (false, _) => 0,
+            (true, false) => CAMERA_ALONE,
+            (true, true) => CAMERA_WITH_NEXT,
+        }
+    }
+
     /// The scale of the fixed point, a power of two. Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean
     /// over three channels of the picture at hand: the sums have the same bits whichever other pictures there has been room for.
     fn scale(&self, size: Size) -> f32 {
@@ -208,7 +218,7 @@ impl Backward {
             group: index as u32,
             first: group.first,
             is_summed: self.is_summed(),
-            wants_camera: u32::from(self.wants_camera),
+            wants_camera: self.camera(),
         };
         let kernel = generated::project_bwd(false, params.motion.is_some(), group.degree(), false);
         rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
@@ -250,7 +260,7 @@ impl Backward {
             group: index as u32,
             first: group.first,
             is_summed: self.is_summed(),
-            wants_camera: u32::from(self.wants_camera),
+            wants_camera: self.camera(),
         };
         let is_16_bits = optimiser.moments.bits == 16;
         let kernel = generated::project_bwd(true, params.motion.is_some(), group.degree(), is_16_bits);

@@ -14,6 +14,7 @@ use crate::gpu::generated::{
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::scene::Cone;
 use crate::settings::Constants;
+use std::path::Path;
 
 /// Flat indices leave two bits of a source word for its kind.
 const MAX_FLAT: u32 = 1 << shared::SOURCE_BITS;
@@ -360,7 +361,8 @@ fn held(push: density_classify_static::Push) -> density_classify_static::Push {
 }
 
 fn nothing_left() -> Error {
-    Error::NonFinite { what: "every Gaussian was pruned; the scene".to_owned(), count: 0 }
+    let remedy = "prune less: lower density.prune_opacity, or raise density.prune_scale; or begin with more Gaussians";
+    Error::data(Path::new("settings"), "density", "density control pruned every Gaussian", remedy)
 }
 
 /// From an old group to a new one.

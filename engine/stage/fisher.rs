@@ -1,10 +1,12 @@
 //! What pictures say of each part of each Gaussian: Fisher information and slopes, added up behind the backward pass.
 
+use super::params::moment;
 use super::planes::{FISHER_PLANES, PLANE_BLOCK, Planes, plane_of};
 use super::scene::{Group, SceneBuffers};
 use crate::error::Result;
 use crate::gpu::generated::{self, fisher_static_sh0};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::scene::View;
 
 /// Sums over pictures of one Gaussian. Of each part: the response of the pictures to the step that leaves it out, or that
 /// adds what a static Gaussian lacks; squared, with cotangents of random signs, it is the information along that step.
@@ -63,8 +65,8 @@ impl Fisher {
         Ok(Fisher { cameras, sums: scene.groups.iter().map(zeros).collect::<Result<_>>()?, squares })
     }
 
-    /// Appends the addition of the gradients that a backward pass left of a view at `time`, normalised.
-    pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, gradients: &[Planes], time: f64) {
+    /// Appends the addition of the gradients that a backward pass left of `view`.
+    pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, gradients: &[Planes], view: &View) {
         rec.section("fisher");
         for (index, ((group, d), sums)) in scene.groups.iter().zip(gradients).zip(&self.sums).enumerate() {
             rec.group(Some(index));
@@ -88,10 +90,11 @@ impl Fisher {
             let squares = if self.squares { 1.0 } else { 0.0 };
             let push = fisher_static_sh0::Push {
                 n: group.n,
-                time: time as f32,
+                time: moment(view) as f32,
                 middle: 0.5,
                 squares,
                 n_cameras: self.cameras.len() as u32,
+                is_of_clip: if view.is_photo() { 0.0 } else { 1.0 },
             };
             let kernel = generated::fisher(params.motion.is_some(), group.degree());
             rec.pass_variant(kernel, args, push, Grid::Threads(group.n));

@@ -6,7 +6,7 @@ use super::counters::{Counters, PassReport, add_passes};
 use super::fisher::{Census, Fisher, Response};
 use super::gradients::Gradients;
 use super::job::{Destination, Extent, Job, Landed, Launched, Measure};
-use super::params::{Outputs, Strip, TILE, moment, view_params};
+use super::params::{Outputs, Strip, TILE, view_params};
 use super::renderer::Renderer;
 use super::room::{Outcome, Size};
 use super::scene::SceneBuffers;
@@ -248,12 +248,11 @@ impl Renderer {
         errors: impl FnOnce(Frame) -> Frame,
     ) -> Result<()> {
         let gpu = self.gpu.clone();
-        let time = moment(view);
         let mut frame = Frame { width: view.intrinsics.width, height: view.intrinsics.height, ..Frame::default() };
         let add = |fisher: &Fisher, scene: &SceneBuffers, work: &Workspace| {
             let Some(backward) = &work.backward else { return Ok(()) };
             let mut rec = Recording::new();
-            fisher.record(&mut rec, scene, &backward.gradients, time);
+            fisher.record(&mut rec, scene, &backward.gradients, view);
             gpu.run(&rec)
         };
         let job = Job {

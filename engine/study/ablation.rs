@@ -70,6 +70,25 @@ impl Measure {
         }
     }
 
+    /// Whether a technique that lowers it is better.
+    pub(super) fn is_less_better(self) -> bool {
+        match self {
+            Measure::FirstGaussians | Measure::LastGaussians | Measure::SceneBytes | Measure::Flicker => true,
+            Measure::Lpips | Measure::Seconds | Measure::StepTime | Measure::OffsetError => true,
+            Measure::Psnr | Measure::PsnrForeground | Measure::PsnrCovisible | Measure::PsnrWorst => false,
+            Measure::PsnrAligned | Measure::PsnrPeripheral | Measure::PsnrPeripheralCovisible => false,
+            Measure::PsnrInner | Measure::PsnrInnerWorst | Measure::Ssim => false,
+        }
+    }
+
+    /// By how much a technique may worsen it on a capture, in its unit, where a study judges by it.
+    pub(super) fn harm(self) -> f64 {
+        match self {
+            Measure::Lpips | Measure::Ssim | Measure::OffsetError => 0.01,
+            _ => 0.1,
+        }
+    }
+
     /// Decimals that are shown.
     pub(super) fn decimals(self) -> usize {
         match self {

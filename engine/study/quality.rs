@@ -5,8 +5,6 @@ use crate::report::Table;
 use crate::report::statistics::Estimate;
 use crate::train::{GridKind, PoseKind, Rate, Strategy};
 
-/// By how much a technique may worsen a capture, in units of the measure: 0.1 dB.
-const HARM: f64 = 0.1;
 /// On how many captures it must be better.
 const SHOWN_ON: usize = 2;
 
@@ -128,19 +126,21 @@ pub(super) const CLIPS: Study = Study {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Standing {
-    /// Better on at least two captures, and on none worse by more than 0.1: it stays.
+    /// Better on at least two captures, and on none worse by more than 0.1 dB, or 0.01 of LPIPS or SSIM: it stays.
     Shown,
     /// Not better on two captures: it goes.
     NotShown,
-    /// Worse by more than 0.1 on a capture: it goes.
+    /// Worse on a capture by more than that: it goes.
     Harmful,
 }
 
 impl Standing {
-    /// By the differences to the default, one for each capture. A technique is better where the interval lies above 0.
-    pub fn of(differences: &[Estimate]) -> Self {
-        let is_better = |d: &&Estimate| d.half_width.is_some_and(|half| d.mean > half);
-        if differences.iter().any(|d| d.mean < -HARM) {
+    /// By the differences of `measure` to the default, one for each capture. A technique is better where the interval lies on
+    /// the better side of 0.
+    pub fn of(measure: Measure, differences: &[Estimate]) -> Self {
+        let gain = |d: &Estimate| if measure.is_less_better() { -d.mean } else { d.mean };
+        let is_better = |d: &&Estimate| d.half_width.is_some_and(|half| gain(d) > half);
+        if differences.iter().any(|d| gain(d) < -measure.harm()) {
             Standing::Harmful
         } else if differences.iter().filter(is_better).count() >= SHOWN_ON {
             Standing::Shown
@@ -159,26 +159,34 @@ impl Standing {
 }
 
 /// Differences to the first arm by arm and capture, and what they show, in Markdown. `differences` has a row for every arm of
-/// `study` but the first, and in it a number for each of `captures` that has one.
+/// `study` but the first, and in it a number for each of `captures` that has one, all of the study's last measure.
 pub fn standings(study: &Study, captures: &[&str], differences: &[Vec<Option<Estimate>>]) -> String {
-    let measure = study.measures.last().map_or("", |measure| measure.title());
+    let measure = study.measures.last().copied().unwrap_or(Measure::Psnr);
+    let side = if measure.is_less_better() { "below" } else { "above" };
     let heads: Vec<&str> = [""].into_iter().chain(captures.iter().copied()).chain(["all"]).collect();
     let rows = study.arms.iter().skip(1).zip(differences).map(|(arm, row)| {
         let known: Vec<Estimate> = row.iter().flatten().copied().collect();
-        let cells = row.iter().map(|one| one.map_or("-".to_owned(), |one| one.signed(2)));
-        [arm.name.to_owned()].into_iter().chain(cells).chain([Standing::of(&known).words().to_owned()]).collect()
+        let cells = row.iter().map(|one| one.map_or("-".to_owned(), |one| one.signed(measure.decimals())));
+        [arm.name.to_owned()]
+            .into_iter()
+            .chain(cells)
+            .chain([Standing::of(measure, &known).words().to_owned()])
+            .collect()
     });
     format!(
-        "## {}: differences of {measure} to `{}`\n\n{}\nPaired by seed, with 95 % intervals. Shown: the interval lies above 0 on at \
-         least {SHOWN_ON} captures, and no capture loses more than {HARM}. Harms: one does.\n",
+        "## {}: differences of {} to `{}`\n\n{}\nPaired by seed, with 95 % intervals. Shown: the interval lies {side} 0 on at \
+         least {SHOWN_ON} captures, and no capture loses more than {}. Harms: one does.\n",
         study.title,
+        measure.title(),
         study.arms.first().map_or("", |arm| arm.name),
-        Table::new(&heads, rows).markdown()
+        Table::new(&heads, rows).markdown(),
+        measure.harm()
     )
 }
 
 #[cfg(test)]
 mod tests {
+    use super::super::studies::STUDIES;
     use super::*;
 
     fn estimate(mean: f64, half_width: f64) -> Estimate {
@@ -188,11 +196,23 @@ mod tests {
     #[test]
     fn a_technique_is_shown_on_two_captures_and_by_harm_on_none() {
         let (better, level) = (estimate(0.4, 0.3), estimate(0.2, 0.3));
-        assert_eq!(Standing::of(&[better, better, estimate(-0.1, 0.5)]), Standing::Shown);
-        assert_eq!(Standing::of(&[better, level, level]), Standing::NotShown);
-        assert_eq!(Standing::of(&[better, better, estimate(-0.11, 0.5)]), Standing::Harmful);
+        assert_eq!(Standing::of(Measure::Psnr, &[better, better, estimate(-0.1, 0.5)]), Standing::Shown);
+        assert_eq!(Standing::of(Measure::Psnr, &[better, level, level]), Standing::NotShown);
+        assert_eq!(Standing::of(Measure::Psnr, &[better, better, estimate(-0.11, 0.5)]), Standing::Harmful);
         // One seed has no interval.
-        assert_eq!(Standing::of(&[Estimate { mean: 9.0, half_width: None }; 3]), Standing::NotShown);
+        assert_eq!(Standing::of(Measure::Psnr, &[Estimate { mean: 9.0, half_width: None }; 3]), Standing::NotShown);
+    }
+
+    #[test]
+    fn where_less_is_better_a_technique_that_lowers_it_is_shown() {
+        let (lower, higher) = (estimate(-0.006, 0.001), estimate(0.006, 0.001));
+        assert_eq!(Standing::of(Measure::Lpips, &[lower, lower]), Standing::Shown);
+        assert_eq!(Standing::of(Measure::Lpips, &[higher, higher]), Standing::NotShown);
+        assert_eq!(Standing::of(Measure::Lpips, &[lower, lower, estimate(0.011, 0.02)]), Standing::Harmful);
+        let study = STUDIES.iter().find(|study| study.measures.last() == Some(&Measure::Lpips)).unwrap();
+        let text = standings(study, &["fox", "room"], &vec![vec![Some(lower); 2]; study.arms.len() - 1]);
+        assert!(text.contains("| -0.0060 +- 0.0010 | -0.0060 +- 0.0010 | shown |"), "{text}");
+        assert!(text.contains("the interval lies below 0 on at least 2 captures, and no capture loses more than 0.01"));
     }
 
     #[test]

@@ -73,7 +73,7 @@ struct Graded {
     grids: Grids,
     /// By camera, its place among the grids.
     of_camera: Vec<Option<usize>>,
-    /// Whether all cameras that are trained on have one.
+    /// Whether nothing holds the tint that all have in common: each trained camera has one, and all colours are trained.
     is_free: bool,
     /// By place, steps of this grid so far, those that are under way among them.
     steps: Vec<u64>,
@@ -125,7 +125,8 @@ impl Cameras {
             cameras.graded = Some(Graded {
                 grids: Grids::new(gpu, n_grids)?,
                 of_camera: setup.has_grid.iter().map(|has| if *has { place.next() } else { None }).collect(),
-                is_free: n_grids == setup.n_trained,
+                // What is not trained holds the colours.
+                is_free: config.trains_static && n_grids == setup.n_trained,
                 steps: vec![0; n_grids],
                 ended: vec![0; n_grids],
                 image: gpu.alloc("image graded", 1)?,

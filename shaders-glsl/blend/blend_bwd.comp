@@ -8,7 +8,7 @@
 //           bits, vary from run to run), 2 fixed point in 64 bits of two words (the same bits in any order), 3 compare-exchange (as 1, on
 //           devices without float atomics), 4 fixed point in one word of 64 bits (the same bits as 2).
 // Reads     the forward pass's lists, final T and last entry; cotangents: d_image0 (colour, alpha), d_image1 (depth,
-//           inverse depth, flow; FULL only). SEGMENT entries a round, the last entries first; T and S stay in `carry`.
+//           inverse depth, flow; FULL only). WALKED entries a round, the last entries first; T and S stay in `carry`.
 //           CHUNKED: a chunk starts from the T that it left, and from S by the colours behind it, as blend_merge has them.
 // Writes    slots, 6 vec2 each, added to what earlier blocks left:
 //           (h u u, h u w) (h w w, h u) (h w, opacity) (r, g) (b, z) (flow), h = dL/dpower, (u, w) = M d;
@@ -38,10 +38,14 @@
 
 layout(local_size_x = 64) in;
 
-// Of compare and exchange: every try is an iteration.
-const uint SWAP_SEGMENT = 8192u;
+// Of sums that are no slots each number of a lane is an iteration, and each try to exchange it. Of 4 lanes that makes 6 for an
+// entry, and 17; drivers on a CPU allow 65,535.
+const uint SUM_SEGMENT = 8192u;
+const uint SWAP_SEGMENT = 2048u;
 #if ACCUMULATE == 3
 #define WALKED SWAP_SEGMENT
+#elif ACCUMULATE > 0
+#define WALKED SUM_SEGMENT
 #else
 #define WALKED SEGMENT
 #endif

@@ -24,6 +24,7 @@ layout(push_constant) uniform Push {
     float middle;    // of the clip
     float squares;   // 1: adds s s; 0: s
     uint n_cameras;
+    float is_of_clip; // 1; 0 for a photograph, which has no time and says nothing of motion
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 0, binding = 1) restrict readonly buffer DGeometry { vec4 d_geometry[]; };
@@ -65,8 +66,8 @@ void main() {
     part.x = dot(d_mean, v.xyz) * (pc.middle - pc.time) + (at_rest / weight - 1.0) * d_own;
 #else
     const float x = pc.time - pc.middle;
-    lack = vec4(x * d_mean, x * d_own);
-    swell = (x * x - 1.0 / 12.0) * d_own;
+    lack = pc.is_of_clip * vec4(x * d_mean, x * d_own);
+    swell = pc.is_of_clip * (x * x - 1.0 / 12.0) * d_own;
 #endif
     // What a band is in the mean over the cameras goes into the constant band when it is dropped.
     vec3 mean1 = vec3(0.0), mean2 = vec3(0.0), mean3 = vec3(0.0);

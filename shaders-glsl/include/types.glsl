@@ -64,6 +64,10 @@ struct AdamParams {
 const uint DEPTH_SHIFT_24 = 4u;   // of keys of 24 bits
 const uint DEPTH_SHIFT_16 = 11u;  // of keys of 16 bits
 
+// Gradients of this camera with the one a frame on where it is, or as a correction of the pose moves both.
+const uint CAMERA_ALONE = 1u;
+const uint CAMERA_WITH_NEXT = 2u;
+
 const uint FLOW_VELOCITY = 0u;
 const uint FLOW_DISPLACEMENT = 1u;
 

@@ -268,8 +268,16 @@ void main() {
         d_turn += cross(v_cam, d_v_cam);
 #endif
         // Centre and camera enter by their difference alone, so a shift of the camera is one of all centres.
+        vec3 d_shift_all = d_shift;
+        if (unfolded(pc.wants_camera) == CAMERA_WITH_NEXT) {
+            // A correction turns and shifts the camera one frame on too; in the frame of this one.
+            const vec3 d_turn_later = cross(p_later, d_p_later);
+            d_turn += rotate_to_camera(view,
+                view.next0.xyz * d_turn_later.x + view.next1.xyz * d_turn_later.y + view.next2.xyz * d_turn_later.z);
+            d_shift_all += rotate_to_camera(view, d_later);
+        }
         d_camera[2u * at] = good ? vec4(d_turn, -d_v.w) : vec4(0.0);
-        d_camera[2u * at + 1u] = good ? vec4(d_shift, 0.0) : vec4(0.0);
+        d_camera[2u * at + 1u] = good ? vec4(d_shift_all, 0.0) : vec4(0.0);
     }
     // In units of half a picture, as 3DGS's threshold for density control has it.
     const float pull = length(d_xy * 0.5 * vec2(float(view.width), float(view.height)));

@@ -1,8 +1,10 @@
 //! The ways of adding gradients up.
 
+use super::adjoint::layers;
 use super::check::{bits, cotangents, dot, flat, smooth_cotangents};
 use crate::adversary::slack;
 use crate::common::device::gpu;
+use crate::common::one::camera;
 use crate::common::random::{scene, view};
 use crate::common::twins::tested;
 use ivv::Constants;
@@ -76,6 +78,34 @@ fn each_way_tells_density_control_how_hard_a_centre_is_pulled() {
             let allowed = slack(100.0) * (2e-5 * truth + 1e-6 * most);
             assert!((found - truth).abs() <= allowed, "{sums:?}: Gaussian {i} is pulled by {found}, not by {truth}");
             assert!(*n == 1.0 || *truth == 0.0, "{sums:?}: Gaussian {i} is pulled in no picture");
+        }
+    }
+}
+
+/// Drivers on a CPU end the loops of an invocation after 65,535 turns in all.
+#[test]
+fn a_list_whose_entries_all_meet_one_block_is_walked_whole() {
+    let gpu = gpu();
+    let view = camera(16, 16);
+    let mut splats = layers(32_000, 1.1 / 255.0, 1.5 / 255.0);
+    // Into the last quarter of the picture, a block of 8 x 8 pixels.
+    for at in &mut splats.position {
+        [at[0], at[1]] = [at[0], at[1]].map(|x| 0.5 * x + 4.0 / 64.0 * at[2]);
+    }
+    let cotangents = smooth_cotangents(7, &splats, &view);
+    let gradients = |mode: Sums| {
+        let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
+        renderer.accumulate(mode).ok()?;
+        Some(renderer.vjp(&view, &cotangents).unwrap().0)
+    };
+    let slots = gradients(Sums::Slots).unwrap();
+    for mode in Sums::ALL {
+        let Some(found) = gradients(mode) else { continue };
+        for name in ["position", "opacity", "sh"] {
+            let (a, b) = (flat(&found, name), flat(&slots, name));
+            let difference: Vec<f64> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+            let error = (dot(&difference, &difference) / dot(&b, &b)).sqrt();
+            assert!(error <= 1e-5, "{mode:?}: {name} differs by {error:e}");
         }
     }
 }

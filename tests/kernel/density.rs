@@ -426,7 +426,7 @@ fn a_population_may_die_out_and_a_scene_may_not() {
     let case = Case::new(splats, state, 128);
     for round in [ROUND, DRAWN] {
         let fault = case.run(&round).err().expect("nothing is left");
-        assert!(matches!(fault, ivv::Error::NonFinite { .. }), "{fault}");
+        assert!(fault.to_string().contains("density control pruned every Gaussian"), "{fault}");
     }
     let empty = Case::new(Splats::new(0), Vec::new(), 128);
     assert!(empty.run(&ROUND).is_err());

@@ -90,6 +90,11 @@ test('the page', { skip: SKIP, timeout: 400_000 }, async (t) => {
       const before = (await stats()).time;
       await page.keyboard.press('ArrowRight');
       assert.ok(Math.abs((await stats()).time - before - 1 / 30) < 1e-3);
+      // The time bar takes no text: keys still act.
+      await page.keyboard.press('Space');
+      await until(page, () => window.ivv.stats().playing);
+      await page.keyboard.press('Space');
+      await until(page, () => !window.ivv.stats().playing);
       const start = await center();
       await page.mouse.move(200, 200);
       await page.mouse.down();
@@ -108,6 +113,31 @@ test('the page', { skip: SKIP, timeout: 400_000 }, async (t) => {
       await page.keyboard.press('i');
       await page.locator('#stats').getByText('Live Gaussians').waitFor();
       assert.deepEqual(page.faults, []);
+    });
+  });
+
+  await t.test('what the view looks at follows a pointer that shifts it, however the view fits the canvas', async () => {
+    await withPage(small(), async (page) => {
+      await ready(page);
+      const pivot = await page.evaluate(() => {
+        const { reach, view: { center, rotation } } = window.ivv.app.rig;
+        return center.map((x, c) => x + reach * rotation[6 + c]);
+      });
+      /** Where the picture has what was looked at. */
+      const place = () => page.evaluate((point) => {
+        const { center, rotation, fx, fy, cx, cy } = window.ivv.app.currentView();
+        const [x, y, z] = [0, 1, 2].map((r) => point.reduce((sum, v, c) => sum + rotation[3 * r + c] * (v - center[c]), 0));
+        return [(fx * x) / z + cx, (fy * y) / z + cy];
+      }, pivot);
+      const start = await place();
+      await page.mouse.move(200, 200);
+      await page.mouse.down({ button: 'right' });
+      await page.mouse.move(300, 160, { steps: 3 });
+      await page.mouse.up({ button: 'right' });
+      const end = await place();
+      const scale = await page.evaluate(() => window.ivv.app.canvas.width / window.ivv.app.canvas.clientWidth);
+      const [dx, dy] = end.map((v, c) => (v - start[c]) / scale);
+      assert.ok(Math.abs(dx - 100) < 0.5 && Math.abs(dy + 40) < 0.5, `shifted by ${dx}, ${dy} pixels of the page`);
     });
   });
 
@@ -174,6 +204,16 @@ test('the page', { skip: SKIP, timeout: 400_000 }, async (t) => {
     const pictures = [];
     for (const ranges of [true, false]) await withPage(bytes, async (page) => { await ready(page); pictures.push(await picture(page, 3.5)); }, { server: { ranges } });
     assert.equal(psnr(pictures[0], pictures[1]), Infinity);
+  });
+
+  await t.test('a clip whose length is no single has Gaussians at its end, and says its length', async () => {
+    const [duration, end] = [3.3, Math.fround(3.3)];
+    await withPage(write4dgs(randomGaussians(400, 0, 1, duration), { duration, end, views }), async (page) => {
+      await ready(page);
+      await picture(page, duration);
+      assert.ok((await page.evaluate(() => window.ivv.stats().live)) > 50);
+      await until(page, () => document.getElementById('clock').textContent === '0:03.3 / 0:03.3');
+    });
   });
 
   await t.test('a slow file waits, and plays on', async () => {

@@ -5,12 +5,13 @@ import { basename, join } from 'node:path';
 import test from 'node:test';
 import { fileURLToPath } from 'node:url';
 import { crc32, FormatError } from '../../assets/player/bytes.js';
-import { soundPosition } from '../../assets/player/container.js';
+import { Clock } from '../../assets/player/clock.js';
+import { lastMoment, soundPosition } from '../../assets/player/container.js';
 import { SH_COEFFICIENTS } from '../../assets/player/decode.js';
 import { Sorter } from '../../assets/player/sorter.js';
 import { base64Bytes, memorySource } from '../../assets/player/source.js';
 import { decodeAll, randomGaussians } from './scenes.mjs';
-import { MAGIC, write4dgs } from './write4dgs.mjs';
+import { MAGIC, record, write4dgs } from './write4dgs.mjs';
 
 const FIXTURES = process.env.IVV_4DGS_FIXTURES ?? fileURLToPath(new URL('../../../shared/data/4dgs_fixtures', import.meta.url));
 const SKIP = existsSync(FIXTURES) ? false : `${FIXTURES} is not there`;
@@ -18,10 +19,16 @@ const list = (folder) => (SKIP ? [] : readdirSync(join(FIXTURES, folder)).filter
 const jsonOf = (path) => path.replace(/4dgs$/, 'json');
 const near = (a, b, tolerance, what) => assert.ok(Math.abs(a - b) <= tolerance, `${what}: expected ${b}, found ${a}`);
 
-test('every gaussian-birth fixture reads as its JSON says', { skip: SKIP }, async () => {
+const isTracked = (error) => error.code === 'unsupported-tracks' && /without tracks of objects/.test(error.message);
+
+test('every gaussian-birth fixture reads as its JSON says, but for those whose objects tracks move', { skip: SKIP }, async () => {
   const paths = list('.').filter((path) => existsSync(jsonOf(path)));
   assert.ok(paths.length >= 28, `found ${paths.length} fixtures`);
-  for (const path of paths) await checkFixture(path, JSON.parse(readFileSync(jsonOf(path))));
+  for (const path of paths) {
+    const expected = JSON.parse(readFileSync(jsonOf(path)));
+    if (expected.objects?.tracks.length > 0) await assert.rejects(decodeAll(readFileSync(path)), isTracked, basename(path));
+    else await checkFixture(path, expected);
+  }
 });
 
 async function checkFixture(path, expected) {
@@ -104,6 +111,61 @@ test('fixtures that have to be refused are refused by name', { skip: SKIP }, asy
   }
   for (const path of list('.').filter((p) => /Keyframe/.test(p))) {
     await assert.rejects(decodeAll(readFileSync(path)), (error) => error.code === 'unknown-temporal-model' && /keyframe-delta/.test(error.message), basename(path));
+  }
+  await assert.rejects(decodeAll(readFileSync(join(FIXTURES, 'ObjectTrackComposed-UseChunkIndex-UseCrc.4dgs'))), isTracked);
+});
+
+test('an object that a track moves is refused, a track without samples is none', async () => {
+  for (const samples of [0, 1]) {
+    const content = Buffer.alloc(9 + 64 * samples);
+    content.writeUInt32LE(7, 0);
+    content.writeUInt32LE(samples, 5);
+    const read = decodeAll(write4dgs(randomGaussians(5, 0), { duration: 2, records: [record(0x25, content)] }));
+    if (samples === 0) assert.equal((await read).gaussians.count, 5);
+    else await assert.rejects(read, (error) => error.code === 'unsupported-tracks' && /object 7/.test(error.message));
+  }
+});
+
+/** A file of a scene with a Coordinate Frame, or with none, and with attributes of the header. */
+function framed({ handedness = 1, unit = 0, metres = 0 } = {}, attributes = {}, hasFrame = true) {
+  const content = Buffer.alloc(16);
+  content.set([handedness, 1, 2, unit], 4);
+  content.writeDoubleLE(metres, 8);
+  return write4dgs(randomGaussians(5, 0), { duration: 2, attributes, records: hasFrame ? [record(0x20, content)] : [] });
+}
+
+test('a unit of a scene is as long as its number says, or else its name', async () => {
+  for (const [unit, metres, expected] of [[1, 0, 1], [2, 0, 0.01], [5, 0, 0.3048], [6, 0, 0.0254], [2, 0.5, 0.5], [0, 0, 0], [200, 0, 0]]) {
+    const { scene } = await decodeAll(framed({ unit, metres }));
+    assert.deepEqual(scene.frame, { handedness: 1, upAxis: 1, metresPerUnit: expected }, `unit ${unit}, ${metres} m`);
+  }
+});
+
+test('left-handed axes are refused: by the record, or by the text where there is none', async () => {
+  const text = { coordinate_system: 'y-up-left-handed' };
+  for (const bytes of [framed({ handedness: 2 }), framed({ handedness: 2 }, { coordinate_system: 'y-up-right-handed' }), framed({}, text, false)]) {
+    await assert.rejects(decodeAll(bytes), (error) => error.code === 'unsupported-axes' && /left-handed/.test(error.message));
+  }
+  for (const bytes of [framed({ handedness: 1 }, text), framed({ handedness: 0 }, text), framed({}, { coordinate_system: 'y-up-right-handed' }, false)]) {
+    assert.equal((await decodeAll(bytes)).gaussians.count, 5);
+  }
+});
+
+test('the last moment has Gaussians where windows and chunks end at the nearest single below the duration', async () => {
+  const duration = 3.3;
+  const end = Math.fround(duration);
+  assert.ok(end < duration);
+  const { scene, chunks } = await decodeAll(write4dgs(randomGaussians(300, 0, 1, duration), { duration, end }));
+  const sorter = new Sorter(scene.windows, 64);
+  chunks.forEach((chunk, id) => {
+    const rows = Uint32Array.from({ length: Math.ceil(chunk.count / 64) }, (_, r) => r * 64);
+    sorter.chunks.set(id, { ...scene.chunks[id], sortable: chunk.sortable, window: chunk.window, rows });
+  });
+  const clock = new Clock(duration, () => 0);
+  clock.set({ time: duration, loop: false });
+  for (const t of [lastMoment(scene), clock.time()]) {
+    assert.ok(t > duration - 1e-5 && t < end, `${t}`);
+    assert.ok(sorter.sort(t, [0, 0, 1, 0]).count > 50, `live at ${t}`);
   }
 });
 

@@ -35,9 +35,9 @@ function stream(id, values, channels, count, level) {
 
 /**
  * @param {Gaussians} g @param {{ duration: number, parts?: number, cutoff?: number, ivv?: object, metadata?: object, views?: object, ears?: Buffer, sounds?: object[], index?: boolean, level?: number,
- * packed?: boolean }} options `level` of deflate for streams, 0 stores them; `packed`: the streams of a chunk are packed once more together
+ * packed?: boolean, end?: number, attributes?: object, records?: Buffer[] }} options `end` of the window and of the last chunks, seconds; `attributes` of the header; `records` as they are; `level` of deflate for streams, 0 stores them; `packed`: the streams of a chunk are packed once more together
  */
-export function write4dgs(g, { duration, parts = 4, cutoff = 1 / 255, ivv, metadata = {}, views, ears, sounds = [], index = true, level = 6, packed = false }) {
+export function write4dgs(g, { duration, end = duration, parts = 4, attributes = {}, records = [], cutoff = 1 / 255, ivv, metadata = {}, views, ears, sounds = [], index = true, level = 6, packed = false }) {
   const k = Math.sqrt(-2 * Math.log(cutoff));
   const bound = (pick, c) => g.position.reduce((best, p) => pick(best, p[c]), g.position[0]?.[c] ?? 0);
   const origin = [0, 1, 2].map((c) => bound(Math.min, c));
@@ -76,10 +76,11 @@ export function write4dgs(g, { duration, parts = 4, cutoff = 1 / 255, ivv, metad
   let at = MAGIC.length;
   const emit = (bytes) => { out.push(bytes); at += bytes.length; return { offset: at - bytes.length, length: bytes.length }; };
   const box = [Math.min, Math.max].flatMap((pick) => [0, 1, 2].map((c) => bound(pick, c)));
-  emit(record(0x01, string(''), string('ivv test'), f64(duration), u64(g.count), f64(cutoff), string('gaussian-birth'), f64(...box), u8(g.shDegree), u8(sounds.length ? 1 : 0), map({})));
+  emit(record(0x01, string(''), string('ivv test'), f64(duration), u64(g.count), f64(cutoff), string('gaussian-birth'), f64(...box), u8(g.shDegree), u8(sounds.length ? 1 : 0), map(attributes)));
   const steps = f64(...origin, STEP.position, STEP.scale, STEP.rotation, STEP.rgb, STEP.alpha, STEP.motion, STEP.time, STEP.sigma);
   emit(record(0x03, string('uniform-v1'), steps, u8(1), map({})));
-  emit(record(0x04, u32(1), f64(0, duration)));
+  emit(record(0x04, u32(1), f64(0, end)));
+  records.forEach(emit);
   for (const s of sounds) {
     const keys = (s.keys ?? []).map((key) => f64(key.time, ...key.position, 0, 0, 0, 1));
     const flags = (s.spatial === false ? 0 : 1) | (s.loop ? 2 : 0);
@@ -93,7 +94,7 @@ export function write4dgs(g, { duration, parts = 4, cutoff = 1 / 255, ivv, metad
   if (ears) emit(record(0x0d, string('ears.bin'), string('application/octet-stream'), blob(ears)));
   const entries = [];
   for (const [p, ids] of [...members].sort((a, b) => a[0] - b[0])) {
-    const [t0, t1] = p < 0 ? [0, duration] : [(p / parts) * duration, ((p + 1) / parts) * duration];
+    const [t0, t1] = p < 0 ? [0, end] : [(p / parts) * duration, p + 1 === parts ? end : ((p + 1) / parts) * duration];
     const names = [['position', 3], ['scale', 3], ['largest', 1], ['rest', 3], ['rgb', 3], ['alpha', 1], ['motion', 3], ['time', 1], ['sigma', 1], ['flags', 1], ['window', 1]];
     const streams = Buffer.concat(names.map(([name, channels], id) => stream(id, ids.flatMap((i) => q[i][name]), channels, ids.length, level)));
     const stored = packed ? deflateSync(streams, { level }) : streams;

@@ -9,6 +9,7 @@ mod pictures;
 mod programs;
 mod resume;
 pub mod sources;
+mod stale;
 mod tracking;
 mod undistort;
 

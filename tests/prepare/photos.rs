@@ -4,13 +4,14 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
 
+use image::ExtendedColorType;
 use ivv::prepare::{PrepareSettings, prepare};
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Alpha, Capture, CaptureSettings};
 
-use super::{done, settings, video};
+use super::{done, run, settings, video};
 use crate::capture::model::{Model, binary};
 use crate::capture::photos::clip;
-use crate::capture::{Folder, png};
+use crate::capture::{Folder, assert_told, encode, png};
 use crate::common::notes::has_program;
 
 /// A program in the place of COLMAP: its mapper finds `model/`, and it deletes images by taking the model of that name.
@@ -119,6 +120,28 @@ fn photographs_of_a_capture_stay_with_it() {
     let without = PrepareSettings { photos: None, output: folder.0.join("without"), ..given };
     done(&without);
     assert_eq!(Capture::open(&without.output).unwrap().cameras.len(), 4);
+}
+
+#[test]
+fn photographs_are_checked_before_anything_is_made_and_read_as_is_asked() {
+    let (folder, clip) = (Folder::new("prepare-static-read"), clip("prepare-static-read-source"));
+    model(&folder, "walk/sparse/0", &["a.png", "b.png", "c.png"]);
+    let half: Vec<u8> = (0..64 * 48).flat_map(|i| [200, 100, 50, if i % 64 < 32 { 255 } else { 0 }]).collect();
+    folder.write("walk/images/a.png", encode(&half, 64, 48, ExtendedColorType::Rgba8));
+    folder.write("walk/images/b.png", png(32, 48, 0));
+    let photos = Some(folder.0.join("walk"));
+    let given = PrepareSettings { source: clip.0.clone(), photos, ..settings(&folder) };
+    let (prepared, pieces) = run(&given).unwrap();
+    let says = ["is calibrated for 64 x 48, its pictures are 32 x 48", "c.png: is missing"];
+    assert_told(&prepared.report, &says);
+    assert!(pieces.is_empty() && !given.output.exists(), "{pieces:?}");
+    let capture =
+        CaptureSettings { skip_missing: true, rescale: true, alpha: Alpha::Mask, ..CaptureSettings::default() };
+    let asked = PrepareSettings { capture, ..given };
+    done(&asked);
+    let capture = Capture::open(&asked.output).unwrap();
+    assert_eq!(capture.cameras.iter().filter(|camera| camera.is_photo).count(), 2);
+    assert!(asked.output.join("photos/foreground/a/00000.png").is_file());
 }
 
 #[test]

@@ -1,15 +1,16 @@
-//! Pictures without cameras: photos, a video, a folder of videos.
+//! Pictures without cameras: photos, a video, a folder of videos; and what a source is taken for.
 
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
 
 use ivv::prepare::{PrepareSettings, Triangulate, forecast, prepare, recognise};
-use ivv::scene::capture::{Capture, Manifest};
+use ivv::scene::capture::{Capture, CaptureSettings, Manifest};
 
-use super::{settings, video};
-use crate::capture::model::{Model, binary};
-use crate::capture::{Folder, png};
+use super::sources::{IDENTITY, transforms};
+use super::{done, run, settings, video};
+use crate::capture::model::{Model, STEMS, binary};
+use crate::capture::{Folder, png, told};
 use crate::common::notes::{has_program, shared};
 
 /// A program in the place of COLMAP that writes what it is called with, tells progress as COLMAP does, and has the mapper find
@@ -164,6 +165,8 @@ fn what_is_no_capture_yet_is_told_by_its_name_and_the_command() {
     let folder = Folder::new("prepare-names");
     folder.write("photos/a.png", png(6, 4, 0));
     folder.write("photos/b.png", png(6, 4, 0));
+    // As phones do.
+    folder.write("photos/a.mov", "");
     folder.write("n3v/poses_bounds.npy", "");
     folder.write("caliscope/camera_array.toml", "");
     folder.write("p2s/calibration/Calib.toml", "");
@@ -195,6 +198,67 @@ fn what_is_no_capture_yet_is_told_by_its_name_and_the_command() {
         }
     }
     assert_eq!((recognise(&folder.0.join("capture")), recognise(&folder.0.join("nowhere"))), (None, None));
+}
+
+/// A model of these images, all of one camera.
+fn model(folder: &Folder, to: &str, names: &[&'static str]) {
+    let image = |(id, name): (u32, &&'static str)| (id, IDENTITY, [f64::from(id), 0.0, 0.0], 1, *name, vec![]);
+    let images = (1..).zip(names).map(image).collect();
+    let cameras = vec![(1, 1, "PINHOLE", 64, 48, vec![60.0, 60.0, 32.0, 24.0])];
+    for (stem, bytes) in STEMS.iter().zip(binary(&Model { cameras, images, points: vec![] })) {
+        folder.write(&format!("{to}/{stem}.bin"), bytes);
+    }
+}
+
+/// A plain COLMAP project of these images, and of others that were not placed.
+fn project(folder: &Folder, placed: &[&'static str], others: &[&'static str]) {
+    model(folder, "source/sparse/0", placed);
+    for name in placed.iter().chain(others) {
+        folder.write(&format!("source/images/{name}"), png(64, 48, 0));
+    }
+}
+
+#[test]
+fn a_film_or_a_folder_of_one_placed_image_makes_no_rig_of_a_project() {
+    let live = Folder::new("prepare-live");
+    project(&live, &["IMG_6.png", "IMG_7.png", "IMG_8.png"], &[]);
+    live.write("source/images/IMG_7.MOV", "");
+    assert_eq!(done(&settings(&live)).source_format, "COLMAP");
+    // Every photo has its film.
+    ["6", "8"].iter().for_each(|number| drop(live.write(&format!("source/images/IMG_{number}.MOV"), "")));
+    let all = PrepareSettings { output: live.0.join("all"), ..settings(&live) };
+    assert_eq!(done(&all).source_format, "COLMAP");
+
+    let days = Folder::new("prepare-days");
+    let placed = ["day1/IMG_1.png", "day1/IMG_2.png", "day1/IMG_3.png", "day2/IMG_4.png"];
+    project(&days, &placed, &["day2/IMG_5.png", "day2/IMG_6.png"]);
+    let prepared = done(&settings(&days));
+    assert_eq!((prepared.source_format, prepared.report.n_images), ("COLMAP", 4));
+
+    // A rig stays one, where a camera has lost its video and where the images of the model are there too.
+    let rig = Folder::new("prepare-stills");
+    project(&rig, &["left.png", "middle.png", "right.png"], &[]);
+    ["left", "right"].iter().for_each(|name| drop(rig.write(&format!("source/{name}.mp4"), "")));
+    assert_eq!(recognise(&rig.0.join("source")).as_deref(), Some("a COLMAP rig recording"));
+}
+
+#[test]
+fn smaller_images_are_of_a_plain_colmap_project_alone() {
+    let folder = Folder::new("prepare-downscale");
+    (0..2).for_each(|i| drop(folder.write(&format!("transforms/images/{i:04}.png"), png(64, 48, i))));
+    folder.write("transforms/transforms.json", transforms(2, |_, _| ()));
+    model(&folder, "rig", &["left.png", "right.png"]);
+    for image in ["rig/left/0.png", "rig/left/1.png", "rig/right/0.png", "rig/right/1.png"] {
+        folder.write(image, png(64, 48, 0));
+    }
+    ["a", "b"].iter().for_each(|name| drop(folder.write(&format!("photos/{name}.png"), png(64, 48, 0))));
+    for source in ["transforms", "rig", "photos"].map(|name| folder.0.join(name)) {
+        let capture = CaptureSettings { downscale: Some(4), ..CaptureSettings::default() };
+        let given = PrepareSettings { source, capture, ..settings(&folder) };
+        let told = run(&given).map_or_else(|error| error.to_string(), |(prepared, _)| told(&prepared.report));
+        assert!(told.contains("--downscale: is for a plain COLMAP project"), "{}: {told}", given.source.display());
+        assert!(!given.output.exists());
+    }
 }
 
 /// COLMAP itself, on seven photos.

@@ -177,6 +177,23 @@ fn time_codes_tell_which_frames_are_of_one_moment() {
 }
 
 #[test]
+fn a_plan_by_time_codes_is_of_the_frames_of_the_capture() {
+    if !has_program("ffmpeg", "-version") {
+        return;
+    }
+    let folder = Folder::new("prepare-plan-timecode");
+    imvid(&folder);
+    // `right` began nine frames later: what lies in the middle of twelve is not in both.
+    video_with(&folder.0.join("source/left.mov"), 12, "10", &["-timecode", "01:00:00:08"]);
+    video_with(&folder.0.join("source/right.mov"), 12, "10", &["-timecode", "01:00:01:07"]);
+    let settings = PrepareSettings { by_timecode: true, ..settings(&folder) };
+    let planned = estimate(&settings, &|_| {}).unwrap();
+    assert_eq!((planned.frames, planned.sampled), (3, 3));
+    assert!(planned.stages.iter().any(|stage| stage.stage == "images" && stage.bytes > 0), "{planned:?}");
+    assert_eq!(open(&settings).n_frames, planned.frames);
+}
+
+#[test]
 fn a_plan_tells_what_a_preparation_takes_and_leaves_nothing() {
     if !has_program("ffmpeg", "-version") {
         return;

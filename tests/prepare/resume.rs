@@ -8,7 +8,7 @@ use ivv::prepare::{ImageFormat, PrepareSettings, Share, Stage, prepare_share};
 use ivv::scene::capture::{CaptureSettings, check_capture};
 
 use super::{done, every, rate, run, settings};
-use crate::capture::{Folder, assert_told, dynamic};
+use crate::capture::{Folder, assert_told, dynamic, png};
 
 /// Every file below a folder with its bytes and the time of its last change.
 fn tree(path: &Path) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
@@ -160,4 +160,31 @@ fn other_settings_and_foreign_files_need_force() {
     let jpeg = PrepareSettings { format: ImageFormat::Jpeg, force: true, ..settings };
     done(&jpeg);
     assert!(out.join("images/0/00000.jpg").is_file() && !out.join("images/0/00000.png").exists());
+}
+
+/// With `force`, the folders of the output are removed before they are made: nothing that is read may lie there, however it is named.
+#[test]
+fn what_is_read_is_never_in_the_output() {
+    let (folder, settings) = capture("prepare-inside");
+    done(&settings);
+    let out = folder.0.join("out");
+    folder.write("out/photos/a.png", png(6, 4, 0));
+    std::os::unix::fs::symlink(&out, folder.0.join("link")).unwrap();
+    let before = tree(&out);
+    let forced = PrepareSettings { force: true, ..settings };
+    let photos = |path: PathBuf| PrepareSettings { photos: Some(path), ..forced.clone() };
+    let footage = |path: PathBuf| PrepareSettings { footage: Some(path), ..forced.clone() };
+    let images = CaptureSettings { images: out.join("images"), ..forced.capture.clone() };
+    for (change, option) in [
+        (photos(out.join("photos")), "--static"),
+        (photos(folder.0.join("source/../out/photos")), "--static"),
+        (footage(folder.0.join("link/images")), "--footage"),
+        // As that of a plain COLMAP project: from the source on.
+        (footage("../out/images".into()), "--footage"),
+        (PrepareSettings { capture: images, ..forced.clone() }, "--images"),
+    ] {
+        let told = run(&change).unwrap_err().to_string();
+        assert!(told.contains(&format!("is the folder of {option} or holds it")), "{told}");
+        assert_eq!(tree(&out), before, "a refusal changes nothing");
+    }
 }

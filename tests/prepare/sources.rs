@@ -380,7 +380,7 @@ fn dynamic_3d_gaussians_arrive_with_what_moves() {
     assert_told(&run(&settings).unwrap().0.report, &["1/000001.png: is missing", "2/000000.png: is missing"]);
 }
 
-fn transforms(n: usize, change: impl Fn(usize, &mut serde_json::Value)) -> String {
+pub(super) fn transforms(n: usize, change: impl Fn(usize, &mut serde_json::Value)) -> String {
     let frames = (0..n).map(|i| {
         let rows = [[1.0, 0.0, 0.0, i as f64], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 5.0], [0.0, 0.0, 0.0, 1.0]];
         let mut frame = json!({ "file_path": format!("images/{i:04}.png"), "transform_matrix": rows });

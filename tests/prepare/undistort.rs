@@ -126,6 +126,22 @@ fn pixels_outside_are_masked_and_masks_are_not_mixed() {
     assert!(depth.iter().zip(&mask).all(|(z, mask)| if *mask == 0 { z.is_nan() } else { *z == f32::from(*mask) }));
 }
 
+#[test]
+fn rims_keep_the_colour_of_what_is_opaque() {
+    for (name, lens) in models() {
+        let opaque = |i: u32| i % SIZE.0 < SIZE.0 / 4;
+        let part: Vec<[u8; 4]> =
+            (0..SIZE.0 * SIZE.1).map(|i| if opaque(i) { [200, 100, 50, 255] } else { [0; 4] }).collect();
+        let made = Undistortion::new(lens, lens.pinhole().unwrap()).image(&part);
+        let n_rim = made.iter().filter(|pixel| (17..255).contains(&pixel[3])).count();
+        assert!(n_rim > 10, "{name}: {n_rim}");
+        for pixel in made.iter().filter(|pixel| pixel[3] > 16) {
+            assert_eq!(pixel[..3], [200, 100, 50], "{name}: {pixel:?}");
+        }
+        assert!(made.contains(&[0; 4]), "{name}");
+    }
+}
+
 /// A camera moves along its axis by a tenth of the depth of a plane in front of it: the flow of the distorted picture, by the
 /// lens, must become that of the pinhole.
 #[test]

@@ -67,6 +67,12 @@ fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_dumped
     let replayed: Value = serde_json::from_str(&replayed).unwrap();
     assert_eq!((&replayed[0]["kernel"], &replayed[0]["from_dumped"]["words"]), (&kernel.into(), &0.into()));
 
+    let told: Value = serde_json::from_str(&works(&[&of_scene[..], &["--dump", kernel, "--json"]].concat())).unwrap();
+    assert_eq!(told["path"], file.to_str().unwrap());
+    // Two profiles of a scene cannot differ by a setting of a training.
+    let set = ivv(&[&of_scene[..], &["--set", "adam=lazy"]].concat());
+    assert!(set.status.code() == Some(2) && String::from_utf8_lossy(&set.stderr).contains("without the settings"));
+
     let wrong = ivv(&[&of_scene[..], &["--dump", "no_kernel"]].concat());
     assert!(!wrong.status.success() && String::from_utf8_lossy(&wrong.stderr).contains("no_kernel"));
     // A kernel of training, which no view runs, and a misspelt one.

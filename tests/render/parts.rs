@@ -239,6 +239,44 @@ fn a_4dgs_written_part_by_part_holds_what_one_of_the_whole_scene_holds_and_is_re
     assert!(fault(FourDgs::open(&cut), &cut).contains("not read"));
 }
 
+#[test]
+fn the_last_part_of_a_clip_is_there_at_its_end_whatever_its_length() {
+    let _device = gpu();
+    let folder = Folder::new("four-dgs-end");
+    let path = folder.file("a.4dgs");
+    // The nearest single of 3.3 s, where the last windows and chunks end, is less.
+    let clock = Clock { fps: 10.0, frames: 33 };
+    let (mut told, contents) = (Told::new(3_000), Contents { clock, ..contents() });
+    let measure = contents.measure(&mut told, |_| ()).unwrap();
+    contents.write(&path, &mut told, &measure).unwrap();
+    let ends: Vec<f64> = FourDgs::open(&path).unwrap().summary().chunk_intervals.iter().map(|[_, end]| *end).collect();
+    assert!(ends.contains(&f64::from(3.3_f32)) && clock.seconds() > f64::from(3.3_f32), "{ends:?}");
+    let read = FourDgsParts::open(&path).unwrap().unwrap();
+    assert!(read.parts().iter().any(|part| part.n > 0 && part.to == f64::INFINITY), "{:?}", read.parts());
+    shows(Box::new(read), &read_scene(&path).unwrap());
+}
+
+#[test]
+fn an_export_in_parts_tells_how_many_gaussians_it_wrote() {
+    let folder = Folder::new("four-dgs-parts-told");
+    let mut told = Told::new(300);
+    told.still.scale[0][1] = f32::NAN;
+    told.moving[1].opacity[7] = f32::NAN;
+    write_parts(&folder.file("a.ply"), &mut told).unwrap();
+    let export = |more: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let command = command.current_dir(folder.file("")).args(["export", "a.ply", "-o", "a.4dgs", "--seconds", "5"]);
+        let done = command.args(more).output().unwrap();
+        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+        String::from_utf8(done.stdout).unwrap()
+    };
+    let text = export(&[]);
+    assert!(text.contains("1998 of 2000 Gaussians, 1499 of them dynamic"), "{text}");
+    let report: serde_json::Value = serde_json::from_str(&export(&["--json"])).unwrap();
+    assert_eq!([&report["gaussians"], &report["dynamic_gaussians"]].map(|n| n.as_u64()), [Some(1998), Some(1499)]);
+    assert_eq!(read_scene(&folder.file("a.4dgs")).unwrap().len(), 1998);
+}
+
 /// Every number of each dynamic Gaussian, in an order that does not depend on the file's.
 fn sorted(splats: &Splats) -> Vec<Vec<u32>> {
     let row = |i: usize| {

@@ -7,6 +7,7 @@ use ivv::Constants;
 use ivv::formats::{SpzVersion, read_ply, read_scene, write_ply, write_splat, write_spz};
 use ivv::scene::{Motion, Splats};
 use ivv::stage::{Outputs, Renderer};
+use serde_json::Value;
 use std::path::Path;
 
 /// Static Gaussians of degree `sh_degree` with harmonics that SPZ can hold, rows in another order than the arrays.
@@ -121,6 +122,58 @@ fn what_a_format_cannot_hold_is_refused_or_left_out() {
     far.position[0][2] = 8e6;
     write_spz(&path, &far, SpzVersion::V3).unwrap();
     assert!(read_scene(&path).unwrap().position.iter().any(|p| p[2] == 8e6));
+}
+
+/// What the program tells of an export of `from`, with and without --json.
+fn told(from: &Path, to: &Path, more: &[&str]) -> (Value, String) {
+    let export = |last: &[&str]| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let done = command.arg("export").arg(from).arg("-o").arg(to).args(more).args(last).output().unwrap();
+        assert!(done.status.success(), "{}: {}", to.display(), String::from_utf8_lossy(&done.stderr));
+        String::from_utf8(done.stdout).unwrap()
+    };
+    (serde_json::from_str(&export(&["--json"])).unwrap(), export(&[]))
+}
+
+#[test]
+fn an_export_tells_how_many_gaussians_it_wrote() {
+    let folder = Folder::new("export-told");
+    let mut still = exportable(0, 4);
+    // Colours within [0, 1].
+    still.sh.iter_mut().for_each(|c| *c = c.map(|c| 0.6 * c));
+    let mut moving = sample(0, 3, 2);
+    moving.sh.fill([0.2; 3]);
+    still.scale[1][2] = f32::NAN;
+    (moving.position[0][1], moving.motion[1].t_center) = (f32::NAN, f32::NAN);
+    let [of_still, of_moving] = [("still.ply", &still), ("moving.ply", &moving)].map(|(name, splats)| {
+        let path = folder.file(name);
+        write_ply(&path, splats).unwrap();
+        path
+    });
+    for (from, name, n, n_dynamic) in [
+        (&of_still, "a.splat", 3, 0),
+        (&of_still, "a.spz", 3, 0),
+        (&of_still, "a.glb", 3, 0),
+        (&of_still, "a.4dgs", 3, 0),
+        (&of_still, "a.ply", 4, 0),
+        (&of_moving, "b.ftgs.ply", 3, 1),
+        (&of_moving, "b.4dgs", 3, 1),
+        (&of_moving, "b.ply", 5, 2),
+    ] {
+        let to = folder.file(name);
+        let clip: &[&str] = if name == "b.4dgs" { &["--seconds", "1"] } else { &[] };
+        let (report, text) = told(from, &to, clip);
+        let found = [&report["gaussians"], &report["dynamic_gaussians"]].map(Value::as_u64);
+        assert_eq!(found, [Some(n), Some(n_dynamic)], "{name}");
+        let of = if from == &of_still { 4 } else { 5 };
+        assert!(text.contains(&format!("{n} of {of} Gaussians, {n_dynamic} of them dynamic")), "{text}");
+        // Nobody else counts them in that.
+        if name == "a.splat" {
+            assert_eq!(std::fs::metadata(&to).unwrap().len(), 32 * n);
+        } else if !name.ends_with("glb") {
+            assert_eq!(read_scene(&to).unwrap().len() as u64, n, "{name}");
+        }
+    }
 }
 
 #[test]

@@ -266,6 +266,69 @@ fn which_way_is_up_and_how_large_a_clip_is_are_kept_and_told_in_the_formats_own_
     }
 }
 
+/// A file of no Gaussian with a frame of handedness, unit and metres, y up, or none; and with what its header says of the axes.
+fn framed(frame: Option<(u8, u8, f64)>, axes: Option<&str>) -> Vec<u8> {
+    let mut extras = fourdgs::SceneExtras::default();
+    extras.provenance.frames.extend(frame.map(|(handedness, length_unit, metres_per_unit)| fourdgs::CoordinateFrame {
+        name: String::new(),
+        handedness,
+        up_axis: 1,
+        forward_axis: 2,
+        length_unit,
+        metres_per_unit,
+    }));
+    let metadata = axes.map(|axes| ("coordinate_system".to_owned(), axes.to_owned())).into_iter().collect();
+    let options = fourdgs::WriteOptions { metadata, ..fourdgs::WriteOptions::default() };
+    fourdgs::write_to_vec(&fourdgs::GaussianSet::default(), 1.0, &options, &extras).unwrap()
+}
+
+#[test]
+fn a_unit_of_another_programs_clip_is_as_long_as_its_number_says_or_else_its_name() {
+    let path = Path::new("framed.4dgs");
+    for (unit, metres, expected) in
+        [(0, 0.0, None), (1, 0.0, Some(1.0)), (2, 0.0, Some(0.01)), (5, 0.0, Some(0.3048)), (2, 0.5, Some(0.5))]
+    {
+        let world = FourDgs::of_bytes(path, &framed(Some((1, unit, metres)), None)).unwrap().world();
+        assert_eq!(world, Some(World { up: [0.0, 1.0, 0.0], metres_per_unit: expected }), "unit {unit}, {metres} m");
+    }
+}
+
+/// What the program says to an export of `file` to another `.4dgs`, which it must refuse.
+fn refused_export(folder: &Folder, file: &Path) -> String {
+    let copy = folder.file("copy.4dgs");
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+    let done = command.arg("export").arg(file).arg("-o").arg(&copy).output().unwrap();
+    let told = String::from_utf8(done.stderr).unwrap();
+    assert!(done.status.code() == Some(3) && !copy.exists(), "{told}");
+    told
+}
+
+#[test]
+fn left_handed_axes_are_refused_by_the_frame_or_by_the_text_where_there_is_none() {
+    let folder = Folder::new("four-dgs-axes");
+    let path = folder.file("a.4dgs");
+    let (left, right) = (Some("y-up-left-handed"), Some("y-up-right-handed"));
+    for bytes in [framed(Some((2, 0, 0.0)), None), framed(Some((2, 0, 0.0)), right), framed(None, left)] {
+        let told = fault(FourDgs::of_bytes(&path, &bytes).and_then(|file| file.splats()), &path);
+        assert!(told.contains("found left-handed ones"), "{told}");
+        // Also where the file would be handed on as it is.
+        std::fs::write(&path, bytes).unwrap();
+        let told = refused_export(&folder, &path);
+        assert!(told.contains("found left-handed ones"), "{told}");
+    }
+    for bytes in [framed(Some((1, 0, 0.0)), left), framed(Some((0, 0, 0.0)), left), framed(None, right)] {
+        assert!(FourDgs::of_bytes(&path, &bytes).unwrap().splats().unwrap().is_empty());
+    }
+}
+
+#[test]
+fn objects_that_tracks_move_are_refused_also_where_a_file_would_be_handed_on_as_it_is() {
+    let Some(fixtures) = shared("data/4dgs_fixtures") else { return };
+    let folder = Folder::new("four-dgs-tracks");
+    let told = refused_export(&folder, &fixtures.join("ObjectTrackComposed-UseChunkIndex-UseCrc.4dgs"));
+    assert!(told.contains("along tracks") && told.contains("save it without tracks of objects"), "{told}");
+}
+
 #[test]
 fn a_quick_file_holds_the_same_in_more_bytes() {
     let folder = Folder::new("four-dgs-quick");

@@ -5,8 +5,10 @@ use crate::common::random;
 use crate::scene::Folder;
 use fourdgs::ReadOptions;
 use glam::DVec3;
+use ivv::Constants;
 use ivv::formats::{Clock, Contents, Ears, Encoded, FourDgs, Grades, Sounds, World, write_ply};
-use ivv::scene::{View, demo, write_views};
+use ivv::scene::capture::CaptureSettings;
+use ivv::scene::{Similarity, View, demo, write_views};
 use ivv::sound::FS;
 use ivv::sound::clip::{ears, sounds};
 use ivv::sound::geometry::Mode;
@@ -16,14 +18,16 @@ use ivv::sound::render::{RenderConfig, render};
 use ivv::sound::scene_file::{SoundScene, Source};
 use ivv::sound::sphere::Sphere;
 use ivv::sound::wav::{Depth, read, write};
+use ivv::train::{CaptureSummary, Config, Run};
 use std::collections::BTreeMap;
 use std::path::Path;
+use std::process::Command;
 
-/// The sources of a file of a second and a half, and the law of distance that it states: the microphone's place, the least
-/// distance.
-fn stored(folder: &Folder, sounds: &Sounds) -> (Vec<fourdgs::AudioSource>, [f64; 3], f64) {
+/// The sources of a file of so many frames at 30 a second, and the law of distance that it states: the microphone's place, the
+/// least distance.
+fn stored(folder: &Folder, frames: u32, sounds: &Sounds) -> (Vec<fourdgs::AudioSource>, [f64; 3], f64) {
     let path = folder.file("clip.4dgs");
-    let clock = Clock { fps: 30.0, frames: 45 };
+    let clock = Clock { fps: 30.0, frames };
     let contents = Contents { clock, views: &[], own: BTreeMap::new(), sounds, world: None, is_quick: false };
     let bytes = Encoded::new(&random::scene(3, 5, 1), clock).bytes(&path, &contents, Grades::default()).unwrap();
     assert_eq!(FourDgs::of_bytes(&path, &bytes).unwrap().sounds(), *sounds);
@@ -62,7 +66,7 @@ fn a_player_hears_every_source_as_loud_as_it_is_rendered_from_anywhere() {
     // The last is louder than the whole numbers of a WAV file can be.
     for (mic, gain_db) in [(still.clone(), -6.0), (PoseTrack::new(moving.to_vec()).unwrap(), -6.0), (still, 40.0)] {
         (scene.mic.pose, scene.sources[0].gain_db) = (mic, gain_db);
-        let (sources, place, r_min) = stored(&folder, &sounds(&scene, 1.5).unwrap());
+        let (sources, place, r_min) = stored(&folder, 45, &sounds(&scene, 0.0, 1.5).unwrap());
         let [source] = &sources[..] else { panic!("{} sources", sources.len()) };
         assert_eq!((source.name.as_str(), source.spatial, source.gain == 1.0), ("p0", true, gain_db < 0.0));
         let sound = read(&folder.write("stored.wav", &source.data)).unwrap();
@@ -96,6 +100,99 @@ fn a_player_hears_every_source_as_loud_as_it_is_rendered_from_anywhere() {
 }
 
 #[test]
+fn a_clip_of_some_frames_is_heard_from_its_begin_to_its_end() {
+    let folder = Folder::new("sound-clip-part");
+    let (scene, _) = walk(&folder);
+    let (all, ..) = stored(&folder, 45, &sounds(&scene, 0.0, 1.5).unwrap());
+    // From a time between samples of the track; of both gates the second one is within.
+    let (start, seconds) = (0.51, 0.4);
+    let (part, ..) = stored(&folder, 12, &sounds(&scene, start, seconds).unwrap());
+    let ([all], [part]) = (&all[..], &part[..]) else { panic!("{} and {} sources", all.len(), part.len()) };
+    let times: Vec<f64> = part.keyframes.iter().map(|key| key.time).collect();
+    assert_eq!((times[0], times[times.len() - 1], times.len()), (0.0, seconds, 14));
+    for key in &part.keyframes {
+        let x = 4.0 * (start + key.time) - 2.0;
+        assert!((key.position[0] - x).abs() < 1e-9, "{} at {}, expected {x}", key.position[0], key.time);
+    }
+    assert!((part.start_sec - 0.055).abs() < 1e-3 && (part.duration_sec - 0.27).abs() < 2e-3, "{part:?}");
+    let [whole, heard] =
+        [all, part].map(|source| read(&folder.write("stored.wav", &source.data)).unwrap().channels.concat());
+    let at = ((start + part.start_sec - all.start_sec) * f64::from(FS)).round() as usize;
+    assert!(
+        heard.iter().any(|x| *x != 0.0) && heard == whole[at..],
+        "{} samples from {at} of {}",
+        heard.len(),
+        whole.len()
+    );
+    // One that begins with the recording may end before it; nothing is heard behind its end.
+    let (first, ..) = stored(&folder, 9, &sounds(&scene, 0.0, 0.3).unwrap());
+    let last = first[0].keyframes.last().unwrap();
+    assert!(last.time == 0.3 && (last.position[0] + 0.8).abs() < 1e-9, "{last:?}");
+    assert!(sounds(&scene, 2.0, 1.0).unwrap().is_empty());
+}
+
+/// A run that took the frames from 0.5 up to 0.9 s of a capture, which is not there any more.
+fn run_of_some_frames(folder: &Folder) {
+    let path = folder.file("run");
+    std::fs::create_dir_all(&path).unwrap();
+    write_ply(&path.join("scene.ply"), &demo().0).unwrap();
+    std::fs::write(path.join("config.json"), serde_json::to_vec(&Config::default()).unwrap()).unwrap();
+    let held = CaptureSummary {
+        cameras: 2,
+        frames: 12,
+        fps: 30.0,
+        training_images: 24,
+        test_images: 0,
+        masks: 0,
+        largest_image: [16, 16],
+        points: 0,
+    };
+    let run = Run {
+        capture: folder.file("gone"),
+        capture_settings: CaptureSettings { frames: "15:27".parse().unwrap(), ..CaptureSettings::default() },
+        test_cameras: Vec::new(),
+        viewpoints: Vec::new(),
+        calibration: BTreeMap::new(),
+        world: Similarity::default(),
+        constants: Constants::default(),
+        held,
+    };
+    run.write(&path).unwrap();
+}
+
+#[test]
+fn what_a_run_of_some_frames_shows_is_heard_as_it_was_then() {
+    let folder = Folder::new("sound-run-part");
+    let (scene, _) = walk(&folder);
+    scene.write(&folder.file("scene.json")).unwrap();
+    run_of_some_frames(&folder);
+    let ivv = |arguments: &[&str]| {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let done = command.current_dir(folder.file("")).args(arguments).output().unwrap();
+        assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
+    };
+    ivv(&["export", "run", "-o", "run.4dgs", "--sound", "scene.json"]);
+    let expected = sounds(&SoundScene::read(&folder.file("scene.json")).unwrap(), 0.5, 0.4).unwrap();
+    assert!(expected.len() == 1 && FourDgs::read(&folder.file("run.4dgs")).unwrap().sounds() == expected);
+    // A video, the sound of which is beside it: the gate from 0.6 to 0.8 s is from 0.1 to 0.3 s of it.
+    // The head goes to the right and looks along y, z up.
+    let turn = "-0.70710678 0 0 0.70710678";
+    folder.write("path.txt", format!("0 -0.3 0 0 {turn}\n0.3 0.3 0 0 {turn}\n"));
+    let film = ["render", "run", "--path", "path.txt", "-o", "film.y4m", "--sound", "scene.json"];
+    let device = std::env::var("IVV_TEST_DEVICE").ok();
+    let device: Vec<&str> = device.iter().flat_map(|device| ["--device", device.as_str()]).collect();
+    ivv(&[&film[..], &["--size", "32x24", "--fps", "10"], &device[..]].concat());
+    let heard = read(&folder.file("film.wav")).unwrap();
+    assert_eq!(heard.channels[0].len(), 19_200);
+    let loudest = |from: f64, to: f64| {
+        let [from, to] = [from, to].map(|time| (time * f64::from(FS)) as usize);
+        heard.channels.iter().flat_map(|ear| &ear[from..to]).fold(0.0_f32, |most, x| most.max(x.abs()))
+    };
+    let (before, within, behind) = (loudest(0.0, 0.05), loudest(0.12, 0.28), loudest(0.355, 0.4));
+    assert!(within > 100.0 * before.max(behind) && within > 0.01, "{before}, {within}, {behind}");
+}
+
+#[test]
 fn an_export_takes_sound_along_and_keeps_what_a_file_has() {
     let folder = Folder::new("sound-export");
     let (mut scene, _) = walk(&folder);
@@ -105,7 +202,7 @@ fn an_export_takes_sound_along_and_keeps_what_a_file_has() {
     write_ply(&folder.file("demo.ply"), &splats).unwrap();
     write_views(&folder.file("cameras.json"), &views).unwrap();
     let export = |arguments: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
         let done = command.current_dir(folder.file("")).arg("export").args(arguments).output().unwrap();
         (done.status.code(), String::from_utf8(done.stderr).unwrap())
     };
@@ -125,6 +222,12 @@ fn an_export_takes_sound_along_and_keeps_what_a_file_has() {
     assert_eq!(open("m.4dgs").world(), Some(World { metres_per_unit: Some(0.5), ..world }));
     let (code, said) = export(&["a.4dgs", "-o", "n.4dgs", "--metres-per-unit", "0"]);
     assert!(code == Some(2) && said.contains("--metres-per-unit: expected a positive number, found 0"), "{said}");
+    // Sound that is kept cannot follow another length.
+    let (code, said) = export(&["a.4dgs", "-o", "n.4dgs", "--seconds", "0.5"]);
+    assert!(
+        code == Some(2) && said.contains("its sound cannot be stretched") && !folder.file("n.4dgs").exists(),
+        "{said}"
+    );
     let names = |file: &FourDgs| file.views().unwrap().into_iter().map(|view: View| view.name).collect::<Vec<_>>();
     assert_eq!(names(&again), names(&first));
     write_views(&folder.file("one.json"), &views[..1]).unwrap();
@@ -197,8 +300,8 @@ fn ears_of_a_file_are_those_that_are_rendered_with() {
 
     // A file keeps them beside what is heard.
     let (scene, _) = walk(&folder);
-    let sounds = sounds(&scene, 1.5).unwrap().heard_with(Some(stored.clone()));
-    let (_, mic, _) = self::stored(&folder, &sounds);
+    let sounds = sounds(&scene, 0.0, 1.5).unwrap().heard_with(Some(stored.clone()));
+    let (_, mic, _) = self::stored(&folder, 45, &sounds);
     assert_eq!(mic, scene.mic.pose.poses()[0].p.to_array());
 }
 

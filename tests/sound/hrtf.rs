@@ -4,13 +4,15 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use glam::DVec3;
+use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
 use ivv::sound::hull::Hull;
 use ivv::sound::metrics::{energy, itd, lsd_db};
+use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::sphere::{SPEED_OF_SOUND, Sphere};
 use ivv::sound::wola::Baker;
 
-use super::{db, horizon, noise, sadie, sphere};
+use super::{db, head, horizon, noise, sadie, scene, sphere, track};
 use crate::common::notes::shared;
 
 fn directions(n: usize, seed: u64) -> Vec<DVec3> {
@@ -213,4 +215,41 @@ fn fewer_taps_are_a_cut_and_no_other_change() {
     assert_eq!((few.responses[0].len(), all.delays), (160, few.delays));
     assert_eq!(few.responses[0][..140], all.responses[0][..140]);
     assert!(few.responses[0][159].abs() <= all.responses[0][159].abs());
+}
+
+/// The coarse sphere with the responses of each ear `earlier` by samples that are told as delays beside them, cut to `taps`.
+fn told_apart(earlier: [usize; 2], taps: usize) -> HrtfSet {
+    let mut measured = Sphere::default().measured(3);
+    for (ears, delays) in measured.irs.iter_mut().zip(&mut measured.delays) {
+        for (ear, response) in ears.iter_mut().enumerate() {
+            response.drain(..earlier[ear]);
+            response.resize(taps, 0.0);
+            delays[ear] = earlier[ear] as f64;
+        }
+    }
+    HrtfSet::new(measured, Path::new("told apart")).unwrap()
+}
+
+#[test]
+fn delays_beside_the_responses_are_heard_with_either_lookup() {
+    let (whole, apart) = (sphere(), told_apart([0, 12], 256));
+    for (lookup, most) in [(Lookup::Aligned, -50.0), (Lookup::Nearest, -50.0)] {
+        for to in [DVec3::X, DVec3::Y, -DVec3::Y] {
+            for ear in 0..2 {
+                let [a, b] = [whole, &apart].map(|set| sounding(set, to, ear, lookup));
+                let differences: Vec<f32> = a.iter().zip(&b).map(|(a, b)| a - b).collect();
+                let error = db(energy(&differences) / energy(&a));
+                assert!(error < most, "{lookup:?}, {to}, ear {ear}: {error:.0} dB");
+            }
+        }
+    }
+}
+
+#[test]
+fn close_to_the_head_short_responses_are_heard_too() {
+    let set = told_apart([30, 30], 62);
+    let way = scene(track("a", &[(0.0, DVec3::new(0.0, 0.1, 0.0))]));
+    let config = RenderConfig { mode: Mode::Physical, lookup: Lookup::Nearest, ..RenderConfig::default() };
+    let heard = render_signals(&way, &[noise(2000, 3)], &head(DVec3::ZERO, 0.0), &set, &config).unwrap();
+    assert!(heard.samples.iter().any(|[left, right]| left.abs() > 0.01 && right.abs() > 0.01));
 }

@@ -2,12 +2,13 @@
 
 use std::fs;
 
-use glam::DVec3;
+use glam::{DQuat, DVec3};
 use ivv::Error;
 use ivv::sound::ambix::decode;
 use ivv::sound::geometry::Mode;
 use ivv::sound::loudness::{PEAK_LIMIT_DB, gain_db, measure};
-use ivv::sound::render::{RenderConfig, render_ambix, render_signals};
+use ivv::sound::pose::{HeadPose, PoseTrack};
+use ivv::sound::render::{RenderConfig, SPEED_OF_SOUND, render_ambix, render_signals};
 use ivv::sound::scene_file::{SoundScene, Source};
 use ivv::sound::wav::{Channel, Depth, integer, read, read_channel, write};
 
@@ -129,6 +130,31 @@ fn t41_ambisonics_point_at_the_source() {
         let gain = source.length() / 3.0;
         assert!((f64::from(frames[700][0] / signal[700]) / gain - 1.0).abs() < 1e-4);
     }
+}
+
+#[test]
+fn t41_ambisonics_are_as_late_as_the_way_is_longer() {
+    // The microphone is at 0; the head stands 10 m farther from the source, then it jumps to the microphone.
+    let way = scene(track("a", &[(0.0, DVec3::new(0.0, 2.0, 0.0))]));
+    let mut signal = vec![0.0; 24_000];
+    (signal[1000], signal[20_000]) = (1.0, 1.0);
+    let far = HeadPose { t: 0.0, p: DVec3::new(0.0, -10.0, 0.0), q: DQuat::IDENTITY };
+    let here = HeadPose { t: 0.3005, p: DVec3::ZERO, ..far };
+    let path = PoseTrack::new(vec![far, HeadPose { t: 0.3, ..far }, here]).unwrap();
+    let frames = |mode: Mode| {
+        let config = RenderConfig { mode, ..RenderConfig::default() };
+        render_ambix(&way, std::slice::from_ref(&signal), &path, &config).unwrap()
+    };
+    let loudest = |frames: &[[f32; 4]], from: usize| {
+        let far = |i: &usize| frames[*i][0].abs();
+        (from..from + 4000).max_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
+    };
+    let physical = frames(Mode::Physical);
+    let late = 10.0 / SPEED_OF_SOUND * 48_000.0;
+    assert!((loudest(&physical, 800) as f64 - 1000.0 - late).abs() <= 1.0, "{}", loudest(&physical, 800));
+    assert_eq!(loudest(&physical, 18_000), 20_000, "after the jump");
+    let of_paper = frames(Mode::Paper3d);
+    assert_eq!([loudest(&of_paper, 800), loudest(&of_paper, 18_000)], [1000, 20_000]);
 }
 
 #[test]

@@ -72,6 +72,12 @@ fn a_part_of_a_clip_is_trained_on_top_of_a_run_over_the_clip() {
     assert_eq!(at_rest(&scene(&part)), b);
     works(&["eval", text(&part)]);
 
+    // Its settings alone are those of no run by itself.
+    let alone = tiny.folder.join("alone");
+    let settings = part.join("config.json");
+    let told = fails(&["train", capture, "-o", text(&alone), "--config", text(&settings)], 3);
+    assert!(told.contains("trains_static") && told.contains("--base") && !alone.exists(), "{told}");
+
     let other = tiny.folder.join("other");
     let first = tiny.capture.cameras[0].name.as_str();
     let of_others = ["train", capture, "-o", text(&other), "--base", text(&base), "--test-cameras", first];
@@ -100,4 +106,34 @@ fn a_calibration_corrects_poses_and_times() {
     let moved = after.pose.center() - before.pose.center();
     assert!((moved - glam::DVec3::new(0.1, 0.0, 0.0)).length() < 1e-9, "{moved}");
     assert_eq!(after.pose, before.pose.corrected(known.turn.into(), known.shift.into()));
+}
+
+/// Where the colours of what rests are held, what all cameras have in common is no longer free: the maps follow the light.
+#[test]
+fn maps_follow_the_light_of_a_part() {
+    let _device = gpu();
+    let tiny = Tiny::new("base-light");
+    let (capture, base, part) = (text(&tiny.folder), tiny.folder.join("over"), tiny.folder.join("part"));
+    works(
+        &[&["train", capture, "-o", text(&base), "--set", "init_static_tau=0", "--steps", "120"], &SHORT[..]].concat(),
+    );
+    for (camera, frame) in tiny.capture.training_frames() {
+        let file = &tiny.capture.cameras[camera].shot(frame).unwrap().image;
+        let mut darker = image::open(file).unwrap().to_rgb8();
+        darker.iter_mut().for_each(|level| *level = (0.7 * f64::from(*level)).round() as u8);
+        darker.save(file).unwrap();
+    }
+    let on_top =
+        ["train", capture, "-o", text(&part), "--base", text(&base), "--steps", "400", "--set", "lr.grid=0.02"];
+    works(&[&on_top[..], &SHORT[2..]].concat());
+    let mean_gain = |run: &Path| {
+        let cameras = Checkpoint::newest(&run.join("checkpoints")).unwrap().unwrap().cameras;
+        let gains =
+            cameras.grids.iter().flat_map(|state| state.grid.chunks(12)).flat_map(|map| [map[0], map[5], map[10]]);
+        let gains: Vec<f32> = gains.collect();
+        assert!(!gains.is_empty());
+        gains.iter().sum::<f32>() / gains.len() as f32
+    };
+    let (before, after) = (mean_gain(&base), mean_gain(&part));
+    assert!((before - 1.0).abs() < 0.02 && after < 0.85, "{before} {after}");
 }

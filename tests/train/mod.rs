@@ -29,6 +29,7 @@ mod segments;
 mod session;
 mod settings;
 mod terms;
+mod trade;
 mod worlds;
 
 use crate::common::device::gpu;

@@ -7,11 +7,12 @@ use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::Random;
 use glam::DVec3;
 use ivv::Constants;
-use ivv::scene::capture::{Capture, Extent, Picture};
-use ivv::scene::{Pose, View, read_views};
+use ivv::scene::capture::{Capture, Extent, Picture, half_bits};
+use ivv::scene::{FlowModel, Pose, View, read_views};
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{
-    Config, Correction, Density, Event, LearningRates, Pace, PoseKind, Rate, Session, SessionOptions, Setup, Trainer,
+    Config, Correction, Density, Event, LearningRates, Pace, PoseKind, Rate, Session, SessionOptions, Setup, TermData,
+    Trainer,
 };
 
 const CAMERAS: usize = 6;
@@ -34,6 +35,16 @@ fn bends(centers: &[DVec3], random: &mut Random) -> Vec<Correction> {
 
 #[test]
 fn poses_are_learnt_where_everything_else_is_known() {
+    learns_poses(TermData::NONE);
+}
+
+/// What rests has no flow before a camera that rests, whatever its pose: priors that say otherwise say nothing of the pose.
+#[test]
+fn a_flow_that_no_pose_changes_moves_none() {
+    learns_poses(TermData { flow: true, ..TermData::NONE });
+}
+
+fn learns_poses(data: TermData) {
     let _device = gpu();
     let mut random = Random::new(2);
     let mut color = || std::array::from_fn(|_| random.uniform(0.1, 0.9));
@@ -58,7 +69,9 @@ fn poses_are_learnt_where_everything_else_is_known() {
             let words = seen.color.iter().map(|[r, g, b]| u32::from_le_bytes([byte(*r), byte(*g), byte(*b), 255]));
             // The capture says that the camera is elsewhere.
             let told = View { pose: pose.corrected(-bend.turn, -bend.shift), ..view };
-            (told, Picture::new(64, 48, words.collect()))
+            let told = View { flow_model: FlowModel::Displacement, ..told };
+            let flow = vec![[half_bits(3.0), half_bits(0.0)]; if data.flow { 64 * 48 } else { 0 }];
+            (told, Picture::new(64, 48, words.collect()).with_priors(Vec::new(), flow))
         })
         .collect();
     let rate = Rate { start: 1e-3, end: 1e-5 };
@@ -66,7 +79,9 @@ fn poses_are_learnt_where_everything_else_is_known() {
     let density = Density { stop: 0.0, ..Density::default() };
     let config = Config { lr, density, sh_degree: 0, ..Config::default() };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };
-    let setup = Setup { learns_pose: centers.iter().copied().map(Some).collect(), ..Setup::plain(extent, 1.0) };
+    let flow_model = FlowModel::Displacement;
+    let learns_pose = centers.iter().copied().map(Some).collect();
+    let setup = Setup { learns_pose, data, flow_model, ..Setup::plain(extent, 1.0) };
     let total = 300 * CAMERAS as u64;
     let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, total, setup).unwrap();
     for step in 0..total as usize {

@@ -4,7 +4,7 @@ use super::Tiny;
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use ivv::Constants;
-use ivv::scene::capture::{Capture, Shot};
+use ivv::scene::capture::{Camera, Capture, Shot};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer, Response};
 use ivv::train::{
@@ -214,8 +214,27 @@ fn one_camera_of_another_exposure_gets_the_only_grid() {
 
 #[test]
 fn what_moves_and_was_taken_for_static_begins_to_move() {
+    wakes("require-wake", cameras());
+}
+
+/// Photographs show what rests at no moment of the clip.
+#[test]
+fn what_moves_begins_to_move_beside_photographs_too() {
+    let mut capture = cameras();
+    let filming: Vec<Camera> = capture.cameras.iter().filter(|camera| !camera.is_test).cloned().collect();
+    for camera in filming {
+        let name = format!("photo of {}", camera.name);
+        let shots = vec![Shot { frame: 0, ..Shot::default() }];
+        capture.cameras.push(Camera { name, is_photo: true, shots, ..camera });
+    }
+    assert!(capture.has_photos());
+    wakes("require-wake-photos", capture);
+}
+
+fn wakes(name: &str, capture: Capture) {
     let _device = gpu();
-    let (tiny, truth) = capture_of("require-wake", |capture| known(capture, 0.5));
+    let truth = known(&capture, 0.5);
+    let tiny = shown(name, capture, &truth);
     // So slow that a static Gaussian overlaps with what it shows.
     let still = Splats { n_static: truth.len(), motion: Vec::new(), ..truth.clone() };
     let (review, mut trainer) = reviewed(&tiny.capture, &still, 20);
@@ -225,6 +244,21 @@ fn what_moves_and_was_taken_for_static_begins_to_move() {
     let right = woken.iter().filter(|i| **i >= truth.n_static).count();
     println!("{} begin to move, {right} rightly, of {}; {review:?}", woken.len(), truth.motion.len());
     assert!(right + 1 >= woken.len() && right + 1 >= truth.motion.len());
+}
+
+#[test]
+fn in_a_capture_of_one_moment_nothing_begins_to_move() {
+    let _device = gpu();
+    let mut capture = cameras();
+    capture.n_frames = 1;
+    capture.cameras.iter_mut().for_each(|camera| camera.shots.truncate(1));
+    let truth = known(&capture, 0.0);
+    let tiny = shown("require-moment", capture, &truth);
+    // Not yet where they belong, as in a short run.
+    let mut begin = truth.clone();
+    begin.position.iter_mut().step_by(4).for_each(|at| at[0] += 0.05);
+    let (review, mut trainer) = reviewed(&tiny.capture, &begin, 2);
+    assert!(trainer.splats().unwrap().motion.is_empty(), "{review:?}");
 }
 
 #[test]

@@ -377,6 +377,20 @@ fn each_preset_is_trained_and_scored_and_what_is_there_is_not_run_again() {
     works(&["synth", "-o", elsewhere.to_str().unwrap(), "--preset", "tiny", "--frames", "2"]);
     works(&[&["curves", elsewhere.to_str().unwrap(), "-o", to, "--set", "max_gaussians=300"], &some[..]].concat());
     assert_ne!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "another capture's scores");
+    // The name of a preset may have a dot, and names its runs.
+    let own = tiny.folder.join("own.v1.json");
+    std::fs::write(&own, r#"{"about": "", "settings": {}}"#).unwrap();
+    let own = own.to_str().unwrap();
+    let dotted =
+        [&arguments[..6], &["--seconds", "1e-6", "--shortest", "3", "--seeds", "3,4", "--presets", own]].concat();
+    works(&dotted);
+    let scores = [3, 4].map(|seed| runs.join(format!("own.v1-3-{seed}/eval.json")));
+    let times = || scores.each_ref().map(|file| std::fs::metadata(file).unwrap().modified().unwrap());
+    let before = times();
+    works(&dotted);
+    assert_eq!(times(), before, "a run was made again");
+    let twice = format!("{own},{own}");
+    assert!(fails(&["curves", capture, "-o", to, "--presets", &twice], 2).contains("two are called own.v1"));
     assert!(fails(&["curves", capture, "-o", to, "--seconds", "0"], 2).contains("--seconds"));
     assert!(fails(&["curves", capture, "-o", to, "--seeds", "1,2,1"], 2).contains("names 1 twice"));
     assert!(fails(&["curves", capture, capture, "-o", to, "--seconds", "nan"], 2).contains("above 0"));
@@ -403,71 +417,11 @@ fn a_preset_goes_before_the_file_and_the_file_before_single_settings_and_the_run
     std::fs::write(file("bad.json"), r#"{"about": "", "settings": {"frame": {"depth_bit": 16}}}"#).unwrap();
     assert!(fails(&[&elsewhere[..], &["--preset", &file("bad.json")]].concat(), 3).contains("depth_bit"));
     assert!(fails(&[&elsewhere[..], &["--set", "frame.depth_bits=20"]].concat(), 2).contains("depth_bits"));
-}
-
-#[test]
-fn a_trade_runs_all_settings_in_turn_and_finds_the_reference_to_be_exact() {
-    let tiny = Tiny::new("trade");
-    let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("trade"));
-    let mut arguments = vec!["trade", capture, "-o", output.to_str().unwrap(), "--steps", "20", "--seeds", "3"];
-    arguments.extend(["--presets", "reference", "--knob", "frame.depth_bits=16", "--without", "balanced"]);
-    arguments.extend(["--knob", "required.reviews=1"]);
-    let told = works(&arguments);
-    let found = json(&output.join("trade.json"));
-    let names: Vec<&str> = found["arms"].as_array().unwrap().iter().map(|arm| arm["name"].as_str().unwrap()).collect();
-    assert_eq!(names[..4], ["exact", "reference", "frame.depth_bits=16", "required.reviews=1"]);
-    assert!(names.contains(&"balanced without resolution"));
-    assert_eq!(found["comparisons"][1]["verdict"], "same_bits");
-    // A review takes something from every scene of so few steps.
-    assert_ne!(found["runs"][0][0]["scene_hash"], found["runs"][0][3]["scene_hash"]);
-    for run in found["runs"][0].as_array().unwrap() {
-        let blocks = run["block_seconds"].as_array().unwrap();
-        assert!(blocks.len() == 2 && blocks.iter().all(|seconds| seconds.as_f64().unwrap() > 0.0));
-        assert!(run["psnr"].as_f64().unwrap() > 5.0 && run["worst_psnr"].as_f64() < run["psnr"].as_f64());
-        assert!(
-            run["flicker"].is_number() && run["flow_error"].is_number() && run["device_bytes"].as_u64() > Some(10_000)
-        );
-    }
-    let errors = found["kernel_errors"].as_array().unwrap();
-    assert!(errors[0]["psnr"].as_f64().unwrap() > 80.0 && errors.len() >= 3, "{errors:?}");
-    let table = std::fs::read_to_string(output.join("trade.md")).unwrap();
-    assert!(told.contains(&table) && table.contains("| reference | ") && table.contains("same bits"));
-    let seed = output.join("seed-3.json");
-    let before = std::fs::metadata(&seed).unwrap().modified().unwrap();
-    works(&arguments);
-    assert_eq!(std::fs::metadata(&seed).unwrap().modified().unwrap(), before, "a run was made again");
-    let to = ["trade", capture, "-o", output.to_str().unwrap(), "--only-presets"];
-    let told = fails(&["trade", capture, "-o", output.to_str().unwrap(), "--knob", "batch=2"], 2);
-    assert!(told.contains("batch=2: changes batch, steps, epochs or seed"), "{told}");
-    let metric = ["trade", capture, "-o", output.to_str().unwrap(), "--knob", "loss.depth_space=metric"];
-    assert!(fails(&metric, 2).contains("loss.depth_space=metric: takes depth or flow otherwise"));
-    let flow =
-        [&["trade", capture, "-o", output.to_str().unwrap()][..], &["--set", "loss.flow=0", "--knob", "loss.flow=1"]];
-    assert!(fails(&flow.concat(), 2).contains("loss.flow=1: takes depth or flow otherwise"));
-    assert!(fails(&[&to[..], &["--seeds", "3,3"]].concat(), 2).contains("names 3 twice"));
-    assert!(fails(&["trade", capture, "-o", "x", "--knob", "frame.depth=16"], 2).contains("frame.depth=16"));
-}
-
-#[test]
-fn a_trade_trains_and_scores_as_a_run_does() {
-    let tiny = Tiny::new("trade-run");
-    let (capture, trade) = (tiny.folder.to_str().unwrap(), tiny.folder.join("trade"));
-    // Random Gaussians are before the lenses too, where a run shows none.
-    let same = ["--steps", "20", "--set", "init=random", "--set", "init_points=3000"];
-    let path = |folder: &Path| folder.to_str().unwrap().to_owned();
-    let seeds = ["--seeds", "3", "--presets", "balanced", "--only-presets"];
-    works(&[&["trade", capture, "-o", &path(&trade)][..], &seeds, &same].concat());
-    let trade = json(&trade.join("trade.json"));
-    // The second begins on images of half the size.
-    for (arm, preset) in ["exact", "balanced"].iter().enumerate() {
-        assert_eq!(trade["arms"][arm]["name"], *preset);
-        let run = tiny.folder.join(preset);
-        let train = ["train", capture, "-o", &path(&run), "--preset", preset, "--seed", "3", "--eval-every", "0"];
-        works(&[&train[..], &same].concat());
-        let run = json(&run.join("eval.json"));
-        let [alone, in_turn] = [&run["psnr"], &trade["runs"][0][arm]["psnr"]].map(|psnr| psnr.as_f64().unwrap());
-        assert!((alone - in_turn).abs() < 1e-3, "{preset}: {alone} {in_turn}");
-    }
+    // --epochs goes before the steps of a file, such as an earlier run's.
+    let earlier = file("run/config.json");
+    let plan = [&elsewhere[..], &["--config", &earlier, "--epochs", "1", "--plan", "--json"]].concat();
+    let plan: Value = serde_json::from_str(&works(&plan)).unwrap();
+    assert_eq!((&plan["steps"], config["steps"].as_u64()), (&plan["training_images"], Some(6)));
 }
 
 /// A capture that `check` accepts with some options is trained, scored and gone on with as it was checked.

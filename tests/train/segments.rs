@@ -60,7 +60,8 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     assert!(fails(&["segments", "join", text(&plan)], 3).contains("expected a run that has ended"));
     assert!(fails(&run(&["--only", "2"]), 2).contains("a segment from 0 to 1"));
     assert!(fails(&run(&["--only", "1"]), 2).contains("the training into"), "what rests comes first");
-    works(&run(&["--only", "base"]));
+    let told = works(&[&["--json"][..], &run(&["--only", "base"])].concat());
+    assert_eq!(serde_json::from_str::<Value>(&told).unwrap()["path"], text(&plan.join("base")));
     works(&run(&["--only", "0001"]));
     // A job that was killed goes on: as if before its end.
     let segment = plan.join("segment-0001");
@@ -103,7 +104,6 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
         }
     }
     assert!(n_alone >= 6);
-    // As JSON, one value on standard output.
     let told = works(&["--json", "segments", "join", text(&plan)]);
     assert_eq!(serde_json::from_str::<Value>(&told).unwrap()["segments"], 2);
     // A run's folder is no place for a plan.
@@ -114,6 +114,78 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     let read = ivv::formats::read_scene(&clip).unwrap();
     assert_eq!(read.len(), joined.len());
     assert!(!read.span.is_empty());
+}
+
+#[cfg(unix)]
+#[test]
+fn segments_that_are_asked_to_end_pass_it_on_and_begin_nothing_more() {
+    let _device = gpu();
+    let tiny = Tiny::of_frames("segments-stop", 8);
+    let plan = tiny.folder.join("plan");
+    let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--frames", "5", "--overlap", "2"];
+    works(&[&planned[..], &["--steps", "100000", "--set", "init_points=200"]].concat());
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"))
+        .args(["segments", "run", text(&plan), "--", "--eval-every", "0", "--checkpoint-every", "3"])
+        .stdout(std::process::Stdio::null())
+        .stderr(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let checkpoints = plan.join("base/checkpoints");
+    while !ivv::train::Checkpoint::file(&checkpoints, 3).is_file() {
+        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
+        std::thread::sleep(std::time::Duration::from_millis(10));
+    }
+    let pid = rustix::process::Pid::from_child(&child);
+    rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(130));
+    // The training has ended too: it holds its folder no more.
+    drop(ivv::train::RunLock::take(&plan.join("base")).unwrap());
+    assert!(!plan.join("segment-0000").exists());
+}
+
+#[test]
+fn a_plan_is_scored_with_what_its_jobs_were_trained_with() {
+    let _device = gpu();
+    let tiny = Tiny::of_frames("segments-white", 8);
+    for camera in &tiny.capture.cameras {
+        for shot in &camera.shots {
+            // Transparent in the upper half.
+            let mut picture = image::open(&shot.image).unwrap().to_rgba8();
+            let upper = picture.height() / 2;
+            picture.enumerate_pixels_mut().filter(|(_, y, _)| *y < upper).for_each(|(.., pixel)| pixel.0[3] = 0);
+            picture.save(&shot.image).unwrap();
+        }
+    }
+    let plan = tiny.folder.join("plan");
+    let (file, views) = (tiny.folder.join("viewpoints.json"), [tiny.capture.view(0, 0).unwrap()]);
+    ivv::scene::write_views(&file, &views).unwrap();
+    let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--frames", "5", "--overlap", "2"];
+    let settings = ["--steps", "12", "--set", "init_points=100", "--set", "background=[1,1,1]"];
+    works(&[&planned[..], &settings[..]].concat());
+    let run = ["segments", "run", text(&plan)];
+    let options = ["--", "--eval-every", "0", "--blur", "0.2", "--viewpoints", text(&file)];
+    works(&[&run[..], &["--only", "base"], &options].concat());
+    // A run that goes on has its viewpoints.
+    std::fs::remove_file(plan.join("base/train.json")).unwrap();
+    works(&[&run[..], &options].concat());
+    let of = |folder: &str| json(&plan.join(folder).join("run.json"));
+    let [whole, base, segment] = ["", "base", "segment-0000"].map(of);
+    assert_eq!(whole["constants"], base["constants"]);
+    assert_eq!(whole["capture_settings"]["background"], segment["capture_settings"]["background"]);
+    assert_eq!(whole["capture_settings"]["background"], serde_json::json!([1.0, 1.0, 1.0]));
+    // Frames that one segment alone shows have its scores.
+    works(&["eval", text(&plan)]);
+    let scores = |folder: &str| json(&plan.join(folder).join("eval.json"))["views"].as_array().unwrap().clone();
+    let (joined, own) = (scores(""), scores("segment-0000"));
+    let at = |views: &[Value], camera: &Value, frame: u64| {
+        let same = |view: &&Value| view["camera"] == *camera && view["frame"] == frame;
+        views.iter().find(same).unwrap()["psnr"].as_f64().unwrap()
+    };
+    let camera = &own[0]["camera"];
+    let [joined, own] = [at(&joined, camera, 0), at(&own, camera, 0)];
+    assert!((joined - own).abs() < 0.01, "{joined} joined, {own} alone");
+    works(&[&planned[..], &settings[..]].concat());
+    assert_eq!(json(&plan.join("run.json"))["constants"], base["constants"], "the same plan again takes nothing back");
 }
 
 #[test]

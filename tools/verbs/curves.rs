@@ -53,6 +53,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let longest = args.seconds.iter().copied().reduce(f64::max).context("--seconds needs at least one number")?;
     let presets: Vec<(String, Config)> =
         args.presets.iter().map(|name| settings(args, name)).collect::<anyhow::Result<_>>()?;
+    let named_alike =
+        presets.iter().enumerate().find(|(at, (name, _))| presets[..*at].iter().any(|(other, _)| other == name));
+    if let Some((_, (name, _))) = named_alike {
+        anyhow::bail!("--presets: two are called {name}, and runs are named after their preset; rename one");
+    }
     // All are looked at before the first is trained on.
     let captures = named(&args.captures)?;
     let summary = |(_, path): &(String, &Path)| {

@@ -4,6 +4,7 @@ use crate::screen::out;
 use ivv::formats::write_ply;
 use ivv::scene::{demo, write_views};
 use ivv::words::count;
+use serde_json::json;
 use std::path::PathBuf;
 
 /// Options of `ivv demo`.
@@ -14,11 +15,15 @@ pub struct Args {
     output: PathBuf,
 }
 
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     crate::files::make_folder(&args.output)?;
     let (splats, views) = demo();
     write_ply(&args.output.join("scene.ply"), &splats)?;
     write_views(&args.output.join("cameras.json"), &views)?;
+    if json {
+        out!("{}", json!({ "path": args.output, "gaussians": splats.len(), "views": views.len() }));
+        return Ok(());
+    }
     out!("{}: {}, {}", args.output.display(), count(splats.len(), "Gaussian"), count(views.len(), "view"));
     Ok(())
 }

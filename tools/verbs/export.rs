@@ -1,6 +1,6 @@
 //! `ivv export`.
 
-use crate::export_clip::ClipArgs;
+use crate::export_clip::{ClipArgs, Losses};
 use crate::files::make_folder;
 use crate::page;
 use crate::screen::out;
@@ -9,7 +9,7 @@ use crate::views::clip_time;
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use ivv::files::{read_file, write_atomic};
-use ivv::formats::{WRITERS, WriteScene, Writer};
+use ivv::formats::{WRITERS, WriteScene, Writer, count_written};
 
 use std::path::{Path, PathBuf};
 
@@ -99,8 +99,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         },
     }
     let bytes = with_clip.unwrap_or_else(|| std::fs::metadata(to).map_or(0, |m| m.len()));
-    let (n, n_dynamic, sh_degree) = (splats.len(), splats.motion.len(), splats.sh_degree);
-    Written { n_read, n, n_dynamic, sh_degree, bytes }.tell(to, json)
+    let writer = if let Format::Other(writer) = format { Some(writer) } else { None };
+    let [n_static, n_dynamic] = count_written(&splats, writer);
+    Written { n_read, n: n_static + n_dynamic, n_dynamic, sh_degree: splats.sh_degree, bytes }.tell(to, json)
 }
 
 /// What was written.
@@ -163,13 +164,12 @@ fn write_parts(args: &Args, format: Format, source: &Source) -> anyhow::Result<O
         make_folder(&args.output)?;
     }
     let file = scene_file(format, &args.output);
-    let Some(n) = args.clip.write_parts(source, &file)? else { return Ok(None) };
+    let Some(Losses { n, n_dynamic, n_left_out, .. }) = args.clip.write_parts(source, &file)? else { return Ok(None) };
     if is_web {
         page::write_player(&args.output)?;
     }
-    let n_dynamic = clip.parts().iter().map(|part| part.n).sum();
     let bytes = std::fs::metadata(&file).map_or(0, |m| m.len()) + if is_web { page::n_bytes() } else { 0 };
-    Ok(Some(Written { n_read: n, n, n_dynamic, sh_degree: clip.sh_degree(), bytes }))
+    Ok(Some(Written { n_read: n + n_left_out, n, n_dynamic, sh_degree: clip.sh_degree(), bytes }))
 }
 
 /// Writes a `.4dgs` alone, or with the player; says how many bytes.

@@ -269,16 +269,24 @@ impl Measured {
     }
 }
 
-fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu) -> anyhow::Result<()> {
+fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     let dispatch =
         dispatch.with_context(|| format!("no pass here runs the kernel {kernel}{}", kernels::like(kernel)))?;
     let file = output.join(format!("{kernel}.dispatch"));
     write_dispatch(&file, &dispatch, gpu)?;
-    out!("{}", file.display());
+    if json {
+        out!("{}", serde_json::json!({ "path": file, "kernel": kernel }));
+    } else {
+        out!("{}", file.display());
+    }
     Ok(())
 }
 
 fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool) -> anyhow::Result<()> {
+    anyhow::ensure!(
+        args.settings.resolve()? == Config::default(),
+        "a scene is drawn without the settings of a training; leave their flags out, or profile a capture with them"
+    );
     let views = read_views(args.cameras.as_deref().context("give --cameras to profile a scene")?)?;
     let splats = read_scene(subject)?;
     let peaks = if args.dump.is_none() { Some(Peaks::measure(gpu)?) } else { None };
@@ -286,7 +294,7 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
     let Some(first) = views.first() else { anyhow::bail!("the cameras file has no view; add one") };
     let Some(peaks) = peaks else {
         let kernel = args.dump.as_deref().unwrap_or_default();
-        return written(renderer.dump(first, Outputs::Color, kernel)?, kernel, output, gpu);
+        return written(renderer.dump(first, Outputs::Color, kernel)?, kernel, output, gpu, json);
     };
     let mut measured = Measured::new("view");
     let mut progress = Progress::new("profile", args.samples as usize);
@@ -335,7 +343,7 @@ fn training(
         capture.transformed(&world)
     };
     let mut session = if is_run {
-        resumed(subject, &capture, gpu, steps)?
+        resumed(args, subject, &capture, gpu, steps)?
     } else {
         let total = config.total(capture.training_frames().len() as u64).max(steps);
         let options = SessionOptions { total: Some(total), watch: watch(), ..SessionOptions::default() };
@@ -354,7 +362,7 @@ fn training(
         }
         match (step.checked_sub(warm_up), &args.dump) {
             (None, _) => drop(session.step()?),
-            (Some(_), Some(kernel)) => return written(session.dump(kernel)?, kernel, output, gpu),
+            (Some(_), Some(kernel)) => return written(session.dump(kernel)?, kernel, output, gpu, json),
             (Some(number), None) if number % 2 == 0 => {
                 let before = session.seconds();
                 session.step()?;
@@ -378,10 +386,23 @@ fn training(
 }
 
 /// The run in `folder` as its newest checkpoint left it, with at least `steps` to go.
-fn resumed<'a>(folder: &Path, capture: &'a Capture, gpu: &Arc<Gpu>, steps: u64) -> anyhow::Result<Session<'a>> {
+fn resumed<'a>(
+    args: &Args,
+    folder: &Path,
+    capture: &'a Capture,
+    gpu: &Arc<Gpu>,
+    steps: u64,
+) -> anyhow::Result<Session<'a>> {
     let checkpoint = Checkpoint::newest(&folder.join("checkpoints"))?;
     let mut checkpoint =
         checkpoint.context("the run has no checkpoint yet; train it longer, or profile its capture")?;
+    let differ = args.settings.contradictions(&checkpoint.config)?;
+    anyhow::ensure!(
+        differ.is_empty(),
+        "a run is profiled with its own settings, and flags contradict them: {}; leave these flags out, or profile its \
+         capture with them",
+        differ.join("; ")
+    );
     checkpoint.total = checkpoint.total.max(checkpoint.step + steps);
     let constants = Some(Run::read(folder)?.constants);
     let options = SessionOptions { constants, watch: watch(), ..SessionOptions::default() };

@@ -3,7 +3,7 @@
 use crate::capture::{self, CaptureArgs};
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
-use crate::interrupt::Stop;
+use crate::interrupt::{Interrupted, Stop};
 use crate::outline;
 use crate::screen::{self, out, say};
 use crate::settings::SettingArgs;
@@ -11,7 +11,7 @@ use anyhow::{Context, ensure};
 use ivv::files::write_atomic;
 use ivv::formats::{PlyParts, read_ply, write_parts};
 use ivv::scene::Parts;
-use ivv::scene::capture::Capture;
+use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::settings::Constants;
 use ivv::train::{Checkpoint, Config, Joined, Plan as TrainingPlan, Run, RunLock, Segments, Strategy, constants_of};
 use ivv::words::count;
@@ -98,7 +98,9 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         config.density.strategy != Strategy::Mcmc,
         "density.strategy=mcmc: would change the static Gaussians, which segments take over as they are; leave it out"
     );
-    let capture = capture::open(&args.capture, &args.read.settings())?;
+    ensure!(config.trains_static, "trains_static=false: nothing that rests would be there; leave it out");
+    let settings = CaptureSettings { background: config.background, ..args.read.settings() };
+    let capture = capture::open(&args.capture, &settings)?;
     ensure!(
         capture.settings().frames.are_all(),
         "--max-frames: a plan is of a whole clip; leave it out, or `ivv prepare` the part of the clip that is wanted"
@@ -110,7 +112,9 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     let mut segments = Segments::new(capture.n_frames, frames, args.overlap).map_err(anyhow::Error::msg)?;
     segments.cache_bytes = cache_bytes;
     let mut run = Run::new(&capture, Constants::default())?;
-    run.constants = constants_of(&capture.transformed(&run.world));
+    // Segments that are joined have brought theirs.
+    let before = Run::read(&args.output);
+    run.constants = before.map_or_else(|_| constants_of(&capture.transformed(&run.world)), |before| before.constants);
     make_folder(&args.output)?;
     let is_plan = Segments::file(&args.output).is_file();
     let is_another = (!is_plan && Run::file(&args.output).is_file())
@@ -185,33 +189,44 @@ impl<'a> Jobs<'a> {
     }
 
     fn run(&self, only: Option<&str>, options: &[OsString]) -> anyhow::Result<()> {
-        // Ctrl-C goes to the training too, which writes a checkpoint and ends; this waits for it.
-        let _stop = Stop::listen()?;
+        let stop = Stop::listen()?;
         let n = self.segments.segments.len();
         match only {
-            Some("base") => self.train_base(options),
-            Some("join") => self.join(),
+            Some("base") => {
+                self.train_base(options, &stop)?;
+                self.tell(&self.base());
+            }
+            Some("join") => self.join()?,
             Some(word) => {
                 let segment = word.parse().ok().filter(|segment| *segment < n);
                 let segment = segment.with_context(|| {
                     format!("--only: expected base, join or a segment from 0 to {}, found {word}", n - 1)
                 })?;
-                self.train_segment(segment, options)
+                self.train_segment(segment, options, &stop)?;
+                self.tell(&self.segment(segment));
             }
             None => {
-                self.train_base(options)?;
-                (0..n).try_for_each(|segment| self.train_segment(segment, options))?;
-                self.join()
+                self.train_base(options, &stop)?;
+                (0..n).try_for_each(|segment| self.train_segment(segment, options, &stop))?;
+                self.join()?;
             }
+        }
+        Ok(())
+    }
+
+    /// Of one job alone, where its run is.
+    fn tell(&self, folder: &Path) {
+        if self.json {
+            out!("{}", json!({ "path": folder }));
         }
     }
 
-    fn train_base(&self, options: &[OsString]) -> anyhow::Result<()> {
+    fn train_base(&self, options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
         say!("what rests");
-        self.train(&self.base(), &["--max-frames".into(), self.segments.still.to_string().into()], options)
+        self.train(&self.base(), &["--max-frames".into(), self.segments.still.to_string().into()], options, stop)
     }
 
-    fn train_segment(&self, segment: usize, options: &[OsString]) -> anyhow::Result<()> {
+    fn train_segment(&self, segment: usize, options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
         let [from, to] = self.segments.segments[segment];
         say!("segment {segment} of {}: frames {from} to {}", self.segments.segments.len(), to - 1);
         let own: [OsString; 4] = [
@@ -220,12 +235,12 @@ impl<'a> Jobs<'a> {
             "--base".into(),
             self.base().into_os_string(),
         ];
-        self.train(&self.segment(segment), &own, options)
+        self.train(&self.segment(segment), &own, options, stop)
     }
 
     /// Trains into `folder`, in a process of its own, whose memory ends with it; goes on where the folder holds a run that has not
     /// ended, and does nothing where it has.
-    fn train(&self, folder: &Path, own: &[OsString], options: &[OsString]) -> anyhow::Result<()> {
+    fn train(&self, folder: &Path, own: &[OsString], options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
         if has_ended(folder)? {
             say!("{}: is there", folder.display());
             return Ok(());
@@ -233,8 +248,10 @@ impl<'a> Jobs<'a> {
         let program = std::env::current_exe().context("the path of this program")?;
         let mut command = Command::new(program);
         command.arg("train").arg("-o").arg(folder);
+        let mut options = options.to_vec();
         if Run::file(folder).is_file() {
             command.arg("--resume");
+            without_viewpoints(&mut options);
         } else {
             command.arg(&self.run.capture).arg("--config").arg(self.folder.join("config.json")).args(own);
             command.args(CaptureArgs::words(&self.run.capture_settings));
@@ -252,7 +269,11 @@ impl<'a> Jobs<'a> {
         if !screen::has_messages() {
             command.arg("--quiet");
         }
-        let status = command.args(options).status().context("ivv train")?;
+        let mut child = command.args(options).spawn().context("ivv train")?;
+        let status = stop.wait_for(&mut child).context("ivv train")?;
+        if stop.is_asked() || status.code() == Some(i32::from(Interrupted::EXIT_CODE)) {
+            return Err(Interrupted("run the same command again to go on").into());
+        }
         ensure!(
             status.success(),
             "the training into {} ended with {status}; run the same command again to go on from its newest checkpoint",
@@ -281,6 +302,9 @@ impl<'a> Jobs<'a> {
         };
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
         write_parts(&file, &mut joined)?;
+        // Those that the jobs were given with --blur and its like.
+        let constants = Run::read(&self.base())?.constants;
+        Run { constants, ..self.run.clone() }.write(self.folder)?;
         let n_dynamic: usize = joined.parts().iter().map(|part| part.n).sum();
         let n = PlyParts::open(&file)?.map_or(0, |written| written.n_static()) + n_dynamic;
         if self.json {
@@ -300,6 +324,14 @@ impl<'a> Jobs<'a> {
 /// Whether an option says how many bytes of images are decoded ahead.
 fn is_cache(option: &OsString) -> bool {
     option.to_str().is_some_and(|option| option.starts_with("--cache-bytes"))
+}
+
+/// Takes the file of viewpoints away: a run that goes on has them.
+fn without_viewpoints(options: &mut Vec<OsString>) {
+    options.retain(|option| option.to_str().is_none_or(|option| !option.starts_with("--viewpoints=")));
+    if let Some(at) = options.iter().position(|option| option == "--viewpoints") {
+        options.drain(at..(at + 2).min(options.len()));
+    }
 }
 
 /// Whether `folder` holds a run that has ended and written its scene.

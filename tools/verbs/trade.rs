@@ -20,8 +20,8 @@ use ivv::scene::prior::read_flow;
 use ivv::stage::{Outputs, Renderer};
 use ivv::study::{Circumstances, KNOB_SETTINGS, KernelError, Trade, TradeArm, TradeRun, trade_arms};
 use ivv::train::{
-    Config, Meter, Priors, Session, SessionOptions, Sight, constants_of, evaluate, initialise, merge, reduced_order,
-    spread,
+    CaptureSummary, Config, Meter, Priors, Session, SessionOptions, Sight, constants_of, evaluate, initialise, merge,
+    reduced_order, spread,
 };
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
@@ -241,7 +241,8 @@ impl Bench<'_> {
         let of = json!({
             "settings": settings, "constants": self.constants, "steps": self.steps, "block": self.args.block,
             "shaders": shaders_hash(), "test_frames": self.test_frames, "timed": "steps of a warm device",
-            "device": self.gpu.caps().name, "driver": self.gpu.caps().driver, "capture": std::path::absolute(&self.args.capture).ok(), "first": is_first,
+            "device": self.gpu.caps().name, "driver": self.gpu.caps().driver, "capture": std::path::absolute(&self.args.capture).ok(), "held": CaptureSummary::new(&self.capture),
+            "first": is_first,
         });
         if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {
             return Ok(found);

@@ -7,6 +7,7 @@ use ivv::files::{Tensor, read_tensors, write_tensors};
 use ivv::formats::read_scene;
 use ivv::scene::{Frame, Splats, View, read_views};
 use ivv::stage::{Accumulation, Gradients, Renderer};
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -55,7 +56,7 @@ impl From<Mode> for Accumulation {
     }
 }
 
-pub fn run(args: &Args) -> anyhow::Result<()> {
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let constants = args.constants.checked()?;
     let views = read_views(&args.cameras)?;
     let Some(view) = views.first() else {
@@ -74,6 +75,11 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     write_gradients(&args.output, &gradients, &splats)?;
     let n = splats.len();
+    if json {
+        let told = json!({ "path": args.output, "view": view.name, "gaussians": n, "visible": report.visible });
+        out!("{told}");
+        return Ok(());
+    }
     out!("{}: gradients of view `{}`, {} of {n} Gaussians visible", args.output.display(), view.name, report.visible);
     Ok(())
 }

@@ -133,12 +133,12 @@ impl FourDgs {
     /// The Gaussians at all times; they are read where they are not in memory. Time 0 to 1 is the file's length.
     ///
     /// # Errors
-    /// [`Error::Data`] where a Gaussian is moved by a track of its object: ours move along lines; as [`FourDgs::read`].
+    /// As [`FourDgs::check_shown`] and [`FourDgs::read`].
     pub fn splats(&self) -> Result<Splats> {
         if !self.has_gaussians {
             return Self::read(&self.path)?.splats();
         }
-        self.refuse_tracks()?;
+        self.check_shown()?;
         let set = &self.scene.gaussians;
         let stored = self.stored(set);
         let (still, moving) = stored.populations();
@@ -159,13 +159,27 @@ impl FourDgs {
         Stored { set, seconds: clock.seconds(), frames: clock.frames, cutoff: self.scene.header.cutoff }
     }
 
+    /// Refuses what would be shown as it is not.
+    ///
     /// # Errors
-    /// [`Error::Data`] where tracks of objects move Gaussians.
-    pub(super) fn refuse_tracks(&self) -> Result<()> {
-        let n = self.scene.objects.tracks.len();
-        let reason = || format!("{n} of its objects move their Gaussians along tracks, which is not supported");
-        if n == 0 { Ok(()) } else { Err(Error::data(&self.path, "", reason(), "save it without tracks of objects")) }
+    /// [`Error::Data`] where tracks of objects move Gaussians, or where axes are left-handed, with which pictures are mirrored.
+    pub fn check_shown(&self) -> Result<()> {
+        let n = self.scene.objects.tracks.iter().filter(|track| track.sample_count() > 0).count();
+        if n > 0 {
+            let reason = format!("{n} of its objects move their Gaussians along tracks, which is not supported");
+            return Err(Error::data(&self.path, "", reason, "save it without tracks of objects"));
+        }
+        if World::is_left_handed(&self.scene) {
+            let reason = "expected right-handed axes, found left-handed ones, with which pictures would be mirrored";
+            return Err(Error::data(&self.path, "", reason, "save it with right-handed axes"));
+        }
+        Ok(())
     }
+}
+
+/// A first or last moment that is not shown is shorter than a frame can tell, where it is at most this; seconds.
+pub(super) fn margin(seconds: f64, frames: u32) -> f64 {
+    1e-3 * seconds / f64::from(frames)
 }
 
 /// Why a file is not read.
@@ -228,8 +242,7 @@ impl Stored<'_> {
             (from, to)
         };
         let (first, last) = ((mu - half(INVISIBLE)).max(0.0), (mu + half(INVISIBLE)).min(seconds));
-        // A last moment that is not shown is shorter than a frame can tell.
-        let margin = 1e-3 * seconds / f64::from(frames);
+        let margin = margin(seconds, frames);
         let border = |is_seen_beyond: bool, at: f64, otherwise: f32| {
             if first < last && is_seen_beyond { (at / seconds) as f32 } else { otherwise }
         };

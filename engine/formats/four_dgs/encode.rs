@@ -44,6 +44,10 @@ pub struct Encoded {
     set: GaussianSet,
     /// Coefficients of the harmonics of those that are stored, as in [`Splats::sh`].
     sh: Vec<[f32; 3]>,
+    /// Gaussians that are stored and not static.
+    pub n_dynamic: usize,
+    /// Gaussians with a parameter that is not finite, which are left out.
+    pub n_left_out: usize,
     /// Gaussians whose base colour lies beyond [0, 1] so that it shows, and is cut to that.
     pub n_clamped_colors: usize,
     /// Gaussians with a coefficient of higher harmonics beyond [-4, 4], which is cut to that.
@@ -58,7 +62,7 @@ impl Encoded {
         let k = splats.n_coefficients();
         let mut set =
             GaussianSet { sh_degree: splats.sh_degree as u8, sh_coefficients: k - 1, ..GaussianSet::default() };
-        let (mut sh, mut n_clamped_colors, mut n_clamped_harmonics) = (Vec::new(), 0, 0);
+        let (mut sh, mut n_dynamic, mut n_clamped_colors, mut n_clamped_harmonics) = (Vec::new(), 0, 0, 0);
         for i in (0..splats.len()).filter(|&i| splats.is_finite(i)) {
             set.positions.extend(splats.position[i]);
             set.scales.extend(splats.scale[i].map(f32::exp));
@@ -76,6 +80,7 @@ impl Encoded {
             n_clamped_harmonics += usize::from(rest.as_flattened().iter().any(beyond));
             sh.extend(&splats.sh[i * k..(i + 1) * k]);
             let motion = i.checked_sub(splats.n_static).map(|dynamic| &splats.motion[dynamic]);
+            n_dynamic += usize::from(motion.is_some());
             set.motions.extend(motion.map_or([0.0; 3], |m| m.velocity.map(|v| (f64::from(v) / seconds) as f32)));
             set.mu_t.push(motion.map_or(0.0, |m| (f64::from(m.t_center) * seconds) as f32));
             let sigma = |log_tau: f32| (f64::from(log_tau).exp() * seconds / std::f64::consts::SQRT_2) as f32;
@@ -88,7 +93,8 @@ impl Encoded {
             set.win_lo.push(border(from));
             set.win_hi.push(border(to));
         }
-        Encoded { set, sh, n_clamped_colors, n_clamped_harmonics }
+        let n_left_out = splats.len() - set.count();
+        Encoded { set, sh, n_dynamic, n_left_out, n_clamped_colors, n_clamped_harmonics }
     }
 
     /// Gaussians that are stored.

@@ -1,7 +1,7 @@
 //! A `.4dgs` of which those chunks are in memory that are seen.
 
 use super::FourDgs;
-use super::decode::not_read;
+use super::decode::{margin, not_read};
 use crate::error::Result;
 use crate::scene::{ALWAYS, Part, Parts, Splats};
 use fourdgs::reader::OpenMode;
@@ -31,12 +31,17 @@ impl FourDgsParts {
     /// As [`FourDgs::splats`].
     pub fn open(path: &Path) -> Result<Option<Self>> {
         let file = FourDgs::open(path)?;
-        file.refuse_tracks()?;
-        let seconds = file.clock().seconds();
+        file.check_shown()?;
+        let clock = file.clock();
+        let seconds = clock.seconds();
+        // Ends may be rounded to singles. What lasts up to one, but for a moment, is taken as it is where the file is read whole.
+        let margin = margin(seconds, clock.frames);
+        let is_begin = |time: f64| time <= margin;
+        let is_end = |time: f64| time >= seconds - margin;
         let index = &file.scene.chunk_index;
         let (lasting, brief): (Vec<u32>, Vec<u32>) = (0..index.len() as u32).partition(|chunk| {
             let entry = &index[*chunk as usize];
-            entry.t0 <= 0.0 && entry.t1 >= seconds
+            is_begin(entry.t0) && is_end(entry.t1)
         });
         let n = |chunk: &u32| index[*chunk as usize].gaussian_count as usize;
         let part = |chunk: &u32| {
@@ -44,8 +49,8 @@ impl FourDgsParts {
             // Rounded as the times of its Gaussians are.
             let [from, to] = [entry.t0, entry.t1].map(|time| f64::from((time / seconds) as f32));
             // What is there at an end of the clip is there beyond it, as it is where the file is read whole.
-            let from = if entry.t0 <= 0.0 { f64::NEG_INFINITY } else { from };
-            let to = if entry.t1 >= seconds { f64::INFINITY } else { to };
+            let from = if is_begin(entry.t0) { f64::NEG_INFINITY } else { from };
+            let to = if is_end(entry.t1) { f64::INFINITY } else { to };
             Part { from, to, n: n(chunk) }
         };
         let mut parts: Vec<Part> = brief.iter().map(part).collect();

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 
 /// Name of the entry of our own record that holds the direction, since the format knows axes alone.
 const UP: &str = "up";
-/// The format's numbers of a right-handed frame, and of metres.
+/// The format's numbers of a right-handed and of a left-handed frame, and of metres.
 const RIGHT: u8 = 1;
+const LEFT: u8 = 2;
 const METRE: u8 = 1;
 
 /// Which way is up in a clip, and how large it is: a headset needs both.
@@ -51,7 +52,13 @@ impl World {
             })
         };
         let up = told.or(frame.map(|frame| of_axis(frame.up_axis)))?;
-        let metres_per_unit = frame.map(|frame| frame.metres_per_unit).filter(|metres| *metres > 0.0);
-        Some(World { up, metres_per_unit })
+        // By the number, or else by the name of the unit.
+        Some(World { up, metres_per_unit: scene.provenance.metres_per_unit("") })
+    }
+
+    /// Whether a file says that its axes are left-handed: in the format's frame, or in the header's text where it has none.
+    pub(super) fn is_left_handed(scene: &fourdgs::Scene) -> bool {
+        let text = || scene.header.attributes.get("coordinate_system").is_some_and(|text| text.contains("left-handed"));
+        scene.provenance.frame().map_or_else(text, |frame| frame.handedness == LEFT)
     }
 }

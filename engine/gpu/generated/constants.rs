@@ -70,8 +70,10 @@ pub mod bilateral_grade {
 
 /// Of `blend/blend_bwd.comp`.
 pub mod blend_bwd {
+    /// `SUM_SEGMENT` of the shader.
+    pub const SUM_SEGMENT: u32 = 8192;
     /// `SWAP_SEGMENT` of the shader.
-    pub const SWAP_SEGMENT: u32 = 8192;
+    pub const SWAP_SEGMENT: u32 = 2048;
     /// `LN_2` of the shader.
     pub const LN_2: f32 = 0.6931471805599453;
 }
@@ -368,6 +370,10 @@ pub mod types {
     pub const DEPTH_SHIFT_24: u32 = 4;
     /// of keys of 16 bits.
     pub const DEPTH_SHIFT_16: u32 = 11;
+    /// `CAMERA_ALONE` of the shader.
+    pub const CAMERA_ALONE: u32 = 1;
+    /// `CAMERA_WITH_NEXT` of the shader.
+    pub const CAMERA_WITH_NEXT: u32 = 2;
     /// `FLOW_VELOCITY` of the shader.
     pub const FLOW_VELOCITY: u32 = 0;
     /// `FLOW_DISPLACEMENT` of the shader.

@@ -17,14 +17,17 @@ pub mod fisher_static_sh0 {
         pub squares: f32,
         /// `n_cameras` of the shader.
         pub n_cameras: u32,
+        /// `is_of_clip` of the shader.
+        pub is_of_clip: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 20);
+        assert!(size_of::<Push>() == 24);
         assert!(std::mem::offset_of!(Push, n) == 0);
         assert!(std::mem::offset_of!(Push, time) == 4);
         assert!(std::mem::offset_of!(Push, middle) == 8);
         assert!(std::mem::offset_of!(Push, squares) == 12);
         assert!(std::mem::offset_of!(Push, n_cameras) == 16);
+        assert!(std::mem::offset_of!(Push, is_of_clip) == 20);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {

@@ -1,11 +1,11 @@
 //! A camera of the capture: which part of what was recorded becomes which pictures.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
 use crate::prepare::fit::Part;
+use crate::prepare::journal::stamps;
 use crate::prepare::video::Video;
 use crate::scene::Pose;
 use crate::scene::capture::Shot;
@@ -61,20 +61,18 @@ impl Camera {
         [(x - f64::from(left)) * across, (y - f64::from(top)) * down]
     }
 
-    /// What the camera's pictures are made from.
+    /// Whether flow comes along with its pictures.
+    pub fn has_flow(&self) -> bool {
+        matches!(&self.material, Material::Images(shots) if shots.iter().any(|shot| shot.flow.is_some()))
+    }
+
+    /// What the camera's pictures, and the priors that come along with them, are made from.
     pub(super) fn stamp(&self) -> Value {
-        // Not every name of a file is text, which JSON must be.
-        let file = |path: &Path| {
-            let name = path.to_string_lossy();
-            let data = fs::metadata(path).ok();
-            let time = data.as_ref().and_then(|data| data.modified().ok());
-            let seconds =
-                time.and_then(|time| time.duration_since(std::time::UNIX_EPOCH).ok()).map(|age| age.as_secs());
-            json!([name, data.map(|data| data.len()), seconds])
-        };
         let footage = match &self.material {
-            Material::Video(path, _) => vec![file(path)],
-            Material::Images(shots) => shots.iter().flat_map(Shot::pictures).map(|path| file(path)).collect(),
+            Material::Video(path, _) => stamps([path]),
+            Material::Images(shots) => {
+                stamps(shots.iter().flat_map(|shot| shot.pictures().chain(&shot.flow).chain(&shot.depth)))
+            }
         };
         json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage })
     }

@@ -1,5 +1,6 @@
 //! The pictures of a capture: decoded or taken over, scaled, undistorted.
 
+mod beside;
 mod camera;
 mod maker;
 mod plan;
@@ -26,6 +27,7 @@ use crate::prepare::video::{self, Selection};
 use crate::scene::capture::Faults;
 use crate::scene::undistort::Lens;
 
+pub(super) use self::beside::{keypoints, sounds};
 pub(super) use self::camera::Camera;
 pub(super) use self::maker::take_over;
 

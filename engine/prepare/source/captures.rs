@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use super::footage;
 use super::recording::{Clocks, Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{
     Alpha, Camera, CaptureBuilder, CaptureSettings, Faults, Frames, PHOTOS, describe, has_alpha, images_folder,
@@ -40,6 +41,10 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         photos: builder.photos.take().map(|_| place.folder.join(PHOTOS)),
         ..Source::default()
     };
+    if format == "COLMAP" && !footage::video_names(place.footage).is_empty() {
+        let note = "videos beside the images are left out; if they are the footage, name their folder with --footage";
+        source.notes.push(note.to_owned());
+    }
     let names: BTreeMap<_, _> = builder
         .cameras
         .iter()

@@ -1,5 +1,6 @@
 //! Finding the pictures of a camera that a calibration names.
 
+use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
@@ -44,6 +45,16 @@ pub(super) fn take(footage: &Path, name: &str, calibration: &Path, faults: &mut 
 /// Whether a path is a video, by its ending.
 pub(in crate::prepare) fn is_video(path: &Path) -> bool {
     !is_hidden(path) && path.extension().is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)) && path.is_file()
+}
+
+/// Whether a folder of a source holds a video. Phones put a short one beside a photo, with its name (Live Photo): that is none.
+pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
+    FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok()).any(|entries| {
+        let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
+        let photos = files.iter().filter(|file| is_image(file));
+        let photos: HashSet<_> = photos.filter_map(|photo| photo.file_stem()).collect();
+        files.iter().any(|file| is_video(file) && file.file_stem().is_some_and(|stem| !photos.contains(stem)))
+    })
 }
 
 /// Names of all videos in the folders of a source, without ending, sorted.

@@ -17,7 +17,7 @@ pub(super) use self::recording::{Clocks, Footage, Source, SourceCamera};
 use crate::error::{Error, Result};
 use crate::prepare::pictures::Pictures;
 use crate::prepare::settings::PrepareSettings;
-use crate::scene::capture::{Faults, check_names, is_capture, is_unfinished};
+use crate::scene::capture::{Faults, check_downscale, check_names, is_capture, is_unfinished};
 
 type Recogniser = fn(Place) -> bool;
 type Reader = fn(Place, &mut Faults) -> Source;
@@ -60,7 +60,11 @@ impl Source {
         let place = Place { settings, folder, footage: settings.footage.as_deref().unwrap_or(folder) };
         let found = FORMATS.into_iter().find(|(_, is, _)| !is_unfinished(folder) && is(place));
         let source = match found {
-            Some((format, _, read)) => Some(Source { format, ..read(place, faults) }),
+            Some((format, _, read)) => {
+                let source = Source { format, ..read(place, faults) };
+                faults.take(check_downscale(folder, &settings.capture));
+                Some(source)
+            }
             None => captures::read(place, faults),
         };
         let Some(mut source) = source else {

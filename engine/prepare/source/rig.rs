@@ -3,12 +3,14 @@
 //! camera's at those frames.
 
 use std::collections::BTreeMap;
+use std::path::Path;
 
 use super::footage;
 use super::recording::{Footage, Place, Source, SourceCamera};
-use crate::scene::capture::{Faults, Posed, model_folder, read_images};
+use crate::scene::capture::{Faults, Posed, images_folder, model_folder, read_images};
 
-/// Whether the cameras of the model have footage: a video, or more images than the model has of them.
+/// Whether the cameras of the model have footage: a video, or more images than the model has of them. Where more of the model's images
+/// are there and have none, it is a plain project, in which a film or a folder of which one image was placed has strayed.
 pub(super) fn is_rig(place: Place) -> bool {
     // A capture folder is read as one.
     if place.folder.join("capture.toml").is_file() {
@@ -16,11 +18,28 @@ pub(super) fn is_rig(place: Place) -> bool {
     }
     let Some(folder) = model_folder(place.folder) else { return false };
     let model = read_images(&folder, &mut Faults::default());
-    by_camera(&model.images).iter().any(|(name, posed)| match footage::find(place.footage, name) {
-        Some(Footage::Video(_)) => true,
-        Some(Footage::Images(shots)) => posed.len() == 1 && shots.len() > 1,
-        None => false,
-    })
+    let images = images_folder(place.folder, &place.settings.capture);
+    let image_of = |posed: &Posed| images.join(&posed.name);
+    // Phones put a film beside a photo, with its name (Live Photo); what is given as footage is no such film.
+    let is_live = |posed: &[&Posed], video: &Path| {
+        place.settings.footage.is_none()
+            && posed
+                .iter()
+                .map(|posed| image_of(posed))
+                .any(|image| image.is_file() && image.parent() == video.parent())
+    };
+    let (mut n_with, mut n_without) = (0, 0);
+    for (name, posed) in by_camera(&model.images) {
+        match footage::find(place.footage, &name) {
+            Some(Footage::Video(video)) if !is_live(&posed, &video) => n_with += posed.len(),
+            Some(Footage::Images(shots)) if posed.len() == 1 && shots.len() > 1 => n_with += 1,
+            // A camera that moves looks like a folder of a plain project.
+            Some(Footage::Images(_)) if posed.len() > 1 && posed.iter().all(|posed| number(posed).is_some()) => {}
+            // An image of a plain project, or a camera of a rig whose footage is missing: a fault tells of that one.
+            _ => n_without += posed.iter().filter(|posed| image_of(posed).is_file()).count(),
+        }
+    }
+    n_with > n_without
 }
 
 fn by_camera(images: &[Posed]) -> BTreeMap<String, Vec<&Posed>> {

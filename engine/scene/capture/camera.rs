@@ -3,14 +3,12 @@
 use std::path::PathBuf;
 
 use crate::report::statistics::median_high;
+use crate::scene::view::PHOTO_TIME;
 use crate::scene::{FlowModel, Intrinsics, Pose, View};
 use glam::DVec3;
 
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
 pub(super) const MAX_COORDINATE: f64 = 1e9;
-
-/// Normalised time of photographs: far from every clip, so that nothing that moves is alive.
-const ANOTHER_TIME: f64 = 1e6;
 
 /// One image of a camera.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -87,7 +85,7 @@ impl Camera {
             name,
             intrinsics: self.intrinsics,
             pose: *pose,
-            time: if self.is_photo { ANOTHER_TIME } else { f64::from(frame) / n_frames },
+            time: if self.is_photo { PHOTO_TIME } else { f64::from(frame) / n_frames },
             time_offset: 0.0,
             flow_dt: 1.0 / n_frames,
             background,

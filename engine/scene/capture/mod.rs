@@ -103,6 +103,19 @@ pub(crate) fn is_capture(path: &Path) -> bool {
     FORMATS.into_iter().any(|(_, is, _)| is(path))
 }
 
+/// Refuses folders of smaller images, for what is not a plain COLMAP project.
+///
+/// # Errors
+/// [`Error::Data`](crate::Error::Data) where `settings` ask for one.
+pub(crate) fn check_downscale(path: &Path, settings: &CaptureSettings) -> Result<()> {
+    if settings.downscale.is_none() {
+        return Ok(());
+    }
+    let reason = "is for a plain COLMAP project, which has images_2, images_4 and so on";
+    let remedy = "leave it out; `ivv prepare --scale` makes smaller pictures of any capture";
+    Err(crate::Error::data(path, "--downscale", reason, remedy))
+}
+
 /// What the files of a folder in one of the [`FORMATS`] say, lenses that distort included, before it is compared with the
 /// images; `None` when the folder is in none of them.
 pub(crate) fn describe(
@@ -111,7 +124,11 @@ pub(crate) fn describe(
     faults: &mut Faults,
 ) -> Option<(&'static str, CaptureBuilder)> {
     let (name, _, read) = FORMATS.into_iter().find(|(_, is, _)| is(path))?;
-    Some((name, read(path, settings, faults)))
+    let builder = read(path, settings, faults);
+    if name != "COLMAP" {
+        faults.take(check_downscale(path, settings));
+    }
+    Some((name, builder))
 }
 
 fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
@@ -123,15 +140,6 @@ fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
         faults.add(path, "", reason, remedy);
         ("", CaptureBuilder::default())
     });
-    if settings.downscale.is_some() && !["", "COLMAP"].contains(&format) {
-        let remedy = "leave it out; `ivv prepare --scale` makes smaller pictures of any capture";
-        faults.add(
-            path,
-            "--downscale",
-            "is for a plain COLMAP project, which has images_2, images_4 and so on",
-            remedy,
-        );
-    }
     let mut report = Report::new(path, format);
     let capture = builder.finish(path, settings, &mut faults, &mut report);
     report.set_faults(faults);

@@ -12,6 +12,9 @@ const UNKNOWN_FLOW: f32 = 1e9;
 /// What is written for it.
 const NO_FLOW: [f32; 2] = [1e10, 1e10];
 
+/// The channel of an image that is alpha, where it has so many.
+const ALPHA: usize = 3;
+
 /// What a neighbour counts for at least: less is rounding.
 const LEAST_WEIGHT: f64 = 1e-6;
 
@@ -48,13 +51,19 @@ impl Undistortion {
         Some([x * fx + cx, y * fy + cy])
     }
 
-    /// An image of C channels, interpolated bilinearly between the stored values; 0 where the source shows nothing.
+    /// An image of C channels, interpolated bilinearly between the stored values; 0 where the source shows nothing. A fourth
+    /// channel is alpha. What shows through has no colour, so colours count as far as they are opaque.
     pub fn image<const C: usize>(&self, pixels: &[[u8; C]]) -> Vec<[u8; C]> {
-        self.each(|[x, y]| {
-            let corners = self.corners([x, y]);
+        let alpha = |at: usize| pixels[at].get(ALPHA).map_or(1.0, |alpha| f64::from(*alpha));
+        self.each(|place| {
+            let corners = self.corners(place);
+            let opaque = corners.map(|(at, weight)| (at, weight * alpha(at)));
+            // Without alpha the weights sum to 1, but for rounding.
+            let total: f64 = if C > ALPHA { opaque.iter().map(|(_, weight)| weight).sum() } else { 1.0 };
             std::array::from_fn(|channel| {
-                let sum: f64 = corners.iter().map(|&(at, weight)| weight * f64::from(pixels[at][channel])).sum();
-                sum.round() as u8
+                let (weights, total) = if channel == ALPHA { (&corners, 1.0) } else { (&opaque, total) };
+                let sum: f64 = weights.iter().map(|&(at, weight)| weight * f64::from(pixels[at][channel])).sum();
+                if total > 0.0 { (sum / total).round() as u8 } else { 0 }
             })
         })
         .into_iter()

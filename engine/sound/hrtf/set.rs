@@ -40,9 +40,11 @@ pub struct Filter {
 /// A set of responses at 48 kHz, ready for any direction.
 pub struct HrtfSet {
     directions: Vec<DVec3>,
-    /// [direction][ear][taps], as measured and normalised.
+    /// [direction][ear][taps], as measured and normalised, [`LEAD`] taps and one at least.
     raw: Vec<f32>,
     raw_taps: usize,
+    /// By direction and ear, samples by which a measured response is later than its taps say.
+    extra: Vec<[f64; 2]>,
     /// [direction][ear][taps], onset at `lead`.
     aligned: Vec<f32>,
     taps: usize,
@@ -87,6 +89,7 @@ impl HrtfSet {
         let irs: Vec<[Vec<f32>; 2]> =
             keep.iter().map(|i| measured.irs[*i].each_ref().map(|ir| resampler.apply(ir))).collect();
         let extra = keep.iter().map(|i| measured.delays[*i].map(|delay| delay * f64::from(FS) / measured.fs));
+        let extra: Vec<[f64; 2]> = extra.collect();
         let raw_taps = irs[0][0].len();
         if !TAPS.contains(&raw_taps) {
             let reason = format!("a response has {raw_taps} samples, not {} to {}", TAPS.start(), TAPS.end());
@@ -106,13 +109,16 @@ impl HrtfSet {
         let (mut raw, mut aligned) = (Vec::new(), Vec::new());
         let mut delays = Vec::with_capacity(irs.len());
         let mut lost: f64 = 0.0;
-        for ((ears, onsets), extra) in irs.iter().zip(onsets).zip(extra) {
-            let mut both = extra;
+        // Close to the head both ears hear what sounds at this tap.
+        let padding = (LEAD + 1).saturating_sub(raw_taps);
+        for ((ears, onsets), extra) in irs.iter().zip(onsets).zip(&extra) {
+            let mut both = *extra;
             for ((ear, onset), delay) in ears.iter().zip(onsets).zip(&mut both) {
                 let found = aligner.align(ear, onset, lead);
                 *delay += onset;
                 lost = lost.max(found.lost);
                 raw.extend_from_slice(ear);
+                raw.resize(raw.len() + padding, 0.0);
                 aligned.extend_from_slice(&found.response);
             }
             delays.push(both);
@@ -123,7 +129,8 @@ impl HrtfSet {
         let mut set = HrtfSet {
             directions,
             raw,
-            raw_taps,
+            raw_taps: raw_taps + padding,
+            extra,
             aligned,
             taps,
             lead,
@@ -187,8 +194,8 @@ impl HrtfSet {
         match lookup {
             Lookup::Nearest => {
                 let at = self.nearest(to);
-                let delay = (LEAD - self.latency) as f64;
-                Filter { responses: [0, 1].map(|ear| self.raw(at, ear).to_vec()), delays: [delay; 2] }
+                let delays = self.extra[at].map(|extra| extra + (LEAD - self.latency) as f64);
+                Filter { responses: [0, 1].map(|ear| self.raw(at, ear).to_vec()), delays }
             }
             Lookup::Aligned => {
                 let mut filter = Filter { responses: [0, 1].map(|_| vec![0.0; self.taps]), delays: [0.0; 2] };
@@ -226,7 +233,12 @@ impl HrtfSet {
         &self.hull
     }
 
-    /// A measured response, normalised, with its delay.
+    /// By how many samples each ear hears a measured direction later than the taps of [`HrtfSet::raw`] say.
+    pub fn extra(&self, at: usize) -> [f64; 2] {
+        self.extra[at]
+    }
+
+    /// A measured response, normalised.
     pub fn raw(&self, at: usize, ear: usize) -> &[f32] {
         &self.raw[(2 * at + ear) * self.raw_taps..][..self.raw_taps]
     }
@@ -241,7 +253,8 @@ impl HrtfSet {
 
     /// The longest delay of a filter, samples.
     pub fn max_delay(&self) -> f64 {
-        self.delays.as_flattened().iter().copied().fold(LEAD as f64, f64::max)
+        let nearest = self.extra.as_flattened().iter().map(|extra| extra + LEAD as f64);
+        self.delays.as_flattened().iter().copied().chain(nearest).fold(LEAD as f64, f64::max)
     }
 
     /// Samples that all responses were late by and that were taken away.
@@ -283,6 +296,7 @@ impl HrtfSet {
         Ok(HrtfSet {
             raw: pick(&self.raw, self.raw_taps),
             aligned: pick(&self.aligned, self.taps),
+            extra: keep.iter().map(|at| self.extra[*at]).collect(),
             delays: keep.iter().map(|at| self.delays[*at]).collect(),
             directions,
             hull,

@@ -73,9 +73,9 @@ impl Seen {
         self.is_hidden || (self.tells_something() && (self.by_all || self.lenses as usize > 2 * band))
     }
 
-    /// Whether enough was seen to judge the movement in a clip of `n_frames`.
+    /// Whether enough was seen to judge the movement in a clip of `n_frames`; of one moment nothing tells it.
     pub fn tells_motion(&self, n_frames: usize) -> bool {
-        self.tells_something() && self.frames as usize >= n_frames.min(LEAST_FRAMES as usize)
+        n_frames > 1 && self.tells_something() && self.frames as usize >= n_frames.min(LEAST_FRAMES as usize)
     }
 }
 
@@ -83,6 +83,8 @@ impl Seen {
 struct Shot {
     camera: usize,
     frame: u32,
+    /// Whether it is a photograph, which shows no moment of the clip.
+    is_photo: bool,
     /// Index of its lens, by place.
     lens: usize,
     time: f64,
@@ -148,7 +150,7 @@ impl<'a> Album<'a> {
                 let view = sight.view(camera, shot.frame)?;
                 let time = view.time + view.time_offset * view.flow_dt;
                 let (lens, pinhole) = (lenses.len() - 1, Pinhole::new(&view));
-                shots.push(Shot { camera, frame: shot.frame, lens, time, pinhole });
+                shots.push(Shot { camera, frame: shot.frame, is_photo: own.is_photo, lens, time, pinhole });
             }
         }
         lenses.push(shots.len());
@@ -270,7 +272,8 @@ impl<'a> Album<'a> {
         }
         let (lens, frame) = (self.shots[at].lens, self.shots[at].frame);
         // Two that share a bit count as one: then less is judged, not more.
-        let (lens, frame) = (1 << (bit(&mut self.slots.0, lens) % 128), 1 << (bit(&mut self.slots.1, frame) % 64));
+        let lens = 1 << (bit(&mut self.slots.0, lens) % 128);
+        let frame = if self.shots[at].is_photo { 0 } else { 1 << (bit(&mut self.slots.1, frame) % 64) };
         let held = self.by_piece(|i| self.holds(&self.shots[at], i))?;
         (self.is_looked_at[at], self.n_looked) = (true, self.n_looked + 1);
         let time = self.shots[at].time;

@@ -6,7 +6,7 @@ mod sound;
 mod window;
 
 use crate::device::DeviceArgs;
-use crate::export_clip::ClipArgs;
+use crate::export_clip::{ClipArgs, refuse_stretched};
 use crate::interrupt::Stop;
 use crate::screen::alert;
 use crate::shown::Source;
@@ -89,7 +89,9 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     };
     let current = args.camera.as_ref().map_or(Ok(0), named)?;
     if let Some(scene) = &args.sound {
-        setting.sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, length)?;
+        setting.sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, setting.start, length)?;
+    } else {
+        refuse_stretched(args.seconds, &setting.sounds)?;
     }
     let hrtf = if setting.sounds.is_empty() { None } else { Some(HrtfSet::open(&args.hrtf)?) };
     let mut shown = source.seen()?;

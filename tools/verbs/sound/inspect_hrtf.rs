@@ -16,7 +16,8 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let set = HrtfSet::open(&args.hrtf)?;
     let side = set.nearest(degrees(90.0, 0.0));
-    let (lead, louder) = (1e6 * itd(set.raw(side, 0), set.raw(side, 1)), ild_db(set.raw(side, 0), set.raw(side, 1)));
+    let (ears, [left, right]) = ([0, 1].map(|ear| set.raw(side, ear)), set.extra(side));
+    let (lead, louder) = (1e6 * (itd(ears[0], ears[1]) + (right - left) / f64::from(FS)), ild_db(ears[0], ears[1]));
     let elevations = (0..set.directions().len()).map(|at| set.angles(at).1);
     let (low, high) = elevations.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), el| (a.min(el), b.max(el)));
     if json {
