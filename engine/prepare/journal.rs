@@ -132,8 +132,8 @@ impl Journal {
     }
 }
 
-/// Whether what was made from `before` can stay. Of a list of files there may be more now. Where earlier versions noted a name or a
-/// number there is a list now: that cannot be told from a change, and was none for them.
+/// Whether what was made from `before` can stay. A list of files may have grown. Earlier versions noted a name or a number where there
+/// is a list now: what they made stays.
 fn agree(before: &Value, now: &Value) -> bool {
     match (before, now) {
         (Value::Array(before), Value::Array(now)) => before.iter().all(|file| now.contains(file)),
@@ -198,4 +198,27 @@ fn is_empty(path: &Path) -> Result<bool> {
 
 pub(super) fn cannot_list(path: &Path, fault: &std::io::Error) -> Error {
     Error::data(path, "", format!("cannot be listed: {fault}"), "check the path and its permissions")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_an_earlier_version_noted_agrees_and_what_has_changed_does_not() {
+        let before = json!({ "pictures": "photos", "frames": 3, "source points": 7 });
+        let now = json!({ "pictures": [["a.png", 1, 2]], "frames": 3, "source points": [7, "digest"] });
+        assert!(agree(&before, &now) && agree(&now, &now));
+        let other = |name: &str, value: Value| {
+            let mut other = now.clone();
+            other[name] = value;
+            other
+        };
+        assert!(!agree(&before, &other("frames", json!(4))) && !agree(&before, &other("moving", json!(4))));
+        assert!(!agree(&now, &other("pictures", json!([["a.png", 1, 3]]))));
+        assert!(!agree(&now, &other("pictures", json!([["a.png", 1, 2], ["b.png", 1, 2]]))));
+        // Of files beside the pictures there may be more, but each is as it was.
+        let [one, two] = [json!([["a.wav", 1, 2]]), json!([["a.wav", 1, 2], ["b.wav", 1, 2]])];
+        assert!(agree(&one, &two) && !agree(&two, &one) && !agree(&one, &json!([["a.wav", 1, 3]])));
+    }
 }

@@ -12,8 +12,8 @@ use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
 use crate::scene::undistort::Undistortion;
 
-/// Writes the sound of the videos, and takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is taken, but for those of cameras
-/// of which later frames are taken. Keypoints are undistorted with their pictures.
+/// Writes the sound of the videos. Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is
+/// taken, but for those of cameras of which later frames are taken. Keypoints are undistorted with their pictures.
 #[tracing::instrument(level = "info", name = "sound", skip_all)]
 pub(super) fn carry(images: &Images, settings: &PrepareSettings, journal: &Journal) -> Result<()> {
     let Selection { start, every, n } = images.select();
