@@ -60,6 +60,11 @@ impl Room {
         (gpu.caps().max_binding_bytes / bytes).min(u64::from(u32::MAX - 1)) as u32
     }
 
+    /// Rounds of the blend of a list that takes all the room.
+    pub(crate) fn max_rounds(&self) -> u32 {
+        self.intersections.div_ceil(SEGMENT).max(1)
+    }
+
     /// What became of a frame within this room, of `rounds` rounds, that ended with `status`.
     pub fn outcome(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Outcome {
         let limit = self.max_intersections(gpu);

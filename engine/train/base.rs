@@ -1,6 +1,6 @@
 //! A run on top of another: what rests is the other's, and so is what it learnt of the cameras.
 
-use super::checkpoint::{CameraState, Checkpoint, Owed};
+use super::checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
 use super::config::{Config, PoseKind, Required, Strategy};
 use super::poses::Correction;
 use super::run::Run;
@@ -147,6 +147,7 @@ impl Base {
                 ..self.cameras.clone()
             },
             owed: Owed::default(),
+            room: StepRoom::default(),
             average: Average::default(),
         }
     }

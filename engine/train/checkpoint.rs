@@ -44,8 +44,20 @@ pub struct Checkpoint {
     pub cameras: CameraState,
     /// What was due after the step and has not been done: the run failed there.
     pub owed: Owed,
+    /// What steps have had room for.
+    pub room: StepRoom,
     /// The mean of the scenes near the end of the run so far.
     pub average: Average,
+}
+
+/// What a step has room for. One that needs more runs again, and then finds Gaussians that lazy Adam has moved already: a run that
+/// goes on with other room than it had may end with other last bits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+pub struct StepRoom {
+    /// Pairs of a Gaussian and a tile; 0 where it is not known.
+    pub intersections: u32,
+    /// Rounds of the blend.
+    pub rounds: u32,
 }
 
 /// What is due after a step and has not been done.
@@ -99,6 +111,9 @@ struct Header {
     has_grid: Vec<bool>,
     #[serde(default)]
     owed: Owed,
+    /// Checkpoints from before it was kept have none.
+    #[serde(default)]
+    room: StepRoom,
     /// Scenes that the average is of.
     #[serde(default)]
     averaged: u64,
@@ -205,6 +220,7 @@ impl Checkpoint {
             grid_steps: self.cameras.grid_steps.clone(),
             has_grid: self.cameras.has_grid.clone(),
             owed: self.owed,
+            room: self.room,
             averaged: self.average.n,
             sections: sections.iter().map(told).collect(),
         };
@@ -355,7 +371,7 @@ impl Checkpoint {
         let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
         // Checkpoints from before poses were learnt have none.
         let poses = take("poses").unwrap_or_default().as_chunks().0.as_chunks().0.to_vec();
-        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, owed, .. } = header;
+        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, owed, room, .. } = header;
         let mut grids = Vec::new();
         for index in 0..grid_steps.len() {
             let mut part = |part: &str| take(&format!("grid{index}.{part}"));
@@ -369,7 +385,7 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
         let cameras = CameraState { clocks, learns_offset, poses, grids, grid_steps, has_grid };
-        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, owed, average })
+        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, owed, room, average })
     }
 
     /// The Gaussians in the capture's own frame, numbered in the file's order; at the end of the run their average, as the run's

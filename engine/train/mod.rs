@@ -40,7 +40,7 @@ mod trainer;
 pub use align::ColorMap;
 pub use average::Average;
 pub use base::Base;
-pub use checkpoint::{CameraState, Checkpoint, Owed};
+pub use checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
 pub use config::{
     Config, Density, FlowChoice, GridKind, Init, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required,
     Resolution, Round, Strategy, all_settings,

@@ -8,7 +8,7 @@ use ivv::Constants;
 use ivv::profile::{read_dispatch, write_dispatch};
 use ivv::scene::Similarity;
 use ivv::scene::capture::Capture;
-use ivv::train::{Average, CameraState, Checkpoint, Config, Kind, Log, Owed, PRESETS, Preset, Run};
+use ivv::train::{Average, CameraState, Checkpoint, Config, Kind, Log, Owed, PRESETS, Preset, Run, StepRoom};
 use std::path::Path;
 
 pub fn config() -> Vec<Seed> {
@@ -42,6 +42,7 @@ pub fn checkpoint() -> Vec<Seed> {
         params,
         cameras,
         owed: Owed::default(),
+        room: StepRoom { intersections: 1 << 14, rounds: 2 },
     };
     let folder = Folder::new("fuzz-checkpoint");
     checkpoint.write(&folder.0).unwrap();

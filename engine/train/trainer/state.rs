@@ -8,7 +8,7 @@ use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::stage::{AdamMode, Moments, Optimiser, Purpose, SceneBuffers, lazy_sums};
 use crate::train::average::Average;
-use crate::train::checkpoint::{Checkpoint, Owed};
+use crate::train::checkpoint::{Checkpoint, Owed, StepRoom};
 use crate::train::config::Config;
 use crate::train::schedule::rates;
 use crate::train::setup::Setup;
@@ -20,11 +20,15 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::new`].
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, .. } = checkpoint;
+        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, room, .. } = checkpoint;
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.cameras.restore(&trainer.gpu, cameras)?;
         trainer.room.camera = trainer.objective.cameras.wants_gradient();
+        if room.intersections > 0 {
+            trainer.room.intersections = room.intersections.min(trainer.room.max_intersections(&trainer.gpu));
+            trainer.rounds = room.rounds.clamp(1, trainer.room.max_rounds());
+        }
         trainer.scene.origin = *origin;
         trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
         trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;
@@ -80,6 +84,7 @@ impl Trainer {
             state: self.state()?,
             cameras: self.objective.cameras.state(&self.gpu)?,
             owed: Owed::default(),
+            room: StepRoom { intersections: self.room.intersections, rounds: self.rounds },
             average: Average::default(),
         })
     }
