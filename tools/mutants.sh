@@ -54,7 +54,7 @@ lists of the second eye on the grids of the first|engine/stage/stereo.rs|s/^ *re
 sums of gradients without their carry|shaders-glsl/include/batch.glsl|s/a.y + b.y + uint(low < a.x)/a.y + b.y/|kernel::batch
 gradients beyond 16 are no gradients|shaders-glsl/include/batch.glsl|s/clamp(g \* BATCH_SCALE, -BATCH_LARGEST, BATCH_LARGEST)/g * BATCH_SCALE/|n24
 a correction of a pose that leaves the camera of the next frame|shaders-glsl/project/project_bwd.comp|s/== CAMERA_WITH_NEXT/== 7u/|a_flow_that_no_pose_changes
-photographs that speak of motion|shaders-glsl/fisher/fisher.comp|s/pc.is_of_clip \* //|beside_photographs
+photographs that speak of motion|shaders-glsl/fisher/fisher.comp|s/pc.is_of_clip \* //|kernel::fisher
 grids without their gauge|shaders-glsl/bilateral/bilateral_gauge.comp|s/-= mean;/-= 0.0 * mean;/|kernel::bilateral
 '
 

@@ -78,14 +78,15 @@ fn sums_over_views_are_those_of_the_gradients() {
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
     let census = renderer.census(&CAMERAS).unwrap();
     let (mut squares, mut plain) = (vec![[0.0; 11]; splats.len()], vec![[0.0; 11]; splats.len()]);
-    for (seed, view) in (0..).zip(views()) {
+    let photo = View { time: 1e6, time_offset: 0.0, ..view() };
+    assert!(photo.is_photo());
+    for (seed, view) in (0..).zip(views().into_iter().chain([photo])) {
         let (signs, errors) = (signs(&view, seed), signs(&view, 10 + seed));
         count(&mut renderer, &census, &view, &signs, &errors);
-        let time = view.time + view.time_offset * view.flow_dt;
         for (cotangents, sums, square) in [(signs, &mut squares, true), (errors, &mut plain, false)] {
             let (d, _) = renderer.vjp(&view, &whole(&cotangents)).unwrap();
             for (i, sum) in sums.iter_mut().enumerate() {
-                let (part, color, lacks) = responses(&splats, &d.params, i, time, &CAMERAS);
+                let (part, color, lacks) = responses(&splats, &d.params, i, &view, &CAMERAS);
                 let term = |s: f64| if square { s * s } else { s };
                 let color = color.map(term).iter().sum();
                 let all = [part.map(term).as_slice(), &[color], &lacks.map(term)].concat();
@@ -97,7 +98,7 @@ fn sums_over_views_are_those_of_the_gradients() {
     assert_close(&information, &squares);
     assert_close(&slope, &plain);
     let seen: f64 = information.iter().map(|r| r.seen).sum();
-    assert!(seen > 100.0 && information.iter().all(|r| r.seen <= 2.0), "{seen}");
+    assert!(seen > 100.0 && information.iter().all(|r| r.seen <= 3.0), "{seen}");
 }
 
 #[test]
