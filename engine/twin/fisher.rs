@@ -8,9 +8,10 @@ use glam::DVec3;
 const MIDDLE: f64 = 0.5;
 const SH_0: f64 = 0.282_094_791_773_878_14;
 
-/// Responses of Gaussian `i` of `splats` in a picture from `view`, whose gradients of the parameters are `d`: coming to rest, without bands 1 to 3, without it; its colour's gradient by channel; what it lacks where it is static:
-/// velocity, an opacity that grows with time, one that is larger at both ends, of which a photograph says nothing. What a band is in the mean over `cameras`, their
-/// centres, stays.
+/// Responses of Gaussian `i` of `splats` in a picture from `view`, whose gradients of the parameters are `d`: coming to rest,
+/// without bands 1 to 3, without it; its colour's gradient by channel; what it lacks where it is static: velocity, an opacity that
+/// grows with time, one that is larger at both ends, of which a photograph says nothing. What a band is in the mean over `cameras`,
+/// their centres, stays.
 pub fn responses(
     splats: &Splats,
     d: &Splats,
