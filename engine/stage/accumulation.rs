@@ -6,7 +6,10 @@ use crate::error::{Error, Result};
 use crate::gpu::KernelInfo;
 use crate::gpu::generated::{
     self,
-    constants::blend_bwd::{SUM_SEGMENT, SWAP_SEGMENT},
+    constants::{
+        blend_bwd::{SUM_SEGMENT, SWAP_SEGMENT},
+        fixed::FIXED_WORDS,
+    },
 };
 use crate::vk::{Caps, DeviceKind};
 
@@ -24,7 +27,8 @@ pub enum Accumulation {
     Slots,
     /// Atomic additions of floats: the last bits vary from run to run. The device must have them.
     FloatAtomics,
-    /// Atomic additions of 64-bit integers: the same bits in every run, on every device.
+    /// Atomic additions of 64-bit integers: the same bits in every run, on every device. Sums have a range; a Gaussian beyond it
+    /// counts as one whose gradient is not finite.
     FixedPoint,
     /// Compare and exchange: as float atomics, for devices without them.
     CompareExchange,
@@ -84,6 +88,15 @@ impl Sums {
     /// Whether they are words of fixed point.
     pub(super) fn is_fixed(self) -> bool {
         matches!(self, Sums::Fixed32 | Sums::Fixed64)
+    }
+
+    /// Bytes of an active Gaussian's sums, in the longest of their bindings. Slots are of intersections.
+    pub(super) fn bytes(self) -> u64 {
+        match self {
+            Sums::Slots => 0,
+            Sums::Floats | Sums::Swapped => 8 * SLOT_PAIRS as u64,
+            Sums::Fixed32 | Sums::Fixed64 => 4 * u64::from(FIXED_WORDS),
+        }
     }
 
     /// Entries of a list that one round of the backward kernel walks.

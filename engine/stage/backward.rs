@@ -138,8 +138,9 @@ impl Backward {
         }
     }
 
-    /// The scale of the fixed point, a power of two. Terms stay below 2^54: below 2^22 in units of a cotangent. Those of a loss are those of a mean
-    /// over three channels of the picture at hand: the sums have the same bits whichever other pictures there has been room for.
+    /// The scale of the fixed point, a power of two. Terms stay below 2^62, and the sizes of a Gaussian's large ones below 3/4 of 2^63 in
+    /// all: 2^30 and 3/4 of 2^31 in units of a cotangent. Those of a loss are those of a mean over three channels of the picture at hand:
+    /// the sums have the same bits whichever other pictures there has been room for.
     fn scale(&self, size: Size) -> f32 {
         let n = if self.is_of_a_loss { 3.0 * f64::from(size.n_pixels.max(1)) } else { 1.0 };
         (32.0 + n.log2().floor()).exp2() as f32
@@ -334,7 +335,8 @@ impl Backward {
                 chunk0: &chunks.image0,
                 chunk1: &chunks.image1,
             };
-            let push = blend_bwd_p4::Push { n_tiles: size.n_tiles, block, scale: self.scale(size) };
+            let (scale, large) = (self.scale(size), large(blend, size));
+            let push = blend_bwd_p4::Push { n_tiles: size.n_tiles, block, scale, large };
             let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
             rec.pass_variant(kernel, args, push, chunks.grid());
             rec.scale(1.0 / f64::from(self.dispatches(blend)));
@@ -371,12 +373,18 @@ impl Backward {
                     segment: rounds - 1 - round,
                     first_round: u32::from(round == 0),
                     scale: self.scale(size),
+                    large: large(blend, size),
                 };
                 rec.pass_variant(kernel, args, push, Grid::Groups(n_work.div_ceil(subgroups_per_group)));
                 rec.scale(1.0 / f64::from(rounds * n_dispatches));
             }
         }
     }
+}
+
+/// The size from which on terms of fixed point are large, see `fixed.glsl`: a sum has at most one from each block of pixels.
+fn large(blend: &Blend, size: Size) -> f32 {
+    constants::fixed::FIXED_SMALL / (size.n_tiles.max(1) * blend.blocks_per_tile()) as f32
 }
 
 /// What the forward pass kept of each pixel.

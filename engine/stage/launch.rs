@@ -60,6 +60,7 @@ impl Renderer {
         room.pixels = room.pixels.max(extent.n_pixels as usize);
         room.outputs = job.outputs;
         room.purpose = job.purpose();
+        room.active = room.active_of(self.scene.n, self.gpu.caps());
         room.intersections = room.intersections.min(room.max_intersections(&self.gpu));
     }
 

@@ -2,7 +2,7 @@
 
 use super::accumulation::Sums;
 use super::params::{Outputs, Purpose, constants_on};
-use super::room::{Room, max_active};
+use super::room::Room;
 use super::scene::SceneBuffers;
 use super::second_eye::SecondEye;
 use super::window::Windows;
@@ -68,10 +68,9 @@ impl Renderer {
     }
 
     fn of_scene(gpu: Arc<Gpu>, scene: SceneBuffers, constants: Constants, windows: Option<Windows>) -> Self {
-        let active = room_for(&gpu, &scene);
-        let room = Room {
-            active,
-            intersections: active.saturating_mul(2).max(1 << 16),
+        let mut room = Room {
+            active: 1,
+            intersections: 1,
             tiles: 1,
             pixels: 1,
             outputs: Outputs::Color,
@@ -83,6 +82,8 @@ impl Renderer {
             is_batched: false,
             depth_bits: constants.knobs.depth_bits,
         };
+        room.active = room.active_of(scene.n, gpu.caps());
+        room.intersections = room.active.saturating_mul(2).max(1 << 16);
         Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), second: None, windows }
     }
 
@@ -115,9 +116,7 @@ impl Renderer {
         }
         // What pictures on their way still use goes with them.
         self.work = None;
-        windows.load(&self.gpu, &self.constants, &mut self.scene, view)?;
-        self.room.active = room_for(&self.gpu, &self.scene);
-        Ok(())
+        windows.load(&self.gpu, &self.constants, &mut self.scene, view)
     }
 
     /// Puts all Gaussians on the device, for what is asked of the scene as a whole.
@@ -125,13 +124,7 @@ impl Renderer {
         if let Some(windows) = &mut self.windows {
             self.scene = windows.load_whole(&self.gpu, &self.constants)?;
             (self.work, self.windows) = (None, None);
-            self.room.active = room_for(&self.gpu, &self.scene);
         }
         Ok(())
     }
-}
-
-/// Active Gaussians that a scene can have at a time.
-fn room_for(gpu: &Gpu, scene: &SceneBuffers) -> u32 {
-    scene.n.clamp(1, max_active(gpu))
 }

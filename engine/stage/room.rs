@@ -8,6 +8,7 @@ use super::project::SPLAT_PLANES;
 use crate::gpu::Gpu;
 use crate::gpu::generated::Status;
 use crate::gpu::generated::constants::types::{FAILED_ACTIVE, FAILED_INTERSECTIONS, FAILED_LIST};
+use crate::vk::Caps;
 
 /// The size of a strip on its way through the stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -51,6 +52,14 @@ impl Room {
     /// Whether each intersection has a slot for its gradient.
     pub(super) fn has_slots(&self) -> bool {
         self.purpose != Purpose::Picture && self.sums == Sums::Slots
+    }
+
+    /// Active Gaussians of a scene of `n`: all, or as many as one binding holds the splats of, and the sums where a backward pass has
+    /// any. A view that has more fails for them, see [`Room::outcome`].
+    pub fn active_of(&self, n: u32, caps: &Caps) -> u32 {
+        let sums = if self.purpose == Purpose::Picture { 0 } else { self.sums.bytes() };
+        let most = caps.max_binding_bytes / sums.max(16 * SPLAT_PLANES as u64);
+        n.clamp(1, most.min(u64::from(u32::MAX / 2)) as u32)
     }
 
     /// Intersections whose lists, and slots or chunks where there are any, fit one binding.
@@ -100,10 +109,4 @@ pub enum Outcome {
         /// How many fit.
         limit: u32,
     },
-}
-
-/// Active Gaussians whose splats fit one binding.
-pub(super) fn max_active(gpu: &Gpu) -> u32 {
-    let limit = gpu.caps().max_binding_bytes / (16 * SPLAT_PLANES as u64);
-    limit.min(u64::from(u32::MAX / 2)) as u32
 }

@@ -52,11 +52,13 @@ const uint SWAP_SEGMENT = 2048u;
 const float LN_2 = 0.6931471805599453;
 
 #ifdef CHUNKED
-// block: that of the slots' dispatch. scale: of the fixed point.
-layout(push_constant) uniform Push { uint n_tiles; uint block; float scale; } pc;
+// block: that of the slots' dispatch. scale: of the fixed point. large: from here on its terms are, see fixed.glsl.
+layout(push_constant) uniform Push { uint n_tiles; uint block; float scale; float large; } pc;
 #else
-// n_work: tiles, or blocks of all tiles with ACCUMULATE. scale: of the fixed point.
-layout(push_constant) uniform Push { uint n_work; uint stride; uint block; uint segment; uint first_round; float scale; } pc;
+// n_work: tiles, or blocks of all tiles with ACCUMULATE. scale: of the fixed point. large: from here on its terms are.
+layout(push_constant) uniform Push {
+    uint n_work; uint stride; uint block; uint segment; uint first_round; float scale; float large;
+} pc;
 #endif
 layout(set = 0, binding = 0) uniform View { ViewParams view; };
 layout(set = 0, binding = 1) restrict readonly buffer TileOrder { uint tile_order[]; };
@@ -94,27 +96,29 @@ layout(set = 0, binding = 14) restrict readonly buffer Chunk1 { vec4 chunk1[]; }
 #if ACCUMULATE == 1
 void accumulate(uint id, uint c, float x) { atomicAdd(d_slots[12u * id + c], x); }
 #elif ACCUMULATE == 2
-void accumulate(uint id, uint c, float x) {
-    uvec2 word;
-    if (!to_fixed(x * pc.scale, word)) {
-        atomicOr(d_slots[FIXED_WORDS * id + FIXED_POISON], 1u);
-        return;
-    }
-    // The carries of the low word add up to the same number in any order.
-    const uint at = FIXED_WORDS * id + 2u * c;
+// The carries of the low word add up to the same number in any order.
+void add_word(uint at, uvec2 word) {
     const uint old = atomicAdd(d_slots[at], word.x);
     atomicAdd(d_slots[at + 1u], word.y + uint(old + word.x < old));
 }
+void accumulate(uint id, uint c, float x) {
+    float term = x * pc.scale;
+    const uint first = FIXED_WORDS * id;
+    if (fixed_is_large(term, pc.large)) {
+        add_word(first + FIXED_WEIGHT, uvec2(fixed_weight(term), 0u));
+        term = fixed_fits(term) ? term : 0.0;
+    }
+    add_word(first + 2u * c, fixed_word(term));
+}
 #elif ACCUMULATE == 4
 void accumulate(uint id, uint c, float x) {
-    uvec2 word;
-    const bool fits = to_fixed(x * pc.scale, word);
-    const uint at = FIXED_WORDS / 2u * id;
-    if (fits) {
-        atomicAdd(d_slots[at + c], packUint2x32(word));
-    } else {
-        atomicOr(d_slots[at + FIXED_POISON / 2u], uint64_t(1u));
+    float term = x * pc.scale;
+    const uint first = FIXED_WORDS / 2u * id;
+    if (fixed_is_large(term, pc.large)) {
+        atomicAdd(d_slots[first + FIXED_WEIGHT / 2u], packUint2x32(uvec2(fixed_weight(term), 0u)));
+        term = fixed_fits(term) ? term : 0.0;
     }
+    atomicAdd(d_slots[first + c], packUint2x32(fixed_word(term)));
 }
 #elif ACCUMULATE == 3
 void accumulate(uint id, uint c, float x) {
@@ -321,7 +325,9 @@ void main() {
 #if ACCUMULATE > 0
                 if (lane < 16u) {
                     for (uint k = 0u; k < max(16u / n_lanes, 1u); ++k) {
-                        if (c + k < 12u && v[k] != 0.0) accumulate(out_slot, c + k, v[k]);
+                        // Chosen and not indexed: lavapipe does not unroll this, and keeps what is indexed in memory.
+                        const float sum = k == 0u ? v[0] : k == 1u ? v[1] : k == 2u ? v[2] : v[3];
+                        if (c + k < 12u && sum != 0.0) accumulate(out_slot, c + k, sum);
                     }
                 }
 #else

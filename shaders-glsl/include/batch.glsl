@@ -21,15 +21,12 @@ uvec2 sum_of(uvec2 a, uvec2 b) {
 
 // The gradient g, which is finite, as it is summed.
 uvec2 batch_word(float g) {
-    uvec2 word;
-    to_fixed(clamp(g * BATCH_SCALE, -BATCH_LARGEST, BATCH_LARGEST), word);
-    return word;
+    return to_fixed(clamp(g * BATCH_SCALE, -BATCH_LARGEST, BATCH_LARGEST));
 }
 
 // The pull on a centre, below 0 where the image does not count.
 uvec2 pull_word(float pull) {
-    uvec2 word;
-    to_fixed(clamp(pull, 0.0, PULL_LARGEST) * PULL_SCALE, word);
+    uvec2 word = to_fixed(clamp(pull, 0.0, PULL_LARGEST) * PULL_SCALE);
     word.y += 1u << (PULL_BITS - 32u);
     return pull < 0.0 ? uvec2(0u) : word;
 }

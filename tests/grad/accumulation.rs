@@ -4,15 +4,15 @@ use super::adjoint::layers;
 use super::check::{bits, cotangents, dot, flat, smooth_cotangents};
 use crate::adversary::slack;
 use crate::common::device::gpu;
-use crate::common::one::camera;
+use crate::common::one::{One, at_pixel, ball, camera, scene_of, with};
 use crate::common::random::{scene, view};
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::extremes::adjoint::group_error;
 use ivv::extremes::fixtures::adam::{Scene, Step};
-use ivv::scene::{Frame, Splats};
-use ivv::stage::{Accumulation, Gradients, Renderer, Sums};
-use ivv::twin::pull;
+use ivv::scene::{Frame, SH_C0, Splats, View};
+use ivv::stage::{Accumulation, FrameReport, Gradients, Outputs, Purpose, Renderer, Room, Sums};
+use ivv::twin::{pull, render_f64};
 use ivv::vk::{Caps, DeviceKind};
 
 tested! {
@@ -181,7 +181,7 @@ fn auto_is_what_repeats_slots_on_a_cpu_and_integers_on_a_gpu() {
 fn a_cotangent_beyond_the_fixed_point_s_range_is_counted_and_never_wraps() {
     let (gpu, view) = (gpu(), view());
     let splats = scene(10, 60, 0);
-    let sizes = [1e9f32, 1e30, f32::INFINITY, f32::NAN];
+    let sizes = [1e12f32, 1e30, f32::INFINITY, f32::NAN];
     for (size, sums) in sizes.into_iter().flat_map(|size| [Sums::Fixed32, Sums::Fixed64].map(|sums| (size, sums))) {
         let mut huge = cotangents(4, &view, |_| true);
         huge.color[(28 * view.intrinsics.width + 40) as usize] = [size, 0.0, 0.0];
@@ -192,5 +192,94 @@ fn a_cotangent_beyond_the_fixed_point_s_range_is_counted_and_never_wraps() {
         }
         let (found, _) = renderer.vjp(&view, &huge).unwrap();
         assert!(found.n_bad > 0 && super::check::is_finite(&found), "{sums:?}: {size:e}");
+    }
+}
+
+/// Gradients where the device can add them up this way.
+fn gradients_in(splats: &Splats, view: &View, cotangents: &Frame, mode: Sums) -> Option<(Gradients, FrameReport)> {
+    let gpu = gpu();
+    let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
+    if let Err(reason) = renderer.accumulate(mode) {
+        crate::common::notes::skip(reason);
+        return None;
+    }
+    Some(renderer.vjp(view, cotangents).unwrap())
+}
+
+/// A Gaussian over the whole picture: of each block of pixels its red has a term far within the range, and 1,024 of them or more.
+#[test]
+fn a_sum_beyond_the_fixed_point_s_range_is_counted_though_all_its_terms_are_within() {
+    let view = with(camera(512, 512), |of| (of.fx, of.fy) = (512.0, 512.0));
+    let splats = scene_of(&[ball([0.0, 0.0, 4.0], 8.0, 0.5, [0.3, 0.6, 0.2])]);
+    let opaque: f64 = render_f64(&splats, &view, &Constants::default()).alpha.iter().sum();
+    // In units of a cotangent: 2^31 are 2^63.
+    let (range, most) = (2f64.powi(31), 0.75 * 2f64.powi(31));
+    assert!(6_000.0 * opaque < 0.5 * most && 25_000.0 * opaque > 1.2 * range && 25_000.0 * opaque < 1.8 * range);
+    for mode in [Sums::Slots, Sums::Fixed32, Sums::Fixed64] {
+        for size in [6e3f32, -6e3, 2.5e4, -2.5e4] {
+            let none = cotangents(4, &view, |_| true);
+            let red = Frame { color: vec![[size, 0.0, 0.0]; none.color.len()], ..none };
+            let Some((found, report)) = gradients_in(&splats, &view, &red, mode) else { continue };
+            let (found_red, truth) = (flat(&found, "sh")[0], SH_C0 * f64::from(size) * opaque);
+            let is_refused = mode != Sums::Slots && size.abs() > 1e4;
+            assert_eq!((report.visible, found.n_bad), (1, u32::from(is_refused)), "{mode:?}: {size}");
+            let truth = if is_refused { 0.0 } else { truth };
+            assert!((found_red - truth).abs() <= 1e-4 * truth.abs(), "{mode:?}: {found_red}, not {truth}");
+            assert!(super::check::is_finite(&found), "{mode:?}: {size}");
+        }
+    }
+}
+
+/// 104 bytes of sums for each in fixed point, where its splat has 64.
+#[test]
+fn as_many_gaussians_are_active_as_a_binding_holds_splats_and_sums_of() {
+    let caps = Caps { max_binding_bytes: 128 << 20, ..gpu().caps().clone() };
+    let purposes = [Purpose::Picture, Purpose::Gradient, Purpose::Training];
+    for (sums, purpose) in Sums::ALL.into_iter().flat_map(|sums| purposes.map(|purpose| (sums, purpose))) {
+        let room = Room {
+            active: 1,
+            intersections: 1,
+            tiles: 1,
+            pixels: 1,
+            outputs: Outputs::Color,
+            purpose,
+            sums,
+            camera: false,
+            idle: false,
+            is_batched: false,
+            depth_bits: 32,
+        };
+        let is_fixed = matches!(sums, Sums::Fixed32 | Sums::Fixed64) && purpose != Purpose::Picture;
+        let most = if is_fixed { 1_290_555 } else { 2_097_152 };
+        let found = [0, 1000, most, most + 1, u32::MAX].map(|n| room.active_of(n, &caps));
+        assert_eq!(found, [1, 1000, most, most, most], "{sums:?}, {purpose:?}");
+    }
+}
+
+#[test]
+#[ignore = "slow: 1.3 million Gaussians"]
+fn more_gaussians_than_a_binding_holds_sums_of_have_their_gradients_by_strips() {
+    let most = gpu().caps().max_binding_bytes / 104;
+    if most > 2 << 20 {
+        return crate::common::notes::skip(format!("a binding holds the sums of {most} Gaussians"));
+    }
+    // All of them in view, a few over each pixel to be seen before it is dark.
+    let view = camera(64, 64);
+    let n = most as usize + 1000;
+    let one = |i: usize| {
+        let [x, y] = [i * 37 % 64, i / 64 % 64].map(|at| at as f64 + 0.5);
+        One { opacity: 0.0, ..ball(at_pixel(&view, x, y, 2.0 + i as f64 / n as f64), 0.01, 0.5, [0.7, 0.4, 0.3]) }
+    };
+    let splats = scene_of(&(0..n).map(one).collect::<Vec<One>>());
+    let cotangents = cotangents(5, &view, |_| false);
+    let slots = gradients_in(&splats, &view, &cotangents, Sums::Slots).unwrap().0;
+    let b = flat(&slots, "sh");
+    assert!(b.iter().filter(|x| **x != 0.0).count() > 10_000);
+    for mode in [Sums::Fixed32, Sums::Fixed64] {
+        let Some((found, report)) = gradients_in(&splats, &view, &cotangents, mode) else { continue };
+        assert!(report.strips > 1 && found.n_bad == 0, "{mode:?}: {report:?}");
+        let difference: Vec<f64> = flat(&found, "sh").iter().zip(&b).map(|(a, b)| a - b).collect();
+        let error = (dot(&difference, &difference) / dot(&b, &b)).sqrt();
+        assert!(error <= 1e-5, "{mode:?}: sh differs by {error:e}");
     }
 }

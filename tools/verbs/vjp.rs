@@ -70,7 +70,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     renderer.accumulate(sums)?;
     let (gradients, report) = renderer.vjp(view, &cotangents)?;
     if gradients.n_bad > 0 {
-        let what = format!("the gradient of view `{}`", view.name);
+        let by = match args.accumulation {
+            Mode::FixedPoint => " in fixed point, which has a range and `--accumulation slots` none,",
+            Mode::Slots | Mode::FloatAtomics | Mode::CompareExchange => "",
+        };
+        let what = format!("the gradient of view `{}`{by}", view.name);
         return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad) }.into());
     }
     write_gradients(&args.output, &gradients, &splats)?;

@@ -454,12 +454,15 @@ pub mod blend_bwd_p4 {
         pub block: u32,
         /// `scale` of the shader.
         pub scale: f32,
+        /// `large` of the shader.
+        pub large: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 12);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, n_tiles) == 0);
         assert!(std::mem::offset_of!(Push, block) == 4);
         assert!(std::mem::offset_of!(Push, scale) == 8);
+        assert!(std::mem::offset_of!(Push, large) == 12);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -564,15 +567,18 @@ pub mod blend_bwd_p8 {
         pub first_round: u32,
         /// `scale` of the shader.
         pub scale: f32,
+        /// `large` of the shader.
+        pub large: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 24);
+        assert!(size_of::<Push>() == 28);
         assert!(std::mem::offset_of!(Push, n_work) == 0);
         assert!(std::mem::offset_of!(Push, stride) == 4);
         assert!(std::mem::offset_of!(Push, block) == 8);
         assert!(std::mem::offset_of!(Push, segment) == 12);
         assert!(std::mem::offset_of!(Push, first_round) == 16);
         assert!(std::mem::offset_of!(Push, scale) == 20);
+        assert!(std::mem::offset_of!(Push, large) == 24);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {

@@ -180,8 +180,14 @@ pub mod density_children {
 pub mod fixed {
     /// `FIXED_WORDS` of the shader.
     pub const FIXED_WORDS: u32 = 26;
-    /// `FIXED_POISON` of the shader.
-    pub const FIXED_POISON: u32 = 24;
+    /// `FIXED_WEIGHT` of the shader.
+    pub const FIXED_WEIGHT: u32 = 24;
+    /// 2^60.
+    pub const FIXED_SMALL: f32 = 1152921504606846976.0;
+    /// `FIXED_MOST` of the shader.
+    pub const FIXED_MOST: u32 = 0x60000000;
+    /// 2^62.
+    pub const FIXED_RANGE: f32 = 4611686018427387904.0;
 }
 
 /// Of `include/grid.glsl`.

@@ -180,7 +180,7 @@ impl Trainer {
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
         let objective = Objective::new(&gpu, &config, &setup)?;
         let mut room = Room {
-            active: scene.n.max(1),
+            active: 1,
             intersections: scene.n.saturating_mul(4).max(1 << 14),
             tiles: 1,
             pixels: 1,
@@ -192,6 +192,7 @@ impl Trainer {
             is_batched: config.batch > 1,
             depth_bits: constants.knobs.depth_bits,
         };
+        room.active = room.active_of(scene.n, gpu.caps());
         room.intersections = room.intersections.min(room.max_intersections(&gpu));
         Ok(Trainer {
             objective,
@@ -400,7 +401,7 @@ impl Trainer {
         self.scene = grown.scene;
         (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);
         self.controlled = self.step;
-        self.room.active = self.scene.n.max(1);
+        self.room.active = self.room.active_of(self.scene.n, self.gpu.caps());
         if let Some(report) = self.reports.last_mut() {
             report.density = Some(grown.counts);
         }
