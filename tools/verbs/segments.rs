@@ -302,9 +302,10 @@ impl<'a> Jobs<'a> {
         };
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
         write_parts(&file, &mut joined)?;
-        // Those that the jobs were given with --blur and its like.
-        let constants = Run::read(&self.base())?.constants;
-        Run { constants, ..self.run.clone() }.write(self.folder)?;
+        // Those that the jobs were given with --blur and its like. On a rig that moves, a unit of their frame of training is another one.
+        let base = Run::read(&self.base())?;
+        let near = (f64::from(base.constants.near) * (self.run.world.scale / base.world.scale)) as f32;
+        Run { constants: Constants { near, ..base.constants }, ..self.run.clone() }.write(self.folder)?;
         let n_dynamic: usize = joined.parts().iter().map(|part| part.n).sum();
         let n = PlyParts::open(&file)?.map_or(0, |written| written.n_static()) + n_dynamic;
         if self.json {
