@@ -341,7 +341,8 @@ pub fn run(film: &Film, args: &PathArgs, shown: Shown<Gaussians>, studio: &Studi
             Made::Pictures { file, command } => (file, command.as_ref()),
         };
         let line = serde_json::json!({
-            "path": file, "frames": film.n_frames, "fps": film.fps, "seconds": seconds, "command": command, "sound": report,
+            "path": file.to_string_lossy(), "frames": film.n_frames, "fps": film.fps, "seconds": seconds, "command": command,
+            "sound": report,
         });
         out!("{line}");
         return Ok(());

@@ -176,6 +176,20 @@ fn an_export_tells_how_many_gaussians_it_wrote() {
     }
 }
 
+/// JSON is text, and not every name of a file is.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_whose_name_is_not_utf_8_is_told_of_in_json() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Folder::new("export-name");
+    let from = folder.file("scene.ply");
+    write_ply(&from, &exportable(0, 4)).unwrap();
+    let to = folder.0.join(std::ffi::OsStr::from_bytes(b"caf\xe9.ply"));
+    let (report, _) = told(&from, &to, &[]);
+    assert!(report["path"].as_str().is_some_and(|path| path.ends_with("caf\u{fffd}.ply")), "{report}");
+    assert_eq!(report["gaussians"], 4);
+}
+
 #[test]
 fn a_snapshot_is_the_scene_at_its_time() {
     let folder = Folder::new("snapshot");

@@ -67,7 +67,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let bytes = read_file(&args.scene).with_context(|| args.scene.display().to_string())?;
         let written = write_clip(format, &args.output, &bytes)?;
         if json {
-            out!("{}", serde_json::json!({ "path": args.output, "bytes": written }));
+            out!("{}", serde_json::json!({ "path": args.output.to_string_lossy(), "bytes": written }));
         } else {
             out!("{}: the scene as it is, {written} bytes", args.output.display());
         }
@@ -120,7 +120,8 @@ impl Written {
             out!(
                 "{}",
                 serde_json::json!({
-                    "path": to, "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree, "bytes": bytes,
+                    "path": to.to_string_lossy(), "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree,
+                    "bytes": bytes,
                 })
             );
         } else {
