@@ -172,11 +172,15 @@ fn sync_folder(path: &Path) -> io::Result<()> {
     if !cfg!(unix) {
         return Ok(());
     }
-    let folder = match path.parent() {
+    where_possible(File::open(folder_of(path))?.sync_all())
+}
+
+/// The folder that a file is in.
+pub fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
-    };
-    where_possible(File::open(folder)?.sync_all())
+    }
 }
 
 /// The outcome of synchronising a folder. Some file systems do not offer that; what was renamed there is complete all the same.
