@@ -158,6 +158,7 @@ impl Evaluation {
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SceneScores {
     /// The scene file.
+    #[serde(serialize_with = "crate::files::as_text")]
     pub scene: PathBuf,
     /// Gaussians.
     pub gaussians: usize,

@@ -202,10 +202,9 @@ fn what_a_killed_process_left_is_in_nobodys_way_and_goes() {
     };
     assert_eq!(hidden(&case.run), [".mine.tmp"], "only what no process of this kind names so stays");
     assert_eq!(hidden(&case.run.join("checkpoints")), Vec::<String>::new());
-    // Where no run sweeps: the names are free all the same.
-    let scene = case.run.join("scene.ply");
-    let export = ["export", scene.to_str().unwrap(), "-o", "out.ply"];
-    let output = with_known_number(&leftovers(".out.ply"), &export, &case.tiny.folder);
+    // Where nothing sweeps: the names are free all the same.
+    let cameras = ["cameras", case.path(), "-o", "out.json"];
+    let output = with_known_number(&leftovers(".out.json"), &cameras, &case.tiny.folder);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 

@@ -217,7 +217,7 @@ impl<'a> Jobs<'a> {
     /// Of one job alone, where its run is.
     fn tell(&self, folder: &Path) {
         if self.json {
-            out!("{}", json!({ "path": folder }));
+            out!("{}", json!({ "path": folder.to_string_lossy() }));
         }
     }
 
@@ -309,7 +309,8 @@ impl<'a> Jobs<'a> {
         let n_dynamic: usize = joined.parts().iter().map(|part| part.n).sum();
         let n = PlyParts::open(&file)?.map_or(0, |written| written.n_static()) + n_dynamic;
         if self.json {
-            out!("{}", json!({ "path": file, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments }));
+            let path = file.to_string_lossy();
+            out!("{}", json!({ "path": path, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments }));
             return Ok(());
         }
         out!(
