@@ -2,6 +2,7 @@
 
 use super::checkpoint::CameraState;
 use super::config::{Config, GridKind, PoseKind};
+use super::density::recovered_from;
 use super::setup::Setup;
 use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
@@ -21,21 +22,21 @@ const POSES_JUDGED: f64 = 0.3;
 const MOST_SHIFT: f64 = 0.1;
 
 /// The step of a run of `total` after which it is judged whether the poses differ.
-pub(super) fn poses_judged_at(total: u64) -> u64 {
-    (POSES_JUDGED * total as f64).round() as u64
+pub(super) fn poses_judged_at(config: &Config, total: u64) -> u64 {
+    recovered_from(config, (POSES_JUDGED * total as f64).round() as u64, total)
 }
 
 /// Whether a run of `before` steps is past the step at which one of `total` judges the poses, before its own, and has learnt them for
 /// as long as that one would have.
-pub(super) fn poses_are_missed(step: u64, before: u64, total: u64) -> bool {
+pub(super) fn poses_are_missed(config: &Config, step: u64, [before, total]: [u64; 2]) -> bool {
     let learnt = step as f64 - POSES_FROM * before as f64;
-    let is_past = poses_judged_at(total) <= step && step < poses_judged_at(before);
+    let is_past = poses_judged_at(config, total) <= step && step < poses_judged_at(config, before);
     is_past && learnt >= (POSES_JUDGED - POSES_FROM) * total as f64
 }
 
 /// The step after which it is told which time offsets the images tell, of `total`.
-pub(super) fn offsets_judged_at(total: u64) -> u64 {
-    total / 2
+pub(super) fn offsets_judged_at(config: &Config, total: u64) -> u64 {
+    recovered_from(config, total / 2, total)
 }
 
 /// The cameras' own parameters.

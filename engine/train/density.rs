@@ -11,6 +11,8 @@ use crate::stage::{Choice, DensityRound, StepSettings};
 /// Purposes of the random numbers of a step.
 const ROUND: u64 = 1;
 const NOISE: u64 = 2;
+/// Part of the steps between two resets of the opacities in which the scene recovers from one.
+const RECOVERY: f64 = 1.0 / 3.0;
 
 /// The round of density control of `n` Gaussians, of which `n_trained` are trained, that is due after step `step` (from 1) of
 /// `total`; `None` where none is. `origin` is that of the scene on the device.
@@ -63,6 +65,28 @@ pub fn density_round(
         growth: if grows { growth as f32 } else { 0.0 },
         key: key(config, step, ROUND),
     })
+}
+
+/// Whether `step` of `total` follows so soon on a reset of the opacities that the scene has not recovered.
+pub(super) fn recovers(config: &Config, step: u64, total: u64) -> bool {
+    let density = &config.density;
+    let every = density.reset_every;
+    let reset = step - step.checked_rem(every).unwrap_or(step);
+    density.strategy == Strategy::Adc
+        && reset > 0
+        && (reset as f64) < density.stop * total as f64
+        && (step - reset) as f64 <= RECOVERY * every as f64
+}
+
+/// The step of `total` for a look at the scene that is meant for `step`: that step, or the first after it at which the scene has
+/// recovered from a reset of the opacities, where the run has one. What a faded scene lacks would be blamed on the cameras.
+pub(super) fn recovered_from(config: &Config, step: u64, total: u64) -> u64 {
+    if !recovers(config, step, total) {
+        return step;
+    }
+    let every = config.density.reset_every;
+    let recovered = step - step % every + (RECOVERY * every as f64) as u64 + 1;
+    if recovered < total { recovered } else { step }
 }
 
 /// Rate and key of the noise of 3DGS-MCMC in step `step` (from 1) of `total` for a scene of `extent`; `None` without MCMC.
