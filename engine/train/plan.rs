@@ -87,8 +87,7 @@ impl Workload {
             data: setup.data,
             dense: config.adam == AdamMode::Dense,
             offsets: !setup.learns_offset.is_empty(),
-            // As many as may be needed.
-            grids: if config.grids.is_some() && capture.is_rig_clip() { setup.n_trained as u64 } else { 0 },
+            grids: setup.most_grids as u64,
             sums: config.accumulation.on(gpu.caps()),
             height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),
         }
