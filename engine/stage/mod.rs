@@ -69,6 +69,7 @@ pub use priors::{DepthSpace, NO_PRIOR, PriorLoss, PriorPlanes, PriorWeights};
 pub use project::{Eye, Projected};
 pub use render::{FrameReport, Picture};
 pub use renderer::Renderer;
+pub(crate) use room::max_active;
 pub use room::{Outcome, Room, Size};
 pub use scan::{PairGrids, Scan};
 pub use scene::{Group, SceneBuffers, group_limit};

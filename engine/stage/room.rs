@@ -98,7 +98,7 @@ pub enum Outcome {
 }
 
 /// Active Gaussians whose splats fit one binding.
-pub(super) fn max_active(gpu: &Gpu) -> u32 {
+pub(crate) fn max_active(gpu: &Gpu) -> u32 {
     let limit = gpu.caps().max_binding_bytes / (16 * SPLAT_PLANES as u64);
     limit.min(u64::from(u32::MAX / 2)) as u32
 }

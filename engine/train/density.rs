@@ -67,6 +67,13 @@ pub fn density_round(
     })
 }
 
+/// `round` of a run that ends with `backdrop` more Gaussians, on a device that has at most `most` in view at a time: no step of a larger
+/// scene could be taken.
+pub(super) fn with_room(round: DensityRound, most: u32, backdrop: u32) -> DensityRound {
+    let most = round.max_gaussians.min(most);
+    DensityRound { max_gaussians: most - backdrop.min(most / 10), ..round }
+}
+
 /// Whether `step` of `total` follows so soon on a reset of the opacities that the scene has not recovered.
 pub(super) fn recovers(config: &Config, step: u64, total: u64) -> bool {
     let density = &config.density;
@@ -107,4 +114,25 @@ pub fn regularisers(config: &Config) -> StepSettings {
 /// Key of the device's random numbers.
 fn key(config: &Config, step: u64, purpose: u64) -> u32 {
     Keyed::new(&[config.seed, step, purpose]).bits(0) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{density_round, with_room};
+    use crate::scene::capture::Extent;
+    use crate::train::config::Config;
+
+    #[test]
+    fn a_scene_grows_no_larger_than_the_settings_and_the_device_allow_with_room_for_the_end() {
+        let extent = Extent { center: [0.0; 3], radius: 1.0 };
+        let grown = |max_gaussians: usize, most: u32, backdrop: u32| {
+            let config = Config { max_gaussians, ..Config::default() };
+            let round = density_round(&config, (600, 10_000), (900, 900), &extent, [0.0; 3], 1).unwrap();
+            with_room(round, most, backdrop).max_gaussians
+        };
+        assert_eq!(grown(500_000, 2_097_152, 0), 500_000);
+        assert_eq!(grown(500_000, 2_097_152, 1000), 499_000);
+        assert_eq!(grown(5000, 2_097_152, 1000), 4500, "a tenth of them at most");
+        assert_eq!(grown(3_000_000, 2_097_152, 1000), 2_096_152);
+    }
 }

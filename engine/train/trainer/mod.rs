@@ -20,10 +20,10 @@ use crate::scene::{Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
     AdamMode, Batch, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings,
-    Workspace, adam_params, constants_on, lazy_sums,
+    Workspace, adam_params, constants_on, lazy_sums, max_active,
 };
 use crate::train::config::Config;
-use crate::train::density::{density_round, regularisers};
+use crate::train::density::{density_round, regularisers, with_room};
 use crate::train::images::{Loaded, Shot};
 use crate::train::objective::{Objective, Report, Taken, Truth};
 use crate::train::poses::Correction;
@@ -378,8 +378,8 @@ impl Trainer {
         let round =
             density_round(&self.config, (self.step, self.total), (n, n_trained), &self.setup.extent, origin, n_frames)?;
         // The end of the run needs room, too.
-        let backdrop = if self.shows_background() { 0 } else { self.config.backdrop.min(round.max_gaussians / 10) };
-        Some(DensityRound { max_gaussians: round.max_gaussians - backdrop, ..round })
+        let backdrop = if self.shows_background() { 0 } else { self.config.backdrop };
+        Some(with_room(round, max_active(&self.gpu), backdrop))
     }
 
     /// The density control due after the step handed over last, once.
