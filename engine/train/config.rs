@@ -451,14 +451,15 @@ const LEAST_EVERY: u64 = 8;
 
 impl Density {
     /// The round of density control that follows step `step` (from 1) of `total`: rounds at equal steps to the end of the run,
-    /// of which those after [`Density::stop`] only remove, and those in steps that are averaged are left out by
-    /// [`super::density_round`]. None where the rounds that grow are none.
+    /// of which those after [`Density::stop`] only remove, as does one that the run ends too soon after to fit what it would add, and
+    /// those in steps that are averaged are left out by [`super::density_round`]. None where the rounds that grow are none.
     pub fn due(&self, step: u64, total: u64) -> Option<Round> {
         let first = ((total as f64 * self.start) as u64).min(self.first_step);
         let last = (total as f64 * self.stop) as u64;
         let every = self.every.min((last.saturating_sub(first) / 10).max(LEAST_EVERY)).max(1);
         let is_due = last > first && step > first && (step - first).is_multiple_of(every);
-        is_due.then_some(if step <= last { Round::Growth } else { Round::Removal })
+        let grows = step <= last && total.saturating_sub(step) >= every;
+        is_due.then_some(if grows { Round::Growth } else { Round::Removal })
     }
 }
 
