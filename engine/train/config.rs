@@ -72,12 +72,13 @@ settings! {
         /// Whether each image is compared with the scene over a background of another colour, so that the scene cannot use the background
         /// as a colour. Only where most cameras look inward, and never where images show the background.
         vary_background: bool = true, "", Range::Switch;
-        /// Whether the time offsets of the cameras are learnt.
+        /// Whether the time offsets of the cameras are learnt. Only in clips of several cameras.
         offsets: bool = true, "", Range::Switch;
         /// Whether the poses of the training cameras are learnt, one turn and one shift a camera for all its images. Auto learns them in
         /// a clip, and after 30 % of the run goes on only if the cameras turn out to stand elsewhere than the capture says.
         poses: PoseKind = PoseKind::Auto, "", Range::Word(&["auto", "learnt", "given"]);
-        /// What corrects the colours of each training camera: a bilateral grid, one affine map for the whole image, or nothing.
+        /// What corrects the colours of each training camera: a bilateral grid, one affine map for the whole image, or nothing. Only in
+        /// clips of several cameras.
         grids: GridKind = GridKind::default(), "", Range::Word(&["bilateral", "affine", "none"]);
         /// Which Gaussians take a step: all, those in view after catching up, or those in view alone.
         adam: AdamMode = AdamMode::default(), "", Range::Word(&["dense", "lazy", "sparse"]);

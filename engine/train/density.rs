@@ -67,8 +67,8 @@ pub fn density_round(
     })
 }
 
-/// `round` of a run that ends with `backdrop` more Gaussians, on a device that has at most `most` in view at a time: no step of a larger
-/// scene could be taken.
+/// `round` of a run that ends with `backdrop` more Gaussians, on a device that has at most `most` in view at a time: a view that
+/// sees more of a larger scene would end the run.
 pub(super) fn with_room(round: DensityRound, most: u32, backdrop: u32) -> DensityRound {
     let most = round.max_gaussians.min(most);
     DensityRound { max_gaussians: most - backdrop.min(most / 10), ..round }

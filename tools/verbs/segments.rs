@@ -31,7 +31,7 @@ pub struct Args {
 enum What {
     /// Cuts a clip into segments that share frames, and writes the jobs that train them.
     Plan(Box<PlanArgs>),
-    /// Trains what rests, then what moves in each segment, then joins them; or one of these jobs. What is done is not done again, and
+    /// Trains the static scene, then what moves in each segment, then joins them; or one of these jobs. What is done is not done again, and
     /// what was stopped goes on.
     Run(RunArgs),
     /// Joins the scenes of the segments into PLAN/scene.ply, which `render`, `eval`, `export` and others take as that of a run.
@@ -70,7 +70,7 @@ struct PlanArgs {
 struct RunArgs {
     /// A folder that `ivv segments plan` made.
     plan: PathBuf,
-    /// One job alone: `base`, what rests; the number of a segment, from 0; or `join`.
+    /// One job alone: `base`, the static scene; the number of a segment, from 0; or `join`.
     #[arg(long, value_name = "base|N|join")]
     only: Option<String>,
     /// Further options of `ivv train` for what is trained, such as --device.
@@ -140,7 +140,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         );
         return Ok(());
     }
-    out!("{}: what rests, with {} of {}", args.output.display(), count(still, "frame"), segments.n_frames);
+    out!("{}: the static scene, with {} of {}", args.output.display(), count(still, "frame"), segments.n_frames);
     for (segment, [from, to]) in segments.segments.iter().enumerate() {
         out!("segment {segment}: frames {from} to {}", to - 1);
     }
@@ -222,7 +222,7 @@ impl<'a> Jobs<'a> {
     }
 
     fn train_base(&self, options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
-        say!("what rests");
+        say!("the static scene");
         self.train(&self.base(), &["--max-frames".into(), self.segments.still.to_string().into()], options, stop)
     }
 
