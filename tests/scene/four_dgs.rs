@@ -293,6 +293,25 @@ fn a_unit_of_another_programs_clip_is_as_long_as_its_number_says_or_else_its_nam
     }
 }
 
+#[test]
+fn which_way_is_up_is_told_by_the_text_of_the_axes_where_there_is_no_frame() {
+    let path = Path::new("framed.4dgs");
+    let up = |bytes: &[u8]| FourDgs::of_bytes(path, bytes).unwrap().world();
+    for (text, expected) in [
+        ("y-up-right-handed", Some([0.0, 1.0, 0.0])),
+        ("-y-up", Some([0.0, -1.0, 0.0])),
+        ("z-up-right-handed", Some([0.0, 0.0, 1.0])),
+        ("-x-up-right-handed", Some([-1.0, 0.0, 0.0])),
+        ("right-handed-y-up", None),
+        ("up", None),
+    ] {
+        let expected = expected.map(|up| World { up, metres_per_unit: None });
+        assert_eq!(up(&framed(None, Some(text))), expected, "{text}");
+    }
+    let world = up(&framed(Some((1, 0, 0.0)), Some("z-up-right-handed")));
+    assert_eq!(world.map(|world| world.up), Some([0.0, 1.0, 0.0]), "the frame goes before");
+}
+
 /// What the program says to an export of `file` to another `.4dgs`, which it must refuse.
 fn refused_export(folder: &Folder, file: &Path) -> String {
     let copy = folder.file("copy.4dgs");
