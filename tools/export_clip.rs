@@ -89,14 +89,16 @@ struct Beside {
     own: BTreeMap<String, String>,
     sounds: Sounds,
     world: Option<World>,
+    cutoff: Option<f64>,
     constants: Constants,
     is_quick: bool,
 }
 
 impl Beside {
     fn contents(&self) -> Contents<'_> {
-        let Beside { clock, views, own, sounds, world, is_quick, .. } = self;
-        Contents { clock: *clock, views, own: own.clone(), sounds, world: *world, is_quick: *is_quick }
+        let Beside { clock, views, own, sounds, world, cutoff, is_quick, .. } = self;
+        let (clock, own, world, cutoff) = (*clock, own.clone(), *world, *cutoff);
+        Contents { clock, views, own, sounds, world, cutoff, is_quick: *is_quick }
     }
 }
 
@@ -260,6 +262,7 @@ impl ClipArgs {
             own: own(&constants, background),
             sounds,
             world,
+            cutoff: source.clip.as_ref().and_then(FourDgs::cutoff),
             constants,
             is_quick: self.is_silent,
         })

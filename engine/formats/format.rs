@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 use super::clock::Clock;
+use super::four_dgs::World;
 use crate::error::Result;
 use crate::scene::{Splats, View};
 
@@ -52,6 +53,8 @@ pub struct Writer {
 pub enum WriteScene {
     /// From the Gaussians alone.
     Alone(fn(&Path, &Splats) -> Result<()>),
+    /// With which way is up and how large it is, where something tells that.
+    InWorld(fn(&Path, &Splats, Option<World>) -> Result<()>),
     /// With the clock of the clip, where something tells it, and views to start from.
     WithClip(fn(&Path, &Splats, Option<Clock>, &[View]) -> Result<()>),
 }

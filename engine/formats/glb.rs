@@ -2,10 +2,12 @@
 
 use std::path::Path;
 
+use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::decode::level;
 use super::format::{WriteScene, Writer};
+use super::four_dgs::World;
 use super::spz::SH_SIGNS;
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
@@ -16,7 +18,7 @@ pub(super) const WRITER: Writer = Writer {
     name: "glb",
     ending: Some(".glb"),
     about: "glTF with KHR_gaussian_splatting; one moment",
-    write: WriteScene::Alone(write_glb),
+    write: WriteScene::InWorld(write_glb),
 };
 
 const MAGIC: &[u8; 4] = b"glTF";
@@ -59,12 +61,12 @@ impl Attributes {
 }
 
 /// Writes static Gaussians as a `.glb`, in the order of `source_row` and turned to glTF's axes (right, up, back), with colours
-/// of the points for programs that do not know the extension. Gaussians with a parameter that is not finite are left out. No
-/// number but the colours of points loses anything.
+/// of the points for programs that do not know the extension. The node turns and scales them as `world` says, so that y is up and a
+/// unit is a metre. Gaussians with a parameter that is not finite are left out. No number but the colours of points loses anything.
 ///
 /// # Errors
 /// [`Error::Data`] when there is no Gaussian, one is dynamic, the file would be longer than 4 GiB or cannot be written.
-pub fn write_glb(path: &Path, splats: &Splats) -> Result<()> {
+pub fn write_glb(path: &Path, splats: &Splats, world: Option<World>) -> Result<()> {
     let rows = splats.static_rows(path)?;
     if rows.is_empty() {
         return Err(Error::data(path, "", "there is no Gaussian to write", "a .glb needs at least one"));
@@ -105,17 +107,36 @@ pub fn write_glb(path: &Path, splats: &Splats) -> Result<()> {
     };
     let bytes = json!({ "componentType": UNSIGNED_BYTE, "type": "VEC4", "normalized": true });
     all.push("COLOR_0", rows.iter().flat_map(|&i| color(i)), bytes);
-    write(path, all)
+    write(path, all, &node(world))
 }
 
-fn write(path: &Path, all: Attributes) -> Result<()> {
+/// The node of Gaussians whose axes were turned by half a turn about x.
+fn node(world: Option<World>) -> Value {
+    let mut node = json!({ "mesh": 0 });
+    if let Some(World { up: [x, y, z], metres_per_unit }) = world {
+        let up = DVec3::new(x, -y, -z).normalize_or(DVec3::Y);
+        // Of all half turns, that which takes the other back.
+        let turn = if up == DVec3::NEG_Y {
+            DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0)
+        } else {
+            DQuat::from_rotation_arc(up, DVec3::Y)
+        };
+        node["rotation"] = turn.to_array().to_vec().into();
+        if let Some(metres) = metres_per_unit {
+            node["scale"] = vec![metres; 3].into();
+        }
+    }
+    node
+}
+
+fn write(path: &Path, all: Attributes, node: &Value) -> Result<()> {
     let Attributes { buffer, views, accessors, names, .. } = all;
     let document = json!({
         "asset": { "version": "2.0", "generator": concat!("ivv ", env!("CARGO_PKG_VERSION")) },
         "extensionsUsed": ["KHR_gaussian_splatting"],
         "scene": 0,
         "scenes": [{ "nodes": [0] }],
-        "nodes": [{ "mesh": 0 }],
+        "nodes": [node],
         "meshes": [{ "primitives": [{
             "mode": 0,
             "attributes": names,

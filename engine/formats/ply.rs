@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::clock::Clock;
 use super::compressed_ply::{is_compressed, read_compressed};
+use super::decode::logit_of_byte;
 use super::format::{ELSEWHERE, Reader, WriteScene, Writer};
 use super::ply_time::{FREE_TIME, MOTION, SPAN, Temporal, free_time, free_time_comments};
 use crate::error::{Error, Result};
@@ -19,8 +20,9 @@ use crate::scene::{ALWAYS, Motion, Splats};
 ///
 /// Temporal properties are this project's, those of a `.ftgs.ply` (version 1) or those of Spacetime Gaussians whose motion is
 /// along lines. A Gaussian is static when the file has none or when it rests and never fades (`t_scale` +infinity, a
-/// `log_duration` of 1e6 sequences); static Gaussians come first, each population in the file's order, and `source_row` keeps the row. Values
-/// that are not finite are kept: the renderer culls and counts them.
+/// `log_duration` of 1e6 sequences); static Gaussians come first, each population in the file's order, and `source_row` keeps the row.
+/// Opacities of 0 and 1, whose logits are infinite, are taken as those of a byte are. Other values that are not finite are kept: the
+/// renderer culls and counts them.
 ///
 /// # Errors
 /// [`Error::Data`] when the file cannot be read, its header is malformed, a property is missing or declared twice,
@@ -127,7 +129,7 @@ impl Layout {
         to.position.push(self.position.map(|c| c.f32(bytes)));
         to.rotation.push(self.rotation.map(|c| c.f32(bytes)));
         to.scale.push(self.scale.map(|c| c.f32(bytes)));
-        to.opacity.push(self.opacity.f32(bytes));
+        to.opacity.push(within(self.opacity.f32(bytes)));
         let color = self.dc.map(|c| c.f32(bytes));
         let is_plain = self.temporal.as_ref().is_some_and(Temporal::has_plain_colors);
         to.sh.push(if is_plain { color.map(|c| dc_of_color(f64::from(c))) } else { color });
@@ -137,6 +139,11 @@ impl Layout {
         }
         Ok(())
     }
+}
+
+/// A logit that is not infinite: programs that turn bytes into logits write infinite ones of what is opaque and of what is not there.
+fn within(logit: f32) -> f32 {
+    if logit.is_infinite() { logit_of_byte(if logit > 0.0 { 255 } else { 0 }) } else { logit }
 }
 
 pub(super) const READER: Reader = Reader {
@@ -161,7 +168,7 @@ pub(super) const FTGS_WRITER: Writer = Writer {
 /// Writes a scene as a binary little-endian PLY in 3DGS's property order, rows in the order of `source_row` (ties: the
 /// lower index first). The temporal properties follow when any Gaussian is dynamic; a static one then has velocity 0,
 /// `t_center` 0 and `t_scale` +infinity. Where some are not always there, `t_from` and `t_to` follow. Reading a file that this
-/// wrote and writing it again gives the same bytes.
+/// wrote and writing it again gives the same bytes, unless a logit of an opacity is infinite.
 ///
 /// # Errors
 /// [`Error::Data`] when the file cannot be written or the scene's arrays disagree in length.

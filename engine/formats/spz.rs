@@ -20,7 +20,8 @@ pub(super) const MAGIC: [u8; 4] = *b"NGSP";
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 pub(super) const READER: Reader = Reader {
     what: "an SPZ (version 2 to 4)",
-    knows: |start| start.bytes == MAGIC || start.bytes.starts_with(&GZIP),
+    // Two bytes tell little: the first coordinate of a .splat may begin with them.
+    knows: |start| start.bytes == MAGIC || (start.bytes.starts_with(&GZIP) && !start.ends_in("splat")),
     read: read_spz,
 };
 
@@ -28,8 +29,15 @@ const HEADER_BYTES: usize = 16;
 pub(super) const HEADER_BYTES_V4: usize = 32;
 /// Trained with opacity compensation; it does not change how the file is read.
 const FLAG_ANTIALIASED: u8 = 1;
-/// Vendor records are present; one of Adobe's changes the range of the spherical harmonics.
+/// Vendor records are present: behind the attributes, or in front of the table of streams.
 const FLAG_EXTENSIONS: u8 = 2;
+/// Records of Adobe's: within what a camera may orbit, and in which axes the Gaussians are stored.
+const ORBIT: u32 = 0xADBE_0002;
+const AXES: u32 = 0xADBE_0003;
+/// Axes that are the format's own: those of nobody's choice, and right, up, back.
+const OWN_AXES: [u32; 2] = [0, 4];
+/// Most bytes of records that are looked at behind the attributes.
+const MOST_RECORD_BYTES: u64 = 1 << 16;
 /// DEFLATE cannot expand a byte to more than this, so a longer promise is a lie. Zstandard could; Gaussians that differ do not.
 const MAX_RATIO: u64 = 1032;
 /// So much a file of zstd streams may promise however small it is: few bytes hold Gaussians that are all the same.
@@ -73,12 +81,12 @@ impl Header {
         if flags & !(FLAG_ANTIALIASED | FLAG_EXTENSIONS) != 0 {
             return unsupported(14, format!("unknown flags {flags:#04x}"), "save it without vendor features");
         }
-        if flags & FLAG_EXTENSIONS != 0 && sh_degree > 0 {
-            let reason = "vendor extensions, which may change how spherical harmonics are stored".to_owned();
-            return unsupported(14, reason, "save it without extensions");
-        }
         let (sh_degree, fractional_bits) = (u32::from(sh_degree), u32::from(fractional_bits));
         Ok(Header { version, count: count as usize, sh_degree, fractional_bits, n_streams: n_streams.into(), flags })
+    }
+
+    fn has_records(&self) -> bool {
+        self.flags & FLAG_EXTENSIONS != 0
     }
 
     fn n_rest(&self) -> usize {
@@ -112,7 +120,11 @@ pub fn read_spz(path: &Path) -> Result<Splats> {
                 format!("{} Gaussians need {size} bytes, a file of {} cannot hold them", header.count, bytes.len());
             return Err(Error::data(path, "header, byte 8", reason, REMEDY));
         }
-        let payload = inflate(path, "gzip stream", &mut stream, size, header.flags & FLAG_EXTENSIONS != 0)?;
+        let mut payload = inflate(path, "gzip stream", &mut stream, size, header.has_records())?;
+        if header.has_records() {
+            let read = stream.take(MOST_RECORD_BYTES).read_to_end(&mut payload);
+            read.map_err(|fault| Error::data(path, "gzip stream", format!("does not inflate: {fault}"), REMEDY))?;
+        }
         return decode(path, &header, &payload);
     }
     let header = Header::parse(path, &bytes)?;
@@ -123,7 +135,7 @@ pub fn read_spz(path: &Path) -> Result<Splats> {
     decode(path, &header, &bytes[HEADER_BYTES..])
 }
 
-/// Exactly `size` bytes of `stream`; with `surplus` more may follow, which are left alone.
+/// Exactly `size` bytes of `stream`; with `surplus` more may follow, which is left in the stream.
 fn inflate(path: &Path, place: &str, stream: &mut dyn Read, size: usize, surplus: bool) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let read = stream.take(size as u64).read_to_end(&mut bytes);
@@ -155,6 +167,9 @@ fn inflate_streams(path: &Path, header: &Header, bytes: &[u8]) -> Result<Vec<u8>
     let Some(entries) = entries.filter(|_| table >= HEADER_BYTES_V4) else {
         return Err(fault("header, byte 16", format!("no table of {} streams at byte {table}", sizes.len())));
     };
+    if header.has_records() {
+        check_records(path, &bytes[HEADER_BYTES_V4..table])?;
+    }
     let size: usize = sizes.iter().sum();
     if size as u64 > SMALL_BYTES.max(MAX_RATIO * bytes.len() as u64) {
         let reason =
@@ -188,13 +203,41 @@ fn inflate_streams(path: &Path, header: &Header, bytes: &[u8]) -> Result<Vec<u8>
     Ok(payload)
 }
 
+/// Refuses vendor records that change what the attributes mean, or may do so: all but those that are known not to.
+fn check_records(path: &Path, mut records: &[u8]) -> Result<()> {
+    let fault = |reason: String, remedy: &str| Err(Error::data(path, "vendor records", reason, remedy));
+    while !records.is_empty() {
+        let record = records.split_first_chunk::<4>().and_then(|(kind, after)| {
+            let (length, after) = after.split_first_chunk::<4>()?;
+            let (content, rest) = after.split_at_checked(u32::from_le_bytes(*length) as usize)?;
+            Some((u32::from_le_bytes(*kind), content, rest))
+        });
+        let Some((kind, content, rest)) = record else {
+            let reason =
+                format!("expected kind, length and content of each, found {} bytes that are not", records.len());
+            return fault(reason, "save it without extensions");
+        };
+        if kind == AXES && !OWN_AXES.iter().any(|own| content == own.to_le_bytes()) {
+            let reason = "expected the axes right, up and back, found others".to_owned();
+            return fault(reason, "save it in the format's own axes");
+        }
+        if kind != AXES && kind != ORBIT {
+            let reason = format!("expected none that may change how Gaussians are stored, found the kind {kind:#010x}");
+            return fault(reason, "save it without extensions");
+        }
+        records = rest;
+    }
+    Ok(())
+}
+
 fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<Splats> {
     let sizes = header.sizes();
     let size: usize = sizes.iter().sum();
-    if payload.len() < size || (payload.len() > size && header.flags & FLAG_EXTENSIONS == 0) {
+    if payload.len() < size || (payload.len() > size && !header.has_records()) {
         let reason = format!("{} bytes, the header's count needs {size}", payload.len());
         return Err(Error::data(path, "data", reason, REMEDY));
     }
+    check_records(path, &payload[size..])?;
     let mut rest = payload;
     let [position, alpha, color, scale, rotation, sh] = sizes.map(|n| {
         let (attribute, after) = rest.split_at(n);

@@ -8,6 +8,7 @@ use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
 use super::decode::{byte_of_logit, level};
 use super::format::{WriteScene, Writer};
+use super::four_dgs::World;
 use super::spz::{COLOR_SCALE, HEADER_BYTES_V4, MAGIC, SH_SIGNS};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
@@ -17,13 +18,13 @@ pub(super) const VERSION_3: Writer = Writer {
     name: "spz",
     ending: Some(".spz"),
     about: "Niantic's, version 3; one moment",
-    write: WriteScene::Alone(|path, splats| write_spz(path, splats, SpzVersion::V3)),
+    write: WriteScene::InWorld(|path, splats, world| write_spz(path, splats, SpzVersion::V3, world)),
 };
 pub(super) const VERSION_4: Writer = Writer {
     name: "spz4",
     ending: None,
     about: "Niantic's, version 4; one moment",
-    write: WriteScene::Alone(|path, splats| write_spz(path, splats, SpzVersion::V4)),
+    write: WriteScene::InWorld(|path, splats, world| write_spz(path, splats, SpzVersion::V4, world)),
 };
 
 /// Positions are signed integers of so many bits, less the sign.
@@ -38,17 +39,23 @@ pub enum SpzVersion {
     V4,
 }
 
-/// Writes static Gaussians as an SPZ, in the order of `source_row` and turned to SPZ's axes. Gaussians with a
-/// parameter that is not finite, which are never drawn, are left out.
+/// Writes static Gaussians as an SPZ, in the order of `source_row` and turned to SPZ's axes (right, up, back): by half a turn about x,
+/// or not at all where `world` says that y is up. Gaussians with a parameter that is not finite, which are never drawn, are left out.
 ///
 /// Largest errors of what is read back: positions 2^-24 of the largest coordinate's next power of two; log-scales 1/32,
 /// within [-10, 5.94]; rotations 0.003 in an entry of the unit quaternion; opacities 1/510; `f_dc` 1/76.5, within +-3.3;
 /// higher harmonics 1/256, within [-1, 0.99].
 ///
 /// # Errors
-/// [`Error::Data`] when a Gaussian is dynamic, a coordinate is beyond 2^23, or the file cannot be written.
-pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion) -> Result<()> {
+/// [`Error::Data`] when there is no Gaussian, one is dynamic, a coordinate is beyond 2^23, or the file cannot be written.
+pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion, world: Option<World>) -> Result<()> {
     let rows = splats.static_rows(path)?;
+    if rows.is_empty() {
+        return Err(Error::data(path, "", "there is no Gaussian to write", "an .spz needs at least one"));
+    }
+    let is_turned = world.is_none_or(|world| !world.is_y_up());
+    // What y and z are multiplied by.
+    let flip = if is_turned { -1.0_f32 } else { 1.0 };
     let largest = rows.iter().flat_map(|&i| splats.position[i]).fold(0.0_f32, |m, x| m.max(x.abs()));
     // The most fractional bits with which the largest coordinate still fits.
     let fits = |bits: &i32| f64::from(largest) * 2f64.powi(*bits) <= 2f64.powi(POSITION_BITS) - 1.0;
@@ -60,18 +67,21 @@ pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion) -> Result<()
     let k = splats.n_coefficients();
     let place = |&i: &usize| {
         let [x, y, z] = splats.position[i].map(f64::from);
-        [x, -y, -z].map(|v| ((v * unit).round() as i32).to_le_bytes())
+        [x, f64::from(flip) * y, f64::from(flip) * z].map(|v| ((v * unit).round() as i32).to_le_bytes())
     };
     let harmonics = |&i: &usize| {
         let coefficients = splats.sh[i * k + 1..(i + 1) * k].iter().zip(SH_SIGNS);
-        coefficients.flat_map(|(coefficient, sign)| coefficient.map(|c| (sign * c * 128.0 + 128.0).round() as u8))
+        coefficients.flat_map(move |(coefficient, sign)| {
+            let sign = if is_turned { sign } else { 1.0 };
+            coefficient.map(|c| (sign * c * 128.0 + 128.0).round() as u8)
+        })
     };
     let attributes: [Vec<u8>; 6] = [
         rows.iter().flat_map(place).flat_map(|[a, b, c, _]| [a, b, c]).collect(),
         rows.iter().map(|&i| byte_of_logit(splats.opacity[i])).collect(),
         rows.iter().flat_map(|&i| splats.sh[i * k].map(|dc| level(0.5 + COLOR_SCALE * f64::from(dc)))).collect(),
         rows.iter().flat_map(|&i| splats.scale[i].map(|s| ((s + 10.0) * 16.0).round() as u8)).collect(),
-        rows.iter().flat_map(|&i| smallest_three(splats.rotation[i]).to_le_bytes()).collect(),
+        rows.iter().flat_map(|&i| smallest_three(splats.rotation[i], flip).to_le_bytes()).collect(),
         rows.iter().flat_map(harmonics).collect(),
     ];
     let header = |number: u32, n_streams: u8| {
@@ -105,10 +115,10 @@ pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion) -> Result<()
     })
 }
 
-/// (w, x, y, z) in PLY's axes as the index of the largest entry of SPZ's (x, y, z, w) and, for each of the others, a sign
-/// and nine bits.
-fn smallest_three([w, x, y, z]: [f32; 4]) -> u32 {
-    let stored = [x, -y, -z, w].map(f64::from);
+/// (w, x, y, z) in PLY's axes, of which y and z are multiplied by `flip`, as the index of the largest entry of SPZ's (x, y, z, w)
+/// and, for each of the others, a sign and nine bits.
+fn smallest_three([w, x, y, z]: [f32; 4], flip: f32) -> u32 {
+    let stored = [x, flip * y, flip * z, w].map(f64::from);
     let norm = stored.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
     let largest = (0..4).fold(0, |best, i| if stored[i].abs() > stored[best].abs() { i } else { best });
     let sign = if stored[largest] < 0.0 { -1.0 } else { 1.0 };

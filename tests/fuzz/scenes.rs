@@ -114,7 +114,7 @@ pub fn spz() -> Vec<Seed> {
         Seed { build: mend::gzip, ..Seed::of([("a.spz", [header, streams.concat()].concat())], read) }
     };
     let as_it_is = |bytes: Vec<u8>| Seed::of([("a.spz", bytes)], read);
-    let written = file("a.spz", |path| write_spz(path, &still(1), SpzVersion::V3));
+    let written = file("a.spz", |path| write_spz(path, &still(1), SpzVersion::V3, None));
     vec![seed(2), seed(3), as_it_is(written)]
 }
 

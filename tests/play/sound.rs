@@ -27,8 +27,15 @@ fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
     let sounds = Sounds::new(place, 0.2, vec![sound]);
     assert_eq!(sounds.law(), (Some(place), 0.2));
     let clock = Clock { fps: 30.0, frames: 120 };
-    let contents =
-        Contents { clock, views: &bed.views, own: BTreeMap::new(), sounds: &sounds, world: None, is_quick: false };
+    let contents = Contents {
+        clock,
+        views: &bed.views,
+        own: BTreeMap::new(),
+        sounds: &sounds,
+        world: None,
+        cutoff: None,
+        is_quick: false,
+    };
     let bytes = Encoded::new(&splats, clock).bytes(file, &contents, Grades::default()).unwrap();
     std::fs::write(file, bytes).unwrap();
 }

@@ -99,7 +99,15 @@ pub fn write(path: &Path) {
 }
 
 fn contents() -> Contents<'static> {
-    Contents { clock: CLOCK, views: &[], own: BTreeMap::new(), sounds: &SILENT, world: None, is_quick: true }
+    Contents {
+        clock: CLOCK,
+        views: &[],
+        own: BTreeMap::new(),
+        sounds: &SILENT,
+        world: None,
+        cutoff: None,
+        is_quick: true,
+    }
 }
 
 /// Before and after the clip, about and at borders, back and forth.

@@ -3,9 +3,9 @@
 use super::four_dgs::there_and_back;
 use super::{Folder, fault, sample};
 use crate::common::random;
-use ivv::formats::{Clock, Grades, read_scene, write_ftgs, write_glb, write_ply, write_splatv};
+use ivv::formats::{Clock, Grades, World, read_scene, write_ftgs, write_glb, write_ply, write_splatv};
 use ivv::scene::{ALWAYS, Motion, Splats, demo};
-use serde_json::Value;
+use serde_json::{Value, json};
 
 const CLOCK: Clock = Clock { fps: 30.0, frames: 13 };
 
@@ -210,16 +210,47 @@ fn accessor(document: &Value, binary: &[u8], name: &str) -> Vec<Vec<f64>> {
     floats.chunks(n).map(<[f64]>::to_vec).collect()
 }
 
+/// What a .glb says of its binary part.
+fn document_of(glb: &[u8]) -> Value {
+    let length = u32::from_le_bytes(std::array::from_fn(|k| glb[12 + k])) as usize;
+    serde_json::from_slice(&glb[20..20 + length]).unwrap()
+}
+
+#[test]
+fn a_glb_stands_upright_in_metres_where_the_scene_says_how() {
+    let folder = Folder::new("glb-world");
+    let path = folder.file("a.glb");
+    let splats = sample(1, 5, 0);
+    for (up, metres_per_unit) in [
+        ([0.0, 1.0, 0.0], Some(0.5)),
+        ([0.0, -1.0, 0.0], None),
+        ([0.1, -0.97, 0.2], Some(3.0)),
+        ([0.0, 0.0, 2.0], None),
+    ] {
+        write_glb(&path, &splats, Some(World { up, metres_per_unit })).unwrap();
+        let node = document_of(&std::fs::read(&path).unwrap())["nodes"][0].clone();
+        let rotation: [f64; 4] = serde_json::from_value(node["rotation"].clone()).unwrap();
+        // The direction in glTF's axes, as positions are stored, and then as the node turns it.
+        let turned = glam::DQuat::from_array(rotation) * glam::DVec3::new(up[0], -up[1], -up[2]).normalize();
+        assert!((turned - glam::DVec3::Y).length() < 1e-9, "{up:?}: {turned}");
+        assert_eq!(node.get("scale").cloned(), metres_per_unit.map(|metres| json!([metres, metres, metres])));
+    }
+    // Half a turn and the same back: nothing stands otherwise than it did.
+    write_glb(&path, &splats, Some(World { up: [0.0, 1.0, 0.0], metres_per_unit: None })).unwrap();
+    assert_eq!(document_of(&std::fs::read(&path).unwrap())["nodes"][0]["rotation"], json!([1.0, 0.0, 0.0, 0.0]));
+}
+
 #[test]
 fn a_glb_is_the_scene_in_the_axes_of_gltf() {
     let folder = Folder::new("glb");
     let path = folder.file("a.glb");
     let splats = Splats { source_row: (0..20).collect(), ..sample(2, 20, 0) };
-    write_glb(&path, &splats).unwrap();
+    write_glb(&path, &splats, None).unwrap();
     let bytes = std::fs::read(&path).unwrap();
     let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|k| bytes[at + k])) as usize;
     assert_eq!((&bytes[..4], word(4), word(8)), (b"glTF".as_slice(), 2, bytes.len()));
-    let document: Value = serde_json::from_slice(&bytes[20..20 + word(12)]).unwrap();
+    let document = document_of(&bytes);
+    assert_eq!(document["nodes"], json!([{ "mesh": 0 }]), "nobody knows which way is up");
     let binary = &bytes[28 + word(12)..];
     assert_eq!((&bytes[16..20], word(20 + word(12)) % 4), (b"JSON".as_slice(), 0));
     let primitive = &document["meshes"][0]["primitives"][0];

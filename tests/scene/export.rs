@@ -64,7 +64,7 @@ fn an_spz_holds_every_degree_within_the_errors_it_states() {
     for (sh_degree, version) in (0..=3).flat_map(|degree| [(degree, SpzVersion::V3), (degree, SpzVersion::V4)]) {
         let splats = exportable(sh_degree, 200);
         let path = folder.file("a.spz");
-        write_spz(&path, &splats, version).unwrap();
+        write_spz(&path, &splats, version, None).unwrap();
         let read = read_scene(&path).unwrap();
         assert_eq!(read.sh_degree, sh_degree);
         let e = errors(&splats, &read);
@@ -76,7 +76,7 @@ fn an_spz_holds_every_degree_within_the_errors_it_states() {
         assert!(e.dc > 0.0 && e.dc <= 1.0 / 76.5 + 1e-6, "dc {}", e.dc);
         assert!(e.rest <= 1.0 / 256.0 + 1e-6 && (e.rest > 0.0) == (sh_degree > 0), "rest {}", e.rest);
         let again = folder.file("b.spz");
-        write_spz(&again, &read, version).unwrap();
+        write_spz(&again, &read, version, None).unwrap();
         assert_eq!(read_scene(&again).unwrap().position, read.position, "what was read is written without loss");
     }
 }
@@ -103,12 +103,16 @@ fn what_a_format_cannot_hold_is_refused_or_left_out() {
     let folder = Folder::new("write-refused");
     let dynamic = sample(1, 3, 2);
     for (name, write) in [
-        ("a.spz", (|path, splats| write_spz(path, splats, SpzVersion::V3)) as fn(&Path, &Splats) -> ivv::Result<()>),
-        ("b.spz", |path, splats| write_spz(path, splats, SpzVersion::V4)),
+        (
+            "a.spz",
+            (|path, splats| write_spz(path, splats, SpzVersion::V3, None)) as fn(&Path, &Splats) -> ivv::Result<()>,
+        ),
+        ("b.spz", |path, splats| write_spz(path, splats, SpzVersion::V4, None)),
         ("a.splat", write_splat),
     ] {
         let path = folder.file(name);
         assert!(fault(write(&path, &dynamic), &path).contains("2 dynamic Gaussians"));
+        assert!(fault(write(&path, &Splats::new(1)), &path).contains("there is no Gaussian to write"), "{name}");
         assert!(!path.exists());
         let mut broken = exportable(1, 4);
         broken.position[1] = [0.0, f32::NAN, 0.0];
@@ -118,9 +122,9 @@ fn what_a_format_cannot_hold_is_refused_or_left_out() {
     let mut far = exportable(0, 2);
     far.position[0][2] = 9e6;
     let path = folder.file("far.spz");
-    assert!(fault(write_spz(&path, &far, SpzVersion::V3), &path).contains("9000000"));
+    assert!(fault(write_spz(&path, &far, SpzVersion::V3, None), &path).contains("9000000"));
     far.position[0][2] = 8e6;
-    write_spz(&path, &far, SpzVersion::V3).unwrap();
+    write_spz(&path, &far, SpzVersion::V3, None).unwrap();
     assert!(read_scene(&path).unwrap().position.iter().any(|p| p[2] == 8e6));
 }
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use ivv::formats::{read_ply, read_scene, read_splat, read_spz};
+use ivv::formats::{SpzVersion, World, read_ply, read_scene, read_splat, read_spz, write_spz};
 use ivv::scene::Splats;
 
 use super::{Folder, fault};
@@ -91,6 +91,11 @@ fn every_version_of_spz_gives_the_same_four_gaussians() {
 
 /// A version-3 SPZ of one Gaussian of the given degree with the given rotation and harmonics, gzipped.
 fn spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
+    gzip(&raw_spz(degree, rotation, rest))
+}
+
+/// The same before it is gzipped.
+fn raw_spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
     let mut raw = b"NGSP".to_vec();
     raw.extend(3_u32.to_le_bytes());
     raw.extend(1_u32.to_le_bytes());
@@ -100,7 +105,7 @@ fn spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
     raw.extend([128, 0, 128, 255, 160, 144, 128]);
     raw.extend(rotation.to_le_bytes());
     raw.extend(rest);
-    gzip(&raw)
+    raw
 }
 
 fn gzip(raw: &[u8]) -> Vec<u8> {
@@ -153,6 +158,81 @@ fn the_axes_of_spz_are_turned_with_everything_that_depends_on_them() {
         let (turned, before) = (harmonics(&scene.sh, [x, -y, -z]), harmonics(&stored, direction));
         assert!((turned - before).abs() < 1e-6, "{direction:?}: {turned} and {before}");
         assert!((turned - harmonics(&stored, [x, -y, -z])).abs() > 1e-3, "this direction proves nothing");
+    }
+}
+
+#[test]
+fn a_scene_whose_y_is_up_is_not_turned_over_on_its_way_into_an_spz() {
+    let folder = Folder::new("spz-up");
+    let rotation = 3 << 30 | 102 << 20 | (0x200 | 153) << 10 | 204;
+    let rest: Vec<u8> = (0..45).map(|i| 128_u8.wrapping_add((i * 37 % 101) as u8).wrapping_sub(50)).collect();
+    let scene = read_spz(&folder.write("a.spz", spz(3, rotation, &rest))).unwrap();
+    let written = |up: Option<[f64; 3]>| {
+        let path = folder.file("b.spz");
+        let world = up.map(|up| World { up, metres_per_unit: None });
+        write_spz(&path, &scene, SpzVersion::V3, world).unwrap();
+        (fs::read(&path).unwrap(), read_spz(&path).unwrap())
+    };
+    let (bytes, turned) = written(None);
+    assert_eq!(turned.position, scene.position);
+    assert_eq!(written(Some([0.1, -0.9, 0.2])).0, bytes, "upwards is where it is taken to be");
+    // Reading makes half a turn in any case, of everything.
+    let (_, upright) = written(Some([0.1, 0.9, 0.2]));
+    let [x, y, z] = scene.position[0];
+    assert_eq!(upright.position, [[x, -y, -z]]);
+    let [w, x, y, z] = turned.rotation[0];
+    assert_eq!(upright.rotation, [[w, x, -y, -z]]);
+    for direction in [[0.6, 0.48, 0.64], [-0.36, 0.8, -0.48], [0.28, -0.96, 0.0]] {
+        let [x, y, z] = direction;
+        let (found, before) = (harmonics(&upright.sh, [x, -y, -z]), harmonics(&turned.sh, direction));
+        assert!((found - before).abs() < 1e-6, "{direction:?}: {found} and {before}");
+        assert!((found - harmonics(&upright.sh, direction)).abs() > 1e-3, "this direction proves nothing");
+    }
+}
+
+/// A vendor record of an SPZ.
+fn record(kind: u32, content: &[u8]) -> Vec<u8> {
+    [&kind.to_le_bytes()[..], &(content.len() as u32).to_le_bytes(), content].concat()
+}
+
+#[test]
+fn vendor_records_are_left_alone_where_they_change_nothing_and_refused_where_they_may() {
+    let folder = Folder::new("spz-records");
+    let (orbit, axes) = (record(0xadbe_0002, &[0; 12]), |value: u32| record(0xadbe_0003, &value.to_le_bytes()));
+    for degree in [0, 1] {
+        let rest = vec![130_u8; if degree == 0 { 0 } else { 9 }];
+        let raw = raw_spz(degree, 3 << 30, &rest);
+        let plain = read_spz(&folder.write("plain.spz", gzip(&raw))).unwrap();
+        let streams = folder.file("streams.spz");
+        write_spz(&streams, &plain, SpzVersion::V4, None).unwrap();
+        let streams = fs::read(streams).unwrap();
+        for (records, says) in [
+            (vec![], None),
+            (orbit.clone(), None),
+            ([orbit.clone(), axes(4), axes(0)].concat(), None),
+            (axes(6), Some("the axes right, up and back")),
+            ([orbit.clone(), axes(3)].concat(), Some("the axes right, up and back")),
+            (record(0xadbe_0001, &[5, 4]), Some("0xadbe0001")),
+            (orbit[..19].to_vec(), Some("found 19 bytes that are not")),
+            (orbit[..7].to_vec(), Some("found 7 bytes that are not")),
+        ] {
+            // Behind the attributes, and in front of the table of streams.
+            let mut behind = [&raw[..], &records].concat();
+            behind[14] = 2;
+            let mut before = [&streams[..32], &records, &streams[32..]].concat();
+            before[14] = 2;
+            before[16..20].copy_from_slice(&(32 + records.len() as u32).to_le_bytes());
+            for (name, bytes) in [("behind.spz", gzip(&behind)), ("bare.spz", behind), ("before.spz", before)] {
+                let path = folder.write(name, bytes);
+                match says {
+                    None => assert_eq!(read_spz(&path).unwrap().position, plain.position, "{name}"),
+                    Some(says) => {
+                        let told = fault(read_spz(&path), &path);
+                        assert!(told.contains(says), "{name}: {told}");
+                    }
+                }
+            }
+        }
     }
 }
 
@@ -312,6 +392,17 @@ fn opacities_of_0_and_255_stay_finite_and_on_the_right_side_of_the_thresholds() 
     let alpha = |i: usize| 1.0 / (1.0 + (-scene.opacity[i]).exp());
     assert!(0.0 < alpha(0) && alpha(0) < 1.0 / 255.0);
     assert!(0.99 < alpha(1) && alpha(1) < 1.0);
+}
+
+#[test]
+fn a_splat_whose_first_coordinate_begins_as_gzip_does_is_one() {
+    let folder = Folder::new("gzip-splat");
+    let mut row = [0; 32];
+    row[..4].copy_from_slice(&[0x1f, 0x8b, 0x00, 0x3f]);
+    let scene = read_scene(&folder.write("a.splat", row)).unwrap();
+    assert_eq!(scene.position, [[f32::from_le_bytes([0x1f, 0x8b, 0x00, 0x3f]), 0.0, 0.0]]);
+    // By content, whatever its name.
+    assert_eq!(read_scene(&folder.write("a.bin", spz(0, 3 << 30, &[]))).unwrap().len(), 1);
 }
 
 #[test]

@@ -13,7 +13,7 @@ use std::sync::LazyLock;
 static SILENT: LazyLock<Sounds> = LazyLock::new(Sounds::default);
 
 pub(super) fn contents(clock: Clock) -> Contents<'static> {
-    Contents { clock, views: &[], own: BTreeMap::new(), sounds: &SILENT, world: None, is_quick: false }
+    Contents { clock, views: &[], own: BTreeMap::new(), sounds: &SILENT, world: None, cutoff: None, is_quick: false }
 }
 
 /// The scene as it is read back from a file.
@@ -290,6 +290,68 @@ fn a_unit_of_another_programs_clip_is_as_long_as_its_number_says_or_else_its_nam
     {
         let world = FourDgs::of_bytes(path, &framed(Some((1, unit, metres)), None)).unwrap().world();
         assert_eq!(world, Some(World { up: [0.0, 1.0, 0.0], metres_per_unit: expected }), "unit {unit}, {metres} m");
+    }
+}
+
+#[test]
+fn which_way_is_up_is_told_by_the_text_of_the_axes_where_there_is_no_frame() {
+    let path = Path::new("framed.4dgs");
+    let up = |bytes: &[u8]| FourDgs::of_bytes(path, bytes).unwrap().world();
+    for (text, expected) in [
+        ("y-up-right-handed", Some([0.0, 1.0, 0.0])),
+        ("-y-up", Some([0.0, -1.0, 0.0])),
+        ("z-up-right-handed", Some([0.0, 0.0, 1.0])),
+        ("-x-up-right-handed", Some([-1.0, 0.0, 0.0])),
+        ("right-handed-y-up", None),
+        ("up", None),
+    ] {
+        let expected = expected.map(|up| World { up, metres_per_unit: None });
+        assert_eq!(up(&framed(None, Some(text))), expected, "{text}");
+    }
+    let world = up(&framed(Some((1, 0, 0.0)), Some("z-up-right-handed")));
+    assert_eq!(world.map(|world| world.up), Some([0.0, 1.0, 0.0]), "the frame goes before");
+}
+
+#[test]
+fn a_cutoff_that_shows_is_kept_instead_of_a_window_for_each_gaussian() {
+    let folder = Folder::new("four-dgs-cutoff");
+    let [from, to] = ["a.4dgs", "b.4dgs"].map(|name| folder.file(name));
+    let clock = Clock { fps: 30.0, frames: 60 };
+    let mut splats = super::sample(0, 0, 200);
+    splats.sh.fill([0.2; 3]);
+    splats.opacity.fill(2.0);
+    for (i, motion) in splats.motion.iter_mut().enumerate() {
+        (motion.t_center, motion.t_scale) = (0.2 + 0.003 * i as f32, (0.05 + 0.0003 * i as f32).ln());
+    }
+    let n_windows = |bytes: &[u8]| {
+        let scene = fourdgs::read_from(bytes, &fourdgs::ReadOptions::default()).unwrap();
+        scene.gaussians.window_table().0.len()
+    };
+    let write = |splats: &Splats, cutoff| {
+        let contents = Contents { cutoff, ..contents(clock) };
+        Encoded::new(splats, clock).bytes(&from, &contents, Grades::default()).unwrap()
+    };
+    std::fs::write(&from, write(&splats, Some(0.05))).unwrap();
+    let file = FourDgs::read(&from).unwrap();
+    let read = file.splats().unwrap();
+    assert_eq!((file.cutoff(), read.span.len()), (Some(0.05), 200));
+    assert!(n_windows(&write(&read, None)) > 100);
+    // A window that says more than the cutoff is kept.
+    let mut cut = read.clone();
+    cut.span[100][1] = cut.motion[100].t_center;
+    assert_eq!([&read, &cut].map(|splats| n_windows(&write(splats, file.cutoff()))), [1, 2]);
+
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+    let done = command.arg("export").arg(&from).arg("-o").arg(&to).args(["--seconds", "2"]).output().unwrap();
+    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    let again = FourDgs::read(&to).unwrap();
+    assert_eq!((again.cutoff(), n_windows(&std::fs::read(&to).unwrap())), (Some(0.05), 1));
+    let again = again.splats().unwrap();
+    for k in 0..40 {
+        let time = (f64::from(k) + 0.5) / 40.0;
+        let [before, after] = [&read, &again].map(|splats| splats.at(time, 1.0 / 255.0).len());
+        // One may come or go by rounding.
+        assert!(before.abs_diff(after) <= 1, "{before} and {after} at {time}");
     }
 }
 

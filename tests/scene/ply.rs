@@ -83,14 +83,33 @@ fn values_that_are_not_finite_survive_a_round_trip_with_their_bits() {
     let folder = Folder::new("bits");
     let mut scene = sample(1, 2, 1);
     scene.position[0][1] = f32::from_bits(0x7fa0_1234);
-    scene.opacity[1] = f32::NEG_INFINITY;
+    scene.scale[1][2] = f32::NEG_INFINITY;
     scene.scale[2][0] = -0.0;
     let path = folder.file("scene.ply");
     write_ply(&path, &scene).unwrap();
     let read = read_ply(&path).unwrap();
     assert_eq!(read.position[0][1].to_bits(), 0x7fa0_1234);
-    assert_eq!(read.opacity[1], f32::NEG_INFINITY);
+    assert_eq!(read.scale[1][2], f32::NEG_INFINITY);
     assert_eq!(read.scale[2][0].to_bits(), (-0.0_f32).to_bits());
+}
+
+#[test]
+fn opacities_of_0_and_1_are_finite_although_their_logits_are_not() {
+    let folder = Folder::new("opaque");
+    let mut rows = plain_rows(3);
+    for (row, logit) in rows.iter_mut().zip([f64::INFINITY, f64::NEG_INFINITY, f64::NAN]) {
+        row[6] = logit;
+    }
+    for encoding in ["binary_little_endian", "binary_big_endian"] {
+        let file = by_hand(encoding, &NAMES, &["float"; 14], &rows);
+        let scene = read_ply(&folder.write("scene.ply", file)).unwrap();
+        let [opaque, faint] = [0, 1].map(|i: usize| 1.0 / (1.0 + (-scene.opacity[i]).exp()));
+        assert!(opaque > 0.99 && opaque < 1.0, "{encoding}: {opaque}");
+        assert!(faint > 0.0 && faint < 1.0 / 255.0, "{encoding}: {faint}");
+        assert!(scene.opacity[2].is_nan(), "{encoding}");
+        // Those that are drawn, and that exports hold.
+        assert_eq!(scene.summary().n_non_finite, 1, "{encoding}");
+    }
 }
 
 #[test]

@@ -28,7 +28,8 @@ use std::process::Command;
 fn stored(folder: &Folder, frames: u32, sounds: &Sounds) -> (Vec<fourdgs::AudioSource>, [f64; 3], f64) {
     let path = folder.file("clip.4dgs");
     let clock = Clock { fps: 30.0, frames };
-    let contents = Contents { clock, views: &[], own: BTreeMap::new(), sounds, world: None, is_quick: false };
+    let contents =
+        Contents { clock, views: &[], own: BTreeMap::new(), sounds, world: None, cutoff: None, is_quick: false };
     let bytes = Encoded::new(&random::scene(3, 5, 1), clock).bytes(&path, &contents, Grades::default()).unwrap();
     assert_eq!(FourDgs::of_bytes(&path, &bytes).unwrap().sounds(), *sounds);
     let scene = fourdgs::read_from(&bytes[..], &ReadOptions::default()).unwrap();
@@ -318,7 +319,15 @@ fn damaged_ears_are_refused() {
     let set = HrtfSet::new(Sphere::default().measured(1), Path::new("few")).unwrap();
     let (stored, clock) = (ears(&set), Clock { fps: 30.0, frames: 45 });
     let sounds = Sounds::default().heard_with(Some(stored.clone()));
-    let contents = Contents { clock, views: &[], own: BTreeMap::new(), sounds: &sounds, world: None, is_quick: false };
+    let contents = Contents {
+        clock,
+        views: &[],
+        own: BTreeMap::new(),
+        sounds: &sounds,
+        world: None,
+        cutoff: None,
+        is_quick: false,
+    };
     let path = folder.file("ears.4dgs");
     let whole = Encoded::new(&random::scene(3, 5, 1), clock).bytes(&path, &contents, Grades::default()).unwrap();
     assert_eq!(FourDgs::of_bytes(&path, &whole).unwrap().sounds().ears(), Some(&stored));

@@ -9,8 +9,7 @@ use crate::views::clip_time;
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use ivv::files::{folder_of, read_file, remove_temporaries, write_atomic};
-use ivv::formats::{WRITERS, WriteScene, Writer, count_written};
-
+use ivv::formats::{FourDgs, WRITERS, WriteScene, Writer, count_written};
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
@@ -93,6 +92,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         Format::Other(writer) => match writer.write {
             WriteScene::Alone(write) => write(to, &splats)?,
+            WriteScene::InWorld(write) => write(to, &splats, source.clip.as_ref().and_then(FourDgs::world))?,
             WriteScene::WithClip(write) => {
                 let setting = args.clip.setting(&source)?;
                 write(to, &splats, setting.clock, &setting.views)?;

@@ -153,10 +153,15 @@ impl FourDgs {
         Ok(splats)
     }
 
+    /// The temporal factor below which no Gaussian is shown, where that shows.
+    pub fn cutoff(&self) -> Option<f64> {
+        Some(self.scene.header.cutoff).filter(|cutoff| *cutoff > INVISIBLE * (1.0 + 1e-9) && *cutoff <= 1.0)
+    }
+
     /// Gaussians of this file.
     pub(super) fn stored<'a>(&self, set: &'a GaussianSet) -> Stored<'a> {
         let clock = self.clock();
-        Stored { set, seconds: clock.seconds(), frames: clock.frames, cutoff: self.scene.header.cutoff }
+        Stored { set, seconds: clock.seconds(), frames: clock.frames, cutoff: self.cutoff() }
     }
 
     /// Refuses what would be shown as it is not.
@@ -217,7 +222,7 @@ pub(super) struct Stored<'a> {
     pub(super) set: &'a GaussianSet,
     seconds: f64,
     frames: u32,
-    cutoff: f64,
+    cutoff: Option<f64>,
 }
 
 impl Stored<'_> {
@@ -236,10 +241,9 @@ impl Stored<'_> {
         let [mu, sigma, from, to] =
             [&set.mu_t, &set.sigma_t, &set.win_lo, &set.win_hi].map(|values| f64::from(values[i]));
         let half = |threshold: f64| sigma * fourdgs::quantization::support_k(threshold);
-        let (from, to) = if cutoff > INVISIBLE * (1.0 + 1e-9) && sigma.is_finite() {
-            (from.max(mu - half(cutoff)), to.min(mu + half(cutoff)))
-        } else {
-            (from, to)
+        let (from, to) = match cutoff {
+            Some(cutoff) if sigma.is_finite() => (from.max(mu - half(cutoff)), to.min(mu + half(cutoff))),
+            _ => (from, to),
         };
         let (first, last) = ((mu - half(INVISIBLE)).max(0.0), (mu + half(INVISIBLE)).min(seconds));
         let margin = margin(seconds, frames);

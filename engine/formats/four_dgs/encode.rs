@@ -1,5 +1,6 @@
 //! Gaussians of ours as a `.4dgs`.
 
+use super::decode::margin;
 use super::grades::Grades;
 use super::harmonics::{HALF_STEP, Viewpoints};
 use super::write::{Measure, Writing};
@@ -8,12 +9,12 @@ use crate::error::{Error, Result};
 use crate::files::write_made;
 use crate::formats::clock::Clock;
 use crate::scene::{ALWAYS, Part, Parts, SH_C0, Splats, View};
-use fourdgs::quantization::{Profile, SH_QUANT_HI, SH_QUANT_LO};
+use fourdgs::quantization::{Profile, SH_QUANT_HI, SH_QUANT_LO, support_k};
 use fourdgs::{Attachment, GaussianSet, Metadata, SceneExtras, WriteOptions};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Temporal factors below this are not told: no alpha reaches a pixel by it.
+/// Temporal factors below this are not told where nothing else is asked for: no alpha reaches a pixel by it.
 const CUTOFF: f64 = 1.0 / 255.0;
 /// Level of deflate, 0 to 9, of a file that is soon done with.
 const QUICK: u32 = 1;
@@ -33,6 +34,8 @@ pub struct Contents<'a> {
     pub sounds: &'a Sounds,
     /// Which way is up, and how large it is, where that is known.
     pub world: Option<World>,
+    /// The temporal factor below which no Gaussian is shown, where that shows: of the `.4dgs` that the Gaussians are from.
+    pub cutoff: Option<f64>,
     /// Whether the file is soon done with: it is made several times as fast, and larger.
     pub is_quick: bool,
 }
@@ -141,10 +144,11 @@ impl Encoded {
     /// # Errors
     /// [`Error::Data`] naming `path` where a number has no place on the format's grids.
     pub fn bytes(&self, path: &Path, contents: &Contents, grades: Grades) -> Result<Vec<u8>> {
+        let mut colored = self.colored(&Viewpoints::new(contents.views), &grades);
+        contents.forget_ends(&mut colored);
         let mut measure = Measure::new();
-        measure.count(&self.set, &grades);
+        measure.count(&colored, &grades);
         let (mut writing, mut bytes) = contents.begin(path, &measure, grades, self.set.sh_degree)?;
-        let colored = self.colored(&Viewpoints::new(contents.views), &grades);
         bytes.extend(writing.chunks(&colored, [0.0, contents.clock.seconds()])?);
         bytes.extend(writing.end());
         Ok(bytes)
@@ -163,7 +167,7 @@ impl Contents<'_> {
         let seconds = self.clock.seconds();
         let options = WriteOptions {
             profile: Profile::Fine,
-            cutoff: CUTOFF,
+            cutoff: self.cutoff.unwrap_or(CUTOFF),
             level: if self.is_quick { QUICK } else { 9 },
             library: concat!("ivv ", env!("CARGO_PKG_VERSION")).to_owned(),
             metadata: [("color_space", "srgb-rec709-display"), ("visibility_profile", "gaussian")]
@@ -195,6 +199,22 @@ impl Contents<'_> {
         Ok((writing, front))
     }
 
+    /// Takes the ends of windows away where the cutoff says the same: each such window would be one of its own in the file's table.
+    fn forget_ends(&self, set: &mut GaussianSet) {
+        let Some(cutoff) = self.cutoff else { return };
+        let seconds = self.clock.seconds();
+        let (end, margin) = ((seconds as f32).next_up(), margin(seconds, self.clock.frames));
+        for i in 0..set.count() {
+            let (mu, half) = (f64::from(set.mu_t[i]), f64::from(set.sigma_t[i]) * support_k(cutoff));
+            if f64::from(set.win_lo[i]) <= mu - half + margin {
+                set.win_lo[i] = 0.0;
+            }
+            if f64::from(set.win_hi[i]) >= mu + half - margin {
+                set.win_hi[i] = end;
+            }
+        }
+    }
+
     /// Reads a clip part by part, for what its file has to know before it begins; `look` receives what will be stored.
     ///
     /// # Errors
@@ -202,7 +222,8 @@ impl Contents<'_> {
     pub fn measure(&self, clip: &mut dyn Parts, mut look: impl FnMut(&Encoded)) -> Result<Measure> {
         let mut measure = Measure::new();
         let mut count = |splats: &Splats| {
-            let encoded = Encoded::new(splats, self.clock);
+            let mut encoded = Encoded::new(splats, self.clock);
+            self.forget_ends(&mut encoded.set);
             measure.count(&encoded.set, &Grades::default());
             look(&encoded);
         };
@@ -219,7 +240,11 @@ impl Contents<'_> {
         let (mut writing, front) = self.begin(path, measure, Grades::default(), clip.sh_degree() as u8)?;
         let seconds = self.clock.seconds();
         let (whole, viewpoints) = ([0.0, seconds], Viewpoints::new(self.views));
-        let colored = |splats: &Splats| Encoded::new(splats, self.clock).colored(&viewpoints, &Grades::default());
+        let colored = |splats: &Splats| {
+            let mut set = Encoded::new(splats, self.clock).colored(&viewpoints, &Grades::default());
+            self.forget_ends(&mut set);
+            set
+        };
         write_made(path, |put| {
             put(&front)?;
             put(&writing.chunks(&colored(&clip.still()?), whole)?)?;

@@ -3,7 +3,8 @@
 //!
 //! Its model `gaussian-birth` is ours (SPEC 2) in seconds: the centre is `p + v (t - mu)`, the opacity is multiplied by
 //! `exp(-((t - mu) / sigma)^2 / 2)`, so sigma = tau / sqrt 2. What a Gaussian is at times when that factor is below the
-//! file's cutoff is not told: we write 1/255, below which no alpha reaches a pixel.
+//! file's cutoff is not told: we write 1/255, below which no alpha reaches a pixel, or that of the
+//! file that the Gaussians are from.
 
 mod decode;
 mod ears;

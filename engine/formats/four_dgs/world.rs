@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 
 /// Name of the entry of our own record that holds the direction, since the format knows axes alone.
 const UP: &str = "up";
+/// Name of the header's attribute that says in words how its axes are, such as `y-up-right-handed`.
+const AXES: &str = "coordinate_system";
 /// The format's numbers of a right-handed and of a left-handed frame, and of metres.
 const RIGHT: u8 = 1;
 const LEFT: u8 = 2;
@@ -20,23 +22,33 @@ pub struct World {
 }
 
 impl World {
+    /// The format's number of the axis nearest to upwards: x, y, z, and then against them.
+    fn up_axis(&self) -> u8 {
+        let longest = (0..3).fold(0, |best, axis| if self.up[axis].abs() > self.up[best].abs() { axis } else { best });
+        longest as u8 + if self.up[longest] < 0.0 { 3 } else { 0 }
+    }
+
+    /// Whether upwards is along y rather than along or against any other axis.
+    pub(in crate::formats) fn is_y_up(&self) -> bool {
+        self.up_axis() == 1
+    }
+
     /// Puts it into our own record, and as the nearest axis into the format's.
     pub(super) fn put_into(&self, own: &mut BTreeMap<String, String>, extras: &mut SceneExtras) {
         own.insert(UP.to_owned(), self.up.map(|x| x.to_string()).join(" "));
-        let longest = (0..3).fold(0, |best, axis| if self.up[axis].abs() > self.up[best].abs() { axis } else { best });
-        let up_axis = longest as u8 + if self.up[longest] < 0.0 { 3 } else { 0 };
+        let up_axis = self.up_axis();
         extras.provenance.frames.push(CoordinateFrame {
             name: String::new(),
             handedness: RIGHT,
             up_axis,
             // Another axis is asked for; a scene has no front.
-            forward_axis: if longest == 2 { 0 } else { 2 },
+            forward_axis: if up_axis % 3 == 2 { 0 } else { 2 },
             length_unit: if self.metres_per_unit == Some(1.0) { METRE } else { 0 },
             metres_per_unit: self.metres_per_unit.unwrap_or(0.0),
         });
     }
 
-    /// That of a file, in our own record `own` or in the format's; none where it says nothing.
+    /// That of a file, in our own record `own`, in the format's, or in the header's text; none where it says nothing.
     pub(super) fn of(scene: &fourdgs::Scene, own: Option<&BTreeMap<String, String>>) -> Option<Self> {
         let frame = scene.provenance.frame();
         let is_direction = |up: &[f64; 3]| up.iter().all(|x| x.is_finite()) && *up != [0.0; 3];
@@ -51,14 +63,22 @@ impl World {
                 (true, false) => -1.0,
             })
         };
-        let up = told.or(frame.map(|frame| of_axis(frame.up_axis)))?;
+        let text = || scene.header.attributes.get(AXES).and_then(|text| axis_of_text(text));
+        let up = told.or_else(|| frame.map(|frame| frame.up_axis).or_else(text).map(of_axis))?;
         // By the number, or else by the name of the unit.
-        Some(World { up, metres_per_unit: scene.provenance.metres_per_unit("") })
+        Some(World { up, metres_per_unit: scene.provenance.metres_per_unit("").filter(|metres| metres.is_finite()) })
     }
 
     /// Whether a file says that its axes are left-handed: in the format's frame, or in the header's text where it has none.
     pub(super) fn is_left_handed(scene: &fourdgs::Scene) -> bool {
-        let text = || scene.header.attributes.get("coordinate_system").is_some_and(|text| text.contains("left-handed"));
+        let text = || scene.header.attributes.get(AXES).is_some_and(|text| text.contains("left-handed"));
         scene.provenance.frame().map_or_else(text, |frame| frame.handedness == LEFT)
     }
+}
+
+/// The number of the axis that a text of axes names as upwards, if it begins with one: `y-up`, `-z-up`.
+fn axis_of_text(text: &str) -> Option<u8> {
+    let (rest, first) = text.strip_prefix('-').map_or((text, 0), |rest| (rest, 3));
+    let axis = ["x-up", "y-up", "z-up"].iter().position(|name| rest.starts_with(*name))?;
+    Some(first + axis as u8)
 }
