@@ -333,7 +333,8 @@ pub fn evaluate(
         let render_ms = 1e3 * (begun.elapsed().as_secs_f64() - report.read_back_s);
         let n_bad = rendered.color.as_flattened().iter().filter(|c| !c.is_finite()).count() as u64;
         if n_bad > 0 {
-            return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad });
+            let remedy = "run `ivv inspect` on the scene, which tells how large its numbers are";
+            return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad, remedy });
         }
         let mut scores = meter.scores(&rendered, &picture)?;
         if let Some(foreground) = &foreground {

@@ -163,13 +163,13 @@ fn a_run_is_extended_and_other_settings_are_refused() {
     let told = fails(&case.resume(&["--steps", "4"]), 2);
     assert!(told.contains(&format!("has done {} steps", 3 * images)) && told.contains('4'), "{told}");
     let contradictions: [(&[&str], &[&str]); 4] = [
-        (&["--seed", "6"], &["seed: the run has 5, asked for is 6"]),
+        (&["--seed", "6"], &["seed: the run has 5, the option asks for 6"]),
         (
             &["--set", "density.growth=0.5", "--sh-degree", "3"],
             &["density.growth: the run has", "sh_degree: the run has 1"],
         ),
         (&["--test-cameras", "cam00"], &["--test-cameras: the run has", "cam00"]),
-        (&["--blur", "0.1"], &["--blur: the run has 0.3"]),
+        (&["--blur", "0.1"], &["--blur: the run has 0.3, the option asks for 0.1"]),
     ];
     for (flags, expected) in contradictions {
         let told = fails(&case.resume(flags), 2);
