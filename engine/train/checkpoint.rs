@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 const MAGIC: &[u8; 8] = b"IVVCKPT4";
 /// Longest header that is believed, bytes.
 const MAX_HEADER: usize = 1 << 20;
-/// Checkpoints kept in a folder.
+/// Newest checkpoints kept in a folder.
 const KEEP: usize = 3;
 const REMEDY: &str = "delete it to go on from the one before";
 
@@ -168,6 +168,9 @@ fn hash_bytes(bytes: &[u8]) -> u64 {
 }
 
 impl Checkpoint {
+    /// Checkpoints that a folder holds at most: the newest three, and the best.
+    pub const MOST_KEPT: usize = KEEP + 1;
+
     /// The file of `step` in `folder`.
     pub fn file(folder: &Path, step: u64) -> PathBuf {
         folder.join(format!("{step:08}.ckpt"))
@@ -280,16 +283,16 @@ impl Checkpoint {
     }
 
     /// Keeps the checkpoint of `step` in `folder`, whose test views have a mean of `psnr` dB, as the best one if it is;
-    /// the best one before it is removed. Says whether it is.
+    /// the best one before it is removed.
     ///
     /// # Errors
     /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.
-    pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<bool> {
+    pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<()> {
         // As far as a name tells it: the best one itself, scored again, is not better than it was.
         let told = format!("{psnr:.4}");
         let is_better = |(_, best): (u64, f64)| told.parse().is_ok_and(|psnr: f64| psnr > best);
         if !psnr.is_finite() || !Self::best(folder)?.is_none_or(is_better) {
-            return Ok(false);
+            return Ok(());
         }
         let file = Self::file(folder, step);
         let best = folder.join(format!("best-{step:08}-{told}dB.ckpt"));
@@ -301,7 +304,7 @@ impl Checkpoint {
             write_atomic(&best, |to| to.write_all(&bytes))?;
         }
         list(folder)?.iter().filter(|kept| kept.psnr.is_some() && kept.file != best).for_each(|old| remove(&old.file));
-        Ok(true)
+        Ok(())
     }
 
     /// Reads a checkpoint and verifies every hash.

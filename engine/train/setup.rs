@@ -171,7 +171,7 @@ fn centers(capture: &Capture) -> Vec<Option<DVec3>> {
         let frames = camera.shots.iter().map(|shot| shot.frame);
         let centers: Vec<DVec3> =
             frames.filter_map(|frame| Some(capture.view(index, frame).ok()?.pose.center())).collect();
-        let is_learnt = !camera.is_test && !camera.is_photo && !centers.is_empty();
+        let is_learnt = camera.films() && !centers.is_empty();
         is_learnt.then(|| centers.iter().sum::<DVec3>() / centers.len() as f64)
     };
     capture.cameras.iter().enumerate().map(of_camera).collect()
