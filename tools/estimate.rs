@@ -173,7 +173,7 @@ fn recorded(card: &Card, config: &Config, device: &DeviceArgs, work: &Work) -> a
     let picture = Picture::new(width, height, vec![u32::MAX; n_pixels]);
     let picture = picture.with_priors(vec![0x3c00; n_pixels], vec![[0; 2]; n_pixels]);
     let setup = Setup {
-        n_trained: CAMERAS,
+        n_filming: CAMERAS,
         learns_offset: if config.offsets { vec![true; CAMERAS] } else { Vec::new() },
         has_grid: if config.grids.is_some() { vec![true; CAMERAS] } else { Vec::new() },
         data: TermData { depth: config.loss.depth > 0.0, flow: config.loss.flow > 0.0 },

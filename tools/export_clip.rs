@@ -69,7 +69,8 @@ pub struct ClipArgs {
 pub struct Setting {
     /// The clock of the clip, where something tells it.
     pub clock: Option<Clock>,
-    /// When the clip begins, seconds of the capture that it was trained on; 0 where nothing tells.
+    /// When the clip begins, seconds of the capture that it was trained on; 0 where nothing tells. A run tells it of its scene too, if
+    /// the clip is as long as the run's.
     pub start: f64,
     /// Views to start from.
     pub views: Vec<View>,
@@ -328,7 +329,11 @@ impl ClipArgs {
         let (constants, background) = file.and_then(FourDgs::own).map_or_else(Default::default, of_own);
         let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
         let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
-        Ok(Setting { clock, start: 0.0, views, sounds, constants, background })
+        let is_as_long = |run: &Run| {
+            clock.is_some_and(|clock| (clock.seconds() * run.held.fps - f64::from(run.held.frames)).abs() < 0.5)
+        };
+        let start = start_in_run(source.path, is_as_long);
+        Ok(Setting { clock, start, views, sounds, constants, background })
     }
 }
 
@@ -342,9 +347,16 @@ pub fn refuse_stretched(seconds: Option<f64>, sounds: &Sounds) -> anyhow::Result
 }
 
 /// When the clip of `run` begins, seconds of its capture: the run may have taken only some of the frames.
-pub fn start_of(run: &Run) -> f64 {
+fn start_of(run: &Run) -> f64 {
     let frames = run.capture_settings.frames;
     f64::from(frames.from) / (run.held.fps * f64::from(frames.every))
+}
+
+/// When the clip of the scene in `file` begins, seconds of its capture: that of the run which the file lies in, where that
+/// `is_its`; else 0.
+pub fn start_in_run(file: &Path, is_its: impl Fn(&Run) -> bool) -> f64 {
+    let run = file.ancestors().find_map(|folder| Run::read(folder).ok().filter(&is_its));
+    run.map_or(0.0, |run| start_of(&run))
 }
 
 /// The first view of each training camera of the run in `folder` that films; none where its capture is gone, which is said.

@@ -1,7 +1,7 @@
 //! `ivv render --path` and `--orbit`: a video of the way of a head, with what it hears, or around a scene.
 
 use crate::device::DeviceArgs;
-use crate::export_clip::start_of;
+use crate::export_clip::start_in_run;
 use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;
@@ -254,9 +254,7 @@ impl Film {
     /// When the clip begins, seconds of its capture: that of the run which the scene in `file` is of; else 0.
     fn start_of_clip(&self, file: &Path) -> f64 {
         // Through another clip, such as that of --capture, times are of that.
-        let is_of_run = |run: &Run| self.clip == Some((run.held.fps, run.held.frames));
-        let run = file.ancestors().find_map(|folder| Run::read(folder).ok().filter(is_of_run));
-        run.map_or(0.0, |run| start_of(&run))
+        start_in_run(file, |run: &Run| self.clip == Some((run.held.fps, run.held.frames)))
     }
 
     /// What is heard while the video lasts, of what was rendered of all the capture, of which the clip begins at `start`, seconds;
@@ -342,7 +340,8 @@ pub fn run(film: &Film, args: &PathArgs, shown: Shown<Gaussians>, studio: &Studi
             Made::Pictures { file, command } => (file, command.as_ref()),
         };
         let line = serde_json::json!({
-            "path": file, "frames": film.n_frames, "fps": film.fps, "seconds": seconds, "command": command, "sound": report,
+            "path": file.to_string_lossy(), "frames": film.n_frames, "fps": film.fps, "seconds": seconds, "command": command,
+            "sound": report,
         });
         out!("{line}");
         return Ok(());

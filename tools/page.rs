@@ -2,6 +2,7 @@
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
+use ivv::Error;
 use ivv::files::write_atomic;
 use sha2::{Digest, Sha256};
 use std::path::Path;
@@ -70,6 +71,10 @@ const WORKER: &str = "worker.js";
 pub const POLICY: &str =
     "default-src 'self'; worker-src 'self' blob:; style-src 'self'; connect-src 'self'; media-src 'self' blob:";
 
+/// Bytes of the longest scene in a page. It is text there, four characters for three bytes, and Chromium has the shortest
+/// longest string: 2^29 - 24 characters.
+const MOST_IN_PAGE: usize = ((1 << 29) - 24) / 4 * 3;
+
 /// Name of the scene beside the page.
 pub const SCENE: &str = "scene.4dgs";
 
@@ -94,8 +99,12 @@ pub fn n_bytes() -> u64 {
     PARTS.iter().map(|part| part.text.len() as u64).sum()
 }
 
-/// The player and a scene as one page, which opens from a disk too.
-pub fn single_file(scene: &[u8]) -> String {
+/// The player and a scene as one page, which opens from a disk too and will be the file `to`.
+///
+/// # Errors
+/// [`Error::Data`] when browsers cannot take a scene of this length from within a page.
+pub fn single_file(to: &Path, scene: &[u8]) -> ivv::Result<String> {
+    check_length(to, scene.len())?;
     let text = |name: &str| part(name).map_or("", |part| part.text);
     let joined = |name: &str| {
         let mut modules = Vec::new();
@@ -111,7 +120,7 @@ pub fn single_file(scene: &[u8]) -> String {
     );
     let charset = "<meta charset=\"utf-8\">";
     let scene = BASE64.encode(scene);
-    [
+    let page = [
         (charset, format!("{charset}\n<meta http-equiv=\"Content-Security-Policy\" content=\"{policy}\">")),
         ("href=\"icon.svg\"", format!("href=\"data:image/svg+xml;base64,{}\"", BASE64.encode(text("icon.svg")))),
         ("<link rel=\"stylesheet\" href=\"style.css\">", format!("<style>{style}</style>")),
@@ -124,7 +133,19 @@ pub fn single_file(scene: &[u8]) -> String {
         ),
     ]
     .iter()
-    .fold(text("index.html").to_owned(), |page, (from, to)| page.replacen(from, to, 1))
+    .fold(text("index.html").to_owned(), |page, (from, to)| page.replacen(from, to, 1));
+    Ok(page)
+}
+
+/// Refuses a scene of so many bytes that its text in a page would be longer than a browser's strings can be.
+fn check_length(to: &Path, n_bytes: usize) -> ivv::Result<()> {
+    if n_bytes <= MOST_IN_PAGE {
+        return Ok(());
+    }
+    let [found, most] = [n_bytes, MOST_IN_PAGE].map(|bytes| bytes as f64 / 1e6);
+    let reason = format!("expected a scene of at most {most:.1} MB, which a browser takes, found {found:.1} MB");
+    let remedy = "give --target-size; or export a folder (`-o web/`), or a .4dgs for `ivv serve`";
+    Err(Error::data(to, "", reason, remedy))
 }
 
 /// Appends the module `name` after all that it imports, each once.
@@ -150,4 +171,17 @@ fn bare(module: &str) -> String {
         is_import &= !line.trim_end().ends_with(';');
     }
     text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_scene_that_no_browser_takes_from_a_page_is_refused() {
+        let page = Path::new("page.html");
+        check_length(page, 402_653_166).unwrap();
+        let told = check_length(page, 402_653_167).unwrap_err().to_string();
+        assert!(told.contains("402.7 MB") && told.contains("--target-size") && told.contains("ivv serve"), "{told}");
+    }
 }

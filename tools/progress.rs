@@ -194,16 +194,11 @@ impl Steps {
         } else {
             String::new()
         };
+        let own = report.term("psnr").map_or(String::new(), |psnr| format!("{psnr:.2} dB, "));
         let psnr = self.psnr.map_or(String::new(), |psnr| format!("test {psnr:.2} dB, "));
         let line = format!(
-            "step {}/{}, {pace}loss {:.4}, {:.2} dB, {psnr}{} Gaussians, {} live, {} intersections",
-            report.step,
-            self.total,
-            report.loss,
-            report.term("psnr").unwrap_or(f64::NAN),
-            report.gaussians,
-            report.active,
-            report.intersections
+            "step {}/{}, {pace}loss {:.4}, {own}{psnr}{} Gaussians, {} live, {} intersections",
+            report.step, self.total, report.loss, report.gaussians, report.active, report.intersections
         );
         self.pace.show(report.step, self.total, &line);
     }

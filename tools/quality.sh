@@ -2,8 +2,8 @@
 # Measures what a small fixed set of captures is worth.
 #   tools/quality.sh [HISTORY]           trains on them with default settings and adds the scores to a history, with a plot: some
 #                                        10 minutes. Default: assets/quality/history.json; the runs go to out/quality
-#   tools/quality.sh --study [FOLDER]    techniques beside the default, three seeds each, on captures of half the size: some two hours
-#                                        on two cores that do nothing else. Runs that are there are not repeated. FOLDER/standings.md
+#   tools/quality.sh --study [FOLDER]    techniques beside the default, three seeds each, on captures of half the size: two to three
+#                                        hours on two cores that do nothing else. Runs that are there are not repeated. FOLDER/standings.md
 #                                        tells what is shown. Default: out/study. $IVV_STEPS: steps of a run (default: 600).
 #                                        $IVV_JOBS: captures at a time (default: 2)
 #   tools/quality.sh --curves [FOLDER]   what presets reach in 30 s to 10 minutes on the real captures, three seeds each: a night and
@@ -132,7 +132,7 @@ playback() {
     measure_real
     {
         echo "# What the settings of a frame cost and buy"
-        printf '\n%s\n' "Trained scenes, on $("$ivv" --json devices | sed -n 's/.*"name": *"\([^"]*\)".*/\1/p' | head -1), $(date +%F). Times are taken in turn with those of \`as given\`; errors are those of the worst picture."
+        printf '\n%s\n' "Trained scenes, on $("$ivv" --json devices | sed -n 's/.*"name": *"\([^"]*\)".*/\1/p' | head -1), $(date +%F). Times are taken in turn with those of \`as given\`; errors are those of the worst picture. The rows were measured at different times, so compare speeds, not milliseconds."
         for run in "${runs[@]}"; do
             printf '\n## %s\n\n' "$(basename "$run")"
             case "$run" in

@@ -59,7 +59,7 @@ impl Start {
             }
             capture = base.calibrated(capture)?;
         } else if !config.trains_static {
-            let remedy = "name with --base the run that has what rests, or set trains_static=true";
+            let remedy = "name with --base the run that has the static scene, or set trains_static=true";
             let file = args.settings.file().unwrap_or(Path::new("settings"));
             return Err(Error::data(file, "trains_static", "is false, but no --base is given", remedy).into());
         }

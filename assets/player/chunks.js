@@ -1,14 +1,13 @@
 // Which chunks are on the device: fetches those that a moment needs, then those that come next, and gives up those that are far.
 import { FormatError } from './bytes.js';
 import { GEOMETRY_FLOATS, LOOK_TEXELS } from './decode.js';
+import { mayPass } from './source.js';
 
 const MAX_FETCHES = 3;
-const MAX_TRIES = 3;
-const RETRY_MS = 700;
 const ROWS_PER_SLICE = 32;
 
 /**
- * @typedef {'absent' | 'loading' | 'uploading' | 'resident' | 'failed'} ChunkState
+ * @typedef {'absent' | 'loading' | 'uploading' | 'resident' | 'missed' | 'failed'} ChunkState `missed`: the network did not bring it, and may in the next lap
  * @typedef {object} Slot what is known of a chunk
  * @property {import('./container.js').ChunkEntry} entry
  * @property {ChunkState} state
@@ -43,6 +42,7 @@ export class ChunkStore {
     this.moments = { sum: 0, first: [0, 0, 0], second: 0, moving: 0 };
     this.uploadMs = 0;
     this.request = '';
+    this.moment = 0;
     /** Counts changes of what is resident. */
     this.version = 0;
     device.decoder.onmessage = ({ data }) => this.decoded(data);
@@ -55,7 +55,7 @@ export class ChunkStore {
 
   /** Whether all that `t` needs is resident or cannot be had. @param {number} t */
   isReady(t) {
-    return this.needed(t).every((i) => ['resident', 'failed'].includes(this.slots[i].state));
+    return this.needed(t).every((i) => ['resident', 'missed', 'failed'].includes(this.slots[i].state));
   }
 
   /**
@@ -70,6 +70,9 @@ export class ChunkStore {
       return;
     }
     this.request = request;
+    // So far back is a lap, in which the network may be there again. A little back is a picture that waits while the clip plays on.
+    if (this.moment - t > this.duration / 2) this.retry(['missed']);
+    this.moment = t;
     /** @param {number} t0 */
     const wait = (t0) => (t0 >= t || !loops ? t0 - t : t0 - t + this.duration);
     const later = this.slots
@@ -78,7 +81,7 @@ export class ChunkStore {
       .sort((a, b) => a.wait - b.wait);
     this.wanted = [...now, ...later.map(({ i }) => i)];
     for (const [i, slot] of this.slots.entries()) {
-      if (slot.state === 'loading' && slot.fetch && !this.wanted.includes(i)) slot.fetch.abort();
+      if (slot.state === 'loading' && !this.wanted.includes(i)) slot.fetch?.abort();
     }
     this.pump(now.length);
   }
@@ -151,16 +154,14 @@ export class ChunkStore {
     const slot = this.slots[i];
     slot.state = 'loading';
     slot.fetch = new AbortController();
+    const { signal } = slot.fetch;
     try {
-      const [record, ...bands] = await this.fetch(slot.entry, slot.fetch.signal);
-      slot.fetch = null;
+      const [record, ...bands] = await this.fetch(slot.entry, signal);
       const transfer = [record, ...bands].map(({ buffer }) => buffer);
       this.device.decoder.postMessage({ type: 'decode', id: i, record, bands, count: slot.entry.count }, transfer);
     } catch (error) {
-      const aborted = slot.fetch?.signal.aborted;
-      slot.fetch = null;
-      this.drop(i, aborted ? 'absent' : 'failed');
-      if (!aborted) this.onFault(/** @type {Error} */ (error));
+      this.drop(i, signal.aborted ? 'absent' : mayPass(error) ? 'missed' : 'failed');
+      if (!signal.aborted) this.onFault(/** @type {Error} */ (error));
     }
   }
 
@@ -170,21 +171,9 @@ export class ChunkStore {
     const start = Math.min(...spans.map(({ offset }) => offset));
     const end = Math.max(...spans.map(({ offset, length }) => offset + length));
     const isOneRun = end - start === spans.reduce((n, { length }) => n + length, 0);
-    if (!isOneRun) return Promise.all(spans.map(async ({ offset, length }) => (await this.read(offset, length, signal)).slice()));
-    const bytes = await this.read(start, end - start, signal);
+    if (!isOneRun) return Promise.all(spans.map(async ({ offset, length }) => (await this.source.read(offset, length, signal)).slice()));
+    const bytes = await this.source.read(start, end - start, signal);
     return spans.map(({ offset, length }) => bytes.slice(offset - start, offset - start + length));
-  }
-
-  /** Reads, again where the network fails. @param {number} offset @param {number} length @param {AbortSignal} signal */
-  async read(offset, length, signal) {
-    for (let tries = 1; ; tries += 1) {
-      try {
-        return await this.source.read(offset, length, signal);
-      } catch (error) {
-        if (signal.aborted || error instanceof FormatError || tries === MAX_TRIES) throw error;
-        await new Promise((resolve) => setTimeout(resolve, RETRY_MS * tries));
-      }
-    }
   }
 
   /** @param {any} reply of the decoder */
@@ -218,7 +207,8 @@ export class ChunkStore {
     let budget = limit;
     while (budget > 0 && this.uploads.length > 0) {
       const next = this.uploads[0];
-      const { rows } = this.slots[next.id];
+      const slot = this.slots[next.id];
+      const { rows, entry: { t0, t1 } } = slot;
       const { geometry, look, sortable, window } = next.chunk;
       // As many rows at once as lie one behind the other.
       let n = 1;
@@ -229,8 +219,6 @@ export class ChunkStore {
       budget -= n;
       if (next.done < rows.length) continue;
       this.uploads.shift();
-      const slot = this.slots[next.id];
-      const { t0, t1 } = slot.entry;
       const chunk = { t0, t1, sortable, window, rows: Uint32Array.from(rows, (row) => row * rowSlots) };
       this.device.sorter.postMessage({ type: 'load', id: next.id, chunk }, [sortable.buffer, window.buffer]);
       slot.state = 'resident';
@@ -239,9 +227,9 @@ export class ChunkStore {
     if (budget < limit) this.uploadMs = performance.now() - start;
   }
 
-  /** Tries chunks again that could not be fetched. */
-  retry() {
-    for (const slot of this.slots) if (slot.state === 'failed') slot.state = 'absent';
+  /** Tries chunks again that could not be had. @param {ChunkState[]} states */
+  retry(states = ['missed', 'failed']) {
+    for (const slot of this.slots) if (states.includes(slot.state)) slot.state = 'absent';
   }
 
   /** Middle and spread of the Gaussians that have been read so far, weighted by opacity. */

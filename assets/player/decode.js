@@ -34,7 +34,7 @@ const STREAMS = [
  * @property {Uint32Array} look N x 4 LOOK_TEXELS: rgb as 16-bit fractions in two words, then SH bytes, coefficient by coefficient
  * @property {Float32Array} sortable N x 9
  * @property {Uint32Array} window N, index of its window
- * @property {{ sum: number, first: number[], second: number, moving: number }} moments opacity-weighted sums of 1, position, squared position;
+ * @property {{ sum: number, first: number[], second: number, moving: number }} moments opacity-weighted sums of 1, position, squared position and scale;
  *   and how many move, fade or end
  */
 
@@ -254,13 +254,13 @@ function packBand(bytes, stride, values, band) {
   }
 }
 
-/** @param {DecodedChunk['moments']} moments @param {Float32Array} geometry @param {number} at */
+/** Position and size count, so that a Gaussian alone has an extent. @param {DecodedChunk['moments']} moments @param {Float32Array} geometry @param {number} at */
 function addMoment(moments, geometry, at) {
   const weight = geometry[at + 3];
   moments.sum += weight;
   for (let c = 0; c < 3; c += 1) {
     moments.first[c] += weight * geometry[at + c];
-    moments.second += weight * geometry[at + c] ** 2;
+    moments.second += weight * (geometry[at + c] ** 2 + geometry[at + 8 + c] ** 2);
   }
 }
 

@@ -141,11 +141,11 @@ export class Player {
     return this.viewOfBall(middle, distance(middle, aabb.slice(3)) || 1);
   }
 
-  /** A view that holds a ball. @param {number[]} middle @param {number} radius */
+  /** A view that holds a ball, however small, and has it before what is too near to be drawn. @param {number[]} middle @param {number} radius */
   viewOfBall(middle, radius) {
     const back = lookAlong(Math.abs(this.up[2]) < 0.9 ? [0, 0, 1] : [0, 1, 0], this.up);
     const level = unit(add(row(back, 2), this.up, -dot(row(back, 2), this.up)));
-    return this.pinhole(add(middle, scaled(level, -2.2 * radius)), level, DEFAULT_FOV);
+    return this.pinhole(add(middle, scaled(level, -Math.max(2.2 * radius, 2 * this.look.near))), level, DEFAULT_FOV);
   }
 
   /** @param {number[]} center @param {number[]} forward @param {number} fovY degrees @returns {View} */
@@ -208,7 +208,7 @@ export class Player {
 
   /** Draws with the latest order. Returns whether anything had changed since the last call. @param {View} view @param {boolean} [force] @param {number} [t] */
   draw(view, force = false, t = this.clock.time()) {
-    const key = `${t} ${this.sort.drawn} ${view.rotation} ${view.center} ${view.fx} ${view.cx} ${view.width} ${view.height}`;
+    const key = `${t} ${this.sort.drawn} ${view.rotation} ${view.center} ${view.fx} ${view.fy} ${view.cx} ${view.cy} ${view.width} ${view.height}`;
     if (key === this.drawnKey && !force) return false;
     this.drawnKey = key;
     this.renderer.draw(view, t, { framebuffer: null, x: 0, y: 0 });

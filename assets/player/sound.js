@@ -196,7 +196,7 @@ export class Sound {
   /** Call it within a gesture: browsers let no sound begin without one. */
   start() {
     if (this.context) {
-      if (this.context.state !== 'running') void this.context.resume();
+      void this.context.resume();
       return;
     }
     // The ears of files are of this rate. And Chromium's own are louder at a higher one: by 6 dB at twice the rate.

@@ -3,6 +3,8 @@ import { FormatError } from './bytes.js';
 
 const FIRST_READ = 65536;
 const MAX_IN_MEMORY = 2 ** 31 - 1;
+const MAX_TRIES = 3;
+const RETRY_MS = 700;
 
 /**
  * @typedef {object} ByteSource
@@ -64,19 +66,37 @@ export async function openUrl(url, onProgress) {
       if (offset + length > size) throw outside(offset, length, size);
       if (length === 0) return new Uint8Array(0);
       if (offset + length <= head.length) return head.subarray(offset, offset + length);
-      const response = await fetch(url, { signal, headers: { Range: `bytes=${offset}-${offset + length - 1}` } });
-      const bytes = response.status === 206 ? new Uint8Array(await response.arrayBuffer()) : null;
-      if (!bytes || bytes.length !== length) {
-        throw new FormatError('http', `${url}: expected ${length} bytes from byte ${offset}, found ${bytes?.length ?? 'none'} (status ${response.status})`);
-      }
-      if (tag !== (response.headers.get('ETag') ?? response.headers.get('Last-Modified'))) {
-        throw new FormatError('changed', `${url}: the file has changed on the server. Reload the page`);
-      }
-      source.fetched += length;
-      return bytes;
+      return insist(async () => {
+        const response = await fetch(url, { signal, headers: { Range: `bytes=${offset}-${offset + length - 1}` } });
+        const bytes = response.status === 206 ? new Uint8Array(await response.arrayBuffer()) : null;
+        if (!bytes || bytes.length !== length) {
+          const code = response.status === 429 || response.status >= 500 ? 'busy' : 'http';
+          throw new FormatError(code, `${url}: expected ${length} bytes from byte ${offset}, found ${bytes?.length ?? 'none'} (status ${response.status})`);
+        }
+        if (tag !== (response.headers.get('ETag') ?? response.headers.get('Last-Modified'))) {
+          throw new FormatError('changed', `${url}: the file has changed on the server. Reload the page`);
+        }
+        source.fetched += length;
+        return bytes;
+      }, signal);
     },
   };
   return source;
+}
+
+/** Whether a fault may be over later: of the network, or of a server that is busy. @param {unknown} error */
+export const mayPass = (error) => !(error instanceof FormatError) || error.code === 'busy';
+
+/** Reads, and again where that may help. @template T @param {() => Promise<T>} read @param {AbortSignal} [signal] @returns {Promise<T>} */
+async function insist(read, signal) {
+  for (let tries = 1; ; tries += 1) {
+    try {
+      return await read();
+    } catch (error) {
+      if (signal?.aborted || !mayPass(error) || tries === MAX_TRIES) throw error;
+      await new Promise((resolve) => setTimeout(resolve, RETRY_MS * tries));
+    }
+  }
 }
 
 /** @param {Response} response @param {((share: number) => void) | undefined} onProgress */

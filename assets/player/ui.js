@@ -23,7 +23,7 @@ const bytesText = (n) => (n < 1e6 ? `${(n / 1e3).toFixed(0)} kB` : `${(n / 1e6).
 export function showFault(error) {
   const fault = /** @type {Error} */ (error);
   const isFile = fault instanceof FormatError;
-  const isNetwork = fault instanceof TypeError || (isFile && ['http', 'changed'].includes(fault.code));
+  const isNetwork = fault instanceof TypeError || (isFile && ['http', 'busy', 'changed'].includes(fault.code));
   const [title, hint] = isNetwork
     ? ['The scene could not be fetched', 'Check that scene.4dgs lies beside this page and that the server runs. A page opened from a disk needs the single-file export.']
     : isFile

@@ -23,11 +23,8 @@ export class Placement {
    * @param {number[]} up world @param {number} unitsPerMetre
    */
   constructor(head, view, up, unitsPerMetre) {
-    const level = (/** @type {number[]} */ v, /** @type {number[]} */ u) => unit(add(v, u, -dot(v, u)));
-    const gaze = scaled(apply(rotationOf(head.orientation), [0, 0, 1]), -1);
-    const from = basis(level(Math.abs(gaze[1]) > 0.99 ? [0, 0, -1] : gaze, [0, 1, 0]), [0, 1, 0]);
-    const to = basis(level(row(view.rotation, Math.abs(dot(row(view.rotation, 2), up)) > 0.99 ? 1 : 2), up), up);
-    this.turn = product(transposed(to), from);
+    const from = uprightOf(product(FLIP, transposed(rotationOf(head.orientation))), [0, 1, 0]);
+    this.turn = product(transposed(uprightOf(view.rotation, up)), from);
     this.scale = unitsPerMetre;
     const { x, y, z } = head.position;
     this.base = add(view.center, apply(this.turn, [x, y, z]), -this.scale);
@@ -40,8 +37,14 @@ export class Placement {
   }
 }
 
-/** Rows right, up, forward. @param {number[]} forward @param {number[]} up */
-const basis = (forward, up) => [...cross(forward, up), ...up, ...forward];
+/** Rows right, up, forward of a camera that is set upright. @param {number[]} rotation @param {number[]} up */
+function uprightOf(rotation, up) {
+  const rise = dot(row(rotation, 2), up);
+  // Ahead of a camera that looks steeply up lies what is below in its picture; of one that looks steeply down, what is above.
+  const gaze = Math.abs(rise) > 0.99 ? scaled(row(rotation, 1), rise) : row(rotation, 2);
+  const forward = unit(add(gaze, up, -dot(gaze, up)));
+  return [...cross(forward, up), ...up, ...forward];
+}
 
 /** Shows the scene in a headset. */
 export class XrShow {
@@ -123,7 +126,7 @@ export class XrShow {
   /** Sticks: the left one walks, the right one scrubs and lifts. @param {XRSession} session @param {Pick<import('./camera.js').View, 'rotation'>} head @param {number} seconds */
   steer(session, head, seconds) {
     const { placement, app } = this;
-    const { clock } = app.player;
+    const { clock, up } = app.player;
     for (const { gamepad, handedness } of session.inputSources) {
       const axes = gamepad?.axes ?? [];
       const [x, y] = [axes[2] ?? axes[0] ?? 0, axes[3] ?? axes[1] ?? 0].map((v) => (Math.abs(v) < DEAD_ZONE ? 0 : v));
@@ -131,12 +134,10 @@ export class XrShow {
       const step = METRES_A_SECOND * placement.scale * seconds;
       if (handedness === 'right') {
         if (x !== 0 && clock.duration > 0) app.seek((clock.time() + x * SCRUB_SHARE_A_SECOND * clock.duration * seconds + clock.duration) % clock.duration);
-        placement.base = add(placement.base, app.player.up, -y * step);
+        placement.base = add(placement.base, up, -y * step);
       } else {
-        const { up } = app.player;
-        const ahead = row(head.rotation, 2);
-        const forward = unit(add(ahead, up, -dot(ahead, up)));
-        placement.base = add(add(placement.base, forward, -y * step), cross(forward, up), x * step);
+        const upright = uprightOf(head.rotation, up);
+        placement.base = add(add(placement.base, row(upright, 2), -y * step), row(upright, 0), x * step);
       }
     }
   }

@@ -81,10 +81,11 @@ impl Temporary {
             match File::create_new(&temporary) {
                 Ok(file) => {
                     // Elsewhere a lock would keep other programs from writing. A file system without locks does without.
-                    if cfg!(unix) {
-                        let _ = file.try_lock();
+                    let is_taken = cfg!(unix) && matches!(file.try_lock(), Err(fs::TryLockError::WouldBlock));
+                    // Who removes temporary files here may have come between.
+                    if !is_taken && temporary.try_exists().unwrap_or(true) {
+                        return Ok(Temporary { at: temporary, target: path.to_owned(), file });
                     }
-                    return Ok(Temporary { at: temporary, target: path.to_owned(), file });
                 }
                 // A process with the same number was killed here: in a container all have the same.
                 Err(fault) if fault.kind() == io::ErrorKind::AlreadyExists => {}
@@ -150,13 +151,20 @@ pub fn remove_temporaries(folder: &Path, depth: usize) -> Result<()> {
     Ok(())
 }
 
-/// Removes a temporary file that no process has locked.
+/// Removes a temporary file that no process has locked. One of which that cannot be told stays.
 fn remove_abandoned(path: &Path) {
-    if let Ok(file) = File::open(path)
-        && !matches!(file.try_lock(), Err(fs::TryLockError::WouldBlock))
+    // Network file systems lock nothing that is open for reading alone.
+    if let Ok(file) = File::options().write(true).open(path)
+        && is_abandoned(&file.try_lock())
     {
         let _ = fs::remove_file(path);
     }
+}
+
+/// Whether a temporary file that was locked with this outcome is nobody's. Where nothing is locked while it is written, or
+/// nothing can be, a lock tells nothing.
+fn is_abandoned(lock: &std::result::Result<(), fs::TryLockError>) -> bool {
+    cfg!(unix) && lock.is_ok()
 }
 
 /// Makes the rename itself durable. Only Unix lets a folder be opened for that.
@@ -164,11 +172,23 @@ fn sync_folder(path: &Path) -> io::Result<()> {
     if !cfg!(unix) {
         return Ok(());
     }
-    let folder = match path.parent() {
+    where_possible(File::open(folder_of(path))?.sync_all())
+}
+
+/// The folder that a file is in.
+pub fn folder_of(path: &Path) -> &Path {
+    match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
         _ => Path::new("."),
-    };
-    File::open(folder)?.sync_all()
+    }
+}
+
+/// The outcome of synchronising a folder. Some file systems do not offer that; what was renamed there is complete all the same.
+fn where_possible(synced: io::Result<()>) -> io::Result<()> {
+    synced.or_else(|fault| match fault.kind() {
+        io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported => Ok(()),
+        _ => Err(fault),
+    })
 }
 
 fn cannot_write(path: &Path, fault: &io::Error) -> Error {
@@ -178,6 +198,11 @@ fn cannot_write(path: &Path, fault: &io::Error) -> Error {
         format!("cannot be written: {fault}"),
         "check that the folder exists, is writable and not full",
     )
+}
+
+/// A path for a reader: JSON is text, and not every name of a file is.
+pub(crate) fn as_text<S: serde::Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
+    to.collect_str(&path.display())
 }
 
 /// Opens a file for reading. Only regular files are opened: a pipe would wait for a writer that may never come, and a
@@ -239,4 +264,36 @@ pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
 /// The error of a file that cannot be opened or read.
 pub fn cannot_read(path: &Path, fault: &io::Error) -> Error {
     Error::data(path, "", format!("cannot be read: {fault}"), "check the path and its permissions")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    #[cfg(unix)]
+    fn what_may_be_being_written_stays() {
+        assert!(is_abandoned(&Ok(())));
+        assert!(!is_abandoned(&Err(fs::TryLockError::WouldBlock)));
+        // As of a file system that has no locks.
+        assert!(!is_abandoned(&Err(fs::TryLockError::Error(io::ErrorKind::Unsupported.into()))));
+        let folder = std::env::temp_dir().join(format!("ivv-temporaries-{}", std::process::id()));
+        fs::create_dir_all(&folder).unwrap();
+        let left = folder.join(".scene.ply.1-0.tmp");
+        fs::write(&left, "half").unwrap();
+        let ours = Temporary::beside(&folder.join("scene.ply"), "").unwrap();
+        remove_temporaries(&folder, 0).unwrap();
+        let found = (left.exists(), ours.path().exists());
+        drop(ours);
+        fs::remove_dir_all(&folder).unwrap();
+        assert_eq!(found, (false, true));
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_synchronised_is_no_fault() {
+        for kind in [io::ErrorKind::InvalidInput, io::ErrorKind::Unsupported] {
+            assert!(where_possible(Err(kind.into())).is_ok(), "{kind}");
+        }
+        assert!(where_possible(Err(io::ErrorKind::StorageFull.into())).is_err());
+    }
 }

@@ -1,6 +1,7 @@
 //! Optical flow of the finished images, by `tools/priors.py`.
 
 use std::io::{BufRead, BufReader, Write};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -29,8 +30,37 @@ fn at_once(threads: usize, pixels: u64, memory: u64) -> usize {
     threads.min(usize::try_from(fit).unwrap_or(usize::MAX)).max(1)
 }
 
-/// Estimates what is not estimated yet: flow to the next frame of every frame but the last. Cameras whose flow comes along with the
-/// source's pictures keep that.
+/// The frames that have a next one.
+fn frames(images: &Images) -> Range<u32> {
+    0..images.n_frames().saturating_sub(1)
+}
+
+/// The cameras that do not bring all of their flow along.
+///
+/// # Errors
+/// [`Error::Data`] that names flow to which none can be added.
+fn estimated(images: &Images) -> Result<Vec<&Camera>> {
+    let lacks = |camera: &&Camera| frames(images).any(|frame| camera.flow(frame).is_none());
+    let cameras: Vec<&Camera> = images.cameras.iter().filter(lacks).collect();
+    // A folder holds flow of one kind; that of pictures which change becomes .npy.
+    let other = cameras
+        .iter()
+        .copied()
+        .filter(|camera| camera.is_as_recorded())
+        .flat_map(|camera| frames(images).filter_map(move |frame| camera.flow(frame)))
+        .find(|flow| flow.extension().is_none_or(|ending| ending != "npy"));
+    match other {
+        Some(flow) => {
+            let reason = "is flow of some frames of its camera alone; --flow dis makes that of the others as .npy, and no camera \
+                          has flow of two kinds";
+            Err(Error::data(flow, "", reason, "give that of all frames, give it as .npy, or leave out --flow"))
+        }
+        None => Ok(cameras),
+    }
+}
+
+/// Estimates what is not estimated yet: flow to the next frame of every frame but the last. Flow that comes along with the source's
+/// pictures stays, and the other frames of its camera are estimated.
 #[tracing::instrument(level = "info", name = "flow", skip_all)]
 pub(super) fn make(
     images: &Images,
@@ -40,14 +70,15 @@ pub(super) fn make(
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<()> {
     let output = &images.output;
-    let (carried, estimated): (Vec<&Camera>, Vec<&Camera>) =
-        images.cameras.iter().partition(|camera| camera.has_flow());
+    let estimated = estimated(images)?;
     if estimated.is_empty() {
         return Ok(());
     }
-    let kept: Vec<PathBuf> = carried.iter().map(|camera| output.join("flow").join(&camera.name)).collect();
+    let carries = |camera: &&Camera| frames(images).any(|frame| camera.flow(frame).is_some());
+    let kept = images.cameras.iter().filter(carries).map(|camera| output.join("flow").join(&camera.name));
+    let kept: Vec<PathBuf> = kept.collect();
     journal.begin_beside("flow", json!({ "method": "dis at full resolution" }), &kept)?;
-    let n = images.n_frames().saturating_sub(1) as usize;
+    let n = frames(images).len();
     let own = (0..).zip(estimated).filter(|(number, _)| share.has(*number)).map(|(_, camera)| camera);
     let own: Vec<&Camera> = own.collect();
     let left: Vec<&str> =
@@ -69,17 +100,19 @@ pub(super) fn make(
 /// Whether some of the flow of a camera is not estimated yet.
 fn is_left(images: &Images, camera: &Camera) -> bool {
     let folder = images.output.join("flow").join(&camera.name);
-    (0..images.n_frames().saturating_sub(1)).any(|frame| !folder.join(format!("{frame:05}.npy")).is_file())
+    frames(images).any(|frame| camera.flow(frame).is_none() && !folder.join(format!("{frame:05}.npy")).is_file())
 }
 
 /// What the script will need, unless there is nothing to estimate.
 ///
 /// # Errors
-/// [`Error::Data`] that names the package.
+/// As [`estimated`]; [`Error::Data`] that names the package.
 pub(super) fn require(images: &Images, settings: &PrepareSettings) -> Result<()> {
-    let mut estimated = images.cameras.iter().filter(|camera| !camera.has_flow());
+    if !settings.flow {
+        return Ok(());
+    }
     // With force, what is there may be made again.
-    if settings.flow && estimated.any(|camera| settings.force || is_left(images, camera)) {
+    if estimated(images)?.into_iter().any(|camera| settings.force || is_left(images, camera)) {
         python(&settings.source)?;
     }
     Ok(())

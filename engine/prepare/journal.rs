@@ -23,6 +23,8 @@ const STAGES: [(&str, &[&str]); 5] = [
 ];
 /// Files beside the pictures: one that comes later is taken over too.
 pub(super) const SOUND: &str = "sound";
+/// Flow and depth of the source, in what the images are made from. Earlier versions did not note them.
+pub(super) const PRIORS: &str = "priors";
 const MANIFEST: &str = "capture.toml";
 const LOCK: &str = ".prepare.lock";
 
@@ -132,18 +134,29 @@ impl Journal {
     }
 }
 
-/// Whether what was made from `before` can stay. A list of files may have grown. Earlier versions noted a name or a number where there
-/// is a list now: what they made stays.
+/// Whether what was made from `before` can stay. A list of files may have grown. What earlier versions made stays, though they noted less:
+/// see [`was_noted`] and [`PRIORS`].
 fn agree(before: &Value, now: &Value) -> bool {
     match (before, now) {
         (Value::Array(before), Value::Array(now)) => before.iter().all(|file| now.contains(file)),
         (Value::Object(before), Value::Object(now)) => {
             let same = |(name, value): (&String, &Value)| {
-                now.get(name).is_some_and(|now| now == value || (now.is_array() && !value.is_array()))
+                now.get(name).is_some_and(|now| now == value || was_noted(value, now))
             };
-            before.len() == now.len() && before.iter().all(same)
+            let is_known = |name: &String| name == PRIORS || before.contains_key(name);
+            now.keys().all(is_known) && before.iter().all(same)
         }
         _ => before == now,
+    }
+}
+
+/// Whether an earlier version noted `before` where the list `now` is noted: a name, of files of which it noted no more, or a number, which
+/// is the first of the list. Today's versions note a number too, of which no list is made: another one is a change.
+fn was_noted(before: &Value, now: &Value) -> bool {
+    match before {
+        Value::String(_) => now.is_array(),
+        Value::Number(_) => now.get(0) == Some(before),
+        _ => false,
     }
 }
 
@@ -209,6 +222,11 @@ mod tests {
         let before = json!({ "pictures": "photos", "frames": 3, "source points": 7 });
         let now = json!({ "pictures": [["a.png", 1, 2]], "frames": 3, "source points": [7, "digest"] });
         assert!(agree(&before, &now) && agree(&now, &now));
+        // Points that were not there before are a change, and so are those that are there no more.
+        let of_points = |points: Value| json!({ "source points": points });
+        let [none, some] = [json!(0), json!([7, "digest"])].map(of_points);
+        assert!(!agree(&none, &some) && !agree(&some, &none) && !agree(&of_points(json!(8)), &some));
+        assert!(agree(&of_points(json!("points")), &of_points(json!([["00000.ply", 1, 2]]))));
         let other = |name: &str, value: Value| {
             let mut other = now.clone();
             other[name] = value;
@@ -217,6 +235,10 @@ mod tests {
         assert!(!agree(&before, &other("frames", json!(4))) && !agree(&before, &other("moving", json!(4))));
         assert!(!agree(&now, &other("pictures", json!([["a.png", 1, 3]]))));
         assert!(!agree(&now, &other("pictures", json!([["a.png", 1, 2], ["b.png", 1, 2]]))));
+        // Flow and depth are compared as soon as they are noted.
+        let [without, with] = [json!([]), json!([["a.flo", 1, 2]])].map(|priors| other(PRIORS, priors));
+        assert!(agree(&before, &with) && agree(&now, &with));
+        assert!(!agree(&without, &with) && !agree(&with, &without) && !agree(&with, &now));
         // Of files beside the pictures there may be more, but each is as it was.
         let [one, two] = [json!([["a.wav", 1, 2]]), json!([["a.wav", 1, 2], ["b.wav", 1, 2]])];
         assert!(agree(&one, &two) && !agree(&two, &one) && !agree(&one, &json!([["a.wav", 1, 3]])));

@@ -1,7 +1,7 @@
 //! Two profiles side by side, pass by pass, from the files that `ivv profile` wrote; no device is needed.
 
 use crate::error::{Error, Result};
-use crate::files::read_file;
+use crate::files::{as_text, read_file};
 use crate::report::Table;
 use crate::stage::Counters;
 use serde::{Deserialize, Serialize};
@@ -222,8 +222,10 @@ pub struct Other {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
     /// The file of the first.
+    #[serde(serialize_with = "as_text")]
     pub a: PathBuf,
     /// The file of the second.
+    #[serde(serialize_with = "as_text")]
     pub b: PathBuf,
     /// Whether both are of the same thing on the same device.
     pub is_comparable: bool,

@@ -1,5 +1,5 @@
 //! What a step would take on a card that is not here: from its recording, the kernels' own costs, what a compiler made of them,
-//! and the card's figures. A floor: nothing waits, nothing is idle.
+//! and the card's figures. Nothing waits and nothing is idle, so most passes take longer.
 
 use super::budget::Budgets;
 use super::cards::Card;
@@ -123,7 +123,8 @@ impl Estimate {
         let mut told = vec![
             "Each pass takes the longest of four times: bytes over bandwidth, bytes of the shared cache over its bandwidth, \
              instructions over the issue rate, float operations over their rate. Nothing waits for memory, no lane is idle, no \
-             processor runs out of work: a floor. Passes without a barrier between them are added up."
+             processor runs out of work, so most passes take longer. One may take less where the card's own compiler needs fewer \
+             instructions. Passes without a barrier between them are added up."
                 .to_owned(),
             "Bytes and float operations are those of the table of kernels: what must be moved and done at least. Scattered rows, \
              and 8 bytes of an atomic addition, come from the shared cache."

@@ -260,6 +260,15 @@ mod tests {
         assert_eq!(needs("blend_bwd_fixed64_p4"), [false, true]);
     }
 
+    /// `check_limits` of `vk` asks devices for as much.
+    #[test]
+    fn the_scatter_alone_shares_more_than_every_device_has() {
+        let larger = table::KERNELS.iter().filter(|spec| workgroup_bytes(kernel(&spec.name).spirv) > 16_384);
+        let names: Vec<&str> = larger.map(|spec| &*spec.name).collect();
+        assert_eq!(names, ["sort_scatter", "sort_scatter_indexed"]);
+        assert!(names.into_iter().all(|name| workgroup_bytes(kernel(name).spirv) == 16_448));
+    }
+
     #[test]
     fn shapes_for_cpus_and_probes_have_no_budget() {
         let ours = ["blend_fwd_p4", "sort_exchange", "emit_slots", "cull_dynamic"];

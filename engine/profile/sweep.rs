@@ -314,7 +314,7 @@ impl Work {
         let extent = Extent { center: [0.0; 3], radius: 3.0 };
         let every = vec![true; self.cameras];
         let setup = Setup {
-            n_trained: self.cameras,
+            n_filming: self.cameras,
             learns_offset: every.clone(),
             has_grid: every,
             ..Setup::plain(extent, 1.0 / self.frames as f64)

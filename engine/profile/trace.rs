@@ -12,8 +12,8 @@ pub struct Moment {
     pub begin: f64,
     /// How long it took, seconds.
     pub seconds: f64,
-    /// The passes that the device ran meanwhile, if it was waited for. Their clock is the device's: the last of them is
-    /// taken to end with the waiting.
+    /// The passes that the device ran meanwhile, if it was waited for. Their clock is the device's: the one that
+    /// ends last is taken to end with the waiting.
     pub passes: Vec<PassTime>,
 }
 
@@ -29,7 +29,8 @@ pub fn trace(device: &str, moments: &[Moment]) -> Value {
     let mut events = vec![named(0, "host"), named(1, device)];
     for moment in moments {
         events.push(span(0, "host", &moment.name, moment.begin, moment.seconds));
-        let end = moment.passes.last().map_or(0.0, |pass| pass.begin_ns + pass.ns);
+        // Passes that need not wait for each other end in any order.
+        let end = moment.passes.iter().map(|pass| pass.begin_ns + pass.ns).fold(0.0, f64::max);
         let zero = moment.begin + moment.seconds - 1e-9 * end;
         for pass in &moment.passes {
             let (section, kernel) = pass.label.split_once('/').unwrap_or(("", &pass.label));

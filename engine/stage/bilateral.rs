@@ -78,6 +78,8 @@ pub struct GridStep {
 /// The cameras' grids, their moments, and the scratch of a backward pass.
 pub struct Grids {
     n_cameras: usize,
+    /// Those of them that film; they come first.
+    n_filming: usize,
     grids: Buf<[f32; 4]>,
     first: Buf<[f32; 4]>,
     second: Buf<[f32; 4]>,
@@ -164,6 +166,7 @@ impl Grids {
         };
         Ok(Grids {
             n_cameras: states.len(),
+            n_filming: states.len(),
             grids: all("bilateral grids", |s| &s.grid)?,
             first: all("bilateral first moments", |s| &s.first)?,
             second: all("bilateral second moments", |s| &s.second)?,
@@ -178,6 +181,12 @@ impl Grids {
     /// These with the kernels for GPUs or with those for CPU drivers, whatever the device is.
     pub fn by_kernels_for_gpus(self, is_for_gpus: bool) -> Self {
         Grids { is_for_gpus, ..self }
+    }
+
+    /// These, of which the last `n` are of photographs: the tint that those have in common is the light of another day, so it is no part
+    /// of the mean that the gauge takes off all.
+    pub fn with_photos(self, n: usize) -> Self {
+        Grids { n_filming: self.n_cameras - n, ..self }
     }
 
     /// The grids and moments of all cameras.
@@ -301,7 +310,7 @@ impl Grids {
         if step.is_free && step.step.is_multiple_of(self.n_cameras as u64) {
             rec.pass(
                 bilateral_gauge::Args { frame_status: status, grids: &self.grids },
-                bilateral_gauge::Push { n_cameras: self.n_cameras as u32 },
+                bilateral_gauge::Push { n_cameras: self.n_cameras as u32, n_filming: self.n_filming as u32 },
                 Grid::Threads(ROWS as u32),
             );
             rec.scale(self.n_cameras as f64);

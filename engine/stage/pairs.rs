@@ -97,7 +97,7 @@ impl Blocks {
                 }
                 *transmittance = next;
                 sum.added += 1.0;
-                true
+                next >= view.t_cut
             });
             sum.finished += (n_open - open.len()) as f64;
         }
@@ -122,4 +122,44 @@ fn touches(xy: [f32; 2], [slope, chord, reach_y]: [f32; 3], corner: [f32; 2], en
     let right = xy[0] + slope * right_at + half(right_at) + margin_x;
     let left = xy[0] + slope * left_at - half(left_at) - margin_x;
     left <= right && right >= corner[0] && left <= end[0]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Those of one pixel behind 30 splats of alpha 0.5.
+    fn pairs(t_cut: f32) -> Pairs {
+        let view = ViewParams {
+            width: 1,
+            height: 1,
+            n_rows: 1,
+            tiles_x: 1,
+            alpha_min: 1.0 / 255.0,
+            alpha_max: 0.99,
+            t_min: 1e-4,
+            t_cut,
+            ..ViewParams::default()
+        };
+        // At the pixel, with M = 0, so that alpha is the opacity; ten pixels wide and high.
+        let splat = [[0.5, 0.5, 0.0, 0.0], [0.0, 0.0, 0.5, 1.0], [0.0; 4], [0.0, 0.0, 10.0, 10.0]];
+        let blocks = Blocks {
+            view,
+            lanes: 8,
+            pixels_per_lane: 8,
+            splats: splat.to_vec(),
+            ids: vec![0; 30],
+            first: vec![0],
+            last: vec![30],
+        };
+        blocks.pairs()
+    }
+
+    #[test]
+    fn a_pixel_is_walked_to_where_the_kernel_ends_it() {
+        // 0.5^13 is the last above t_min: the splat after it is evaluated and not added.
+        assert_eq!(pairs(0.0), Pairs { evaluated: 14.0, added: 13.0, finished: 1.0 });
+        // 0.5^7 is the first below t_cut: the splat that leaves so little is added.
+        assert_eq!(pairs(0.01), Pairs { evaluated: 7.0, added: 7.0, finished: 1.0 });
+    }
 }

@@ -22,11 +22,23 @@ pub enum Outputs {
     All,
 }
 
+/// The nearest near plane that goes with short depth keys, scene units. Those of 24 bits tell depths apart up to 2^32 times as far
+/// (`depth_key` of `project.comp`): this lets them reach 1e5 units, 100 km where those are metres.
+const NEAREST_OF_SHORT_KEYS: f32 = 1e5 / 4_294_967_296.0;
+
 /// `constants` with these `knobs`, and with what they leave to the device. Depth keys have 24 bits on a GPU, which spares it a round
-/// of their sort, and all bits of the depth on a CPU driver.
+/// of their sort. They have all bits of the depth on a CPU driver, and where the near plane is so near that 24 do not reach far.
 pub fn constants_on(kind: DeviceKind, knobs: Knobs, constants: Constants) -> Constants {
-    let of_device = if kind == DeviceKind::Cpu { u32::BITS } else { 24 };
+    let short_ones_reach = constants.near >= NEAREST_OF_SHORT_KEYS;
+    let of_device = if kind == DeviceKind::Cpu || !short_ones_reach { u32::BITS } else { 24 };
     let depth_bits = if knobs.depth_bits == 0 { of_device } else { knobs.depth_bits };
+    if depth_bits < u32::BITS && !short_ones_reach {
+        tracing::warn!(
+            "depth keys of {depth_bits} bits do not reach far with a near plane of {:e}: what is behind may cover what is \
+             in front; use 32 bits, or a near plane of at least {NEAREST_OF_SHORT_KEYS:e}",
+            constants.near
+        );
+    }
     Knobs { depth_bits, ..knobs }.on(constants)
 }
 

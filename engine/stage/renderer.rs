@@ -38,8 +38,7 @@ impl Renderer {
             return Self::of_clip(gpu, Arc::new(splats.clone()), constants);
         }
         let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
-        let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
-        Ok(Self::of_scene(gpu, scene, constants, None))
+        Self::of_whole(gpu, splats, constants)
     }
 
     /// As [`Renderer::new`], for a clip that may be longer than what the device holds. Where most dynamic Gaussians live for a
@@ -52,7 +51,7 @@ impl Renderer {
         let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
         match Windows::of(&gpu, &splats, &constants)? {
             Some((windows, scene)) => Ok(Self::of_scene(gpu, scene, constants, Some(windows))),
-            None => Self::new(gpu, &splats, constants),
+            None => Self::of_whole(gpu, &splats, constants),
         }
     }
 
@@ -65,6 +64,11 @@ impl Renderer {
         let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
         let (windows, scene) = Windows::of_parts(&gpu, clip, &constants)?;
         Ok(Self::of_scene(gpu, scene, constants, Some(windows)))
+    }
+
+    fn of_whole(gpu: Arc<Gpu>, splats: &Splats, constants: Constants) -> Result<Self> {
+        let scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Picture)?;
+        Ok(Self::of_scene(gpu, scene, constants, None))
     }
 
     fn of_scene(gpu: Arc<Gpu>, scene: SceneBuffers, constants: Constants, windows: Option<Windows>) -> Self {

@@ -260,7 +260,7 @@ pub struct Comparison {
     pub speed: Option<Spread>,
     /// The same of a step with the preset `reference`, where that was measured.
     pub speed_of_reference: Option<Spread>,
-    /// How many times as soon the quality is reached that the first arm ends with, less `QUALITY_GAP_DB`; of the seeds
+    /// How many times sooner the quality is reached that the first arm ends with, less `QUALITY_GAP_DB`; of the seeds
     /// with which it is reached.
     pub quality_speed: Option<Spread>,
     /// Seeds with which it is reached.

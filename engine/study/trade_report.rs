@@ -38,7 +38,7 @@ impl Trade {
             "# What settings buy\n\n{device}, {driver}, {date}; shaders {shaders}. `{capture}`, {steps} steps, {}. The hash \
              is of the shaders' SPIR-V: where it is no longer that of the kernels, these are numbers of older ones.\n\n\
              Blocks of steps of all settings were run in turn in one process. *Speed*: how many times as fast a step is as with \
-             `exact`, over whole runs, median (lowest to highest seed); *of reference*: the same as with `reference`. *To quality*: how many times as soon a run reaches the \
+             `exact`, over whole runs, median (lowest to highest seed); *of reference*: the same as with `reference`. *To quality*: how many times sooner a run reaches the \
              final PSNR of `exact` minus {QUALITY_GAP_DB} dB; in brackets with how many seeds. Differences are to `exact`, \
              paired by seed, with Student's interval of 95 %. *Equivalent*: two one-sided tests at 5 % put it within \
              {MARGIN_DB} dB, and the worst frame within {WORST_MARGIN_DB} dB. Scores are of the test views, rendered exactly.\n",

@@ -2,12 +2,13 @@
 
 use super::checkpoint::CameraState;
 use super::config::{Config, GridKind, PoseKind};
+use super::density::recovered_from;
 use super::setup::Setup;
 use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::stage::{
-    ClockStep, Clocks, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, Workspace,
+    ClockStep, Clocks, GRID_BYTES, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, Workspace,
 };
 use glam::DVec3;
 use std::ops::Range;
@@ -21,21 +22,21 @@ const POSES_JUDGED: f64 = 0.3;
 const MOST_SHIFT: f64 = 0.1;
 
 /// The step of a run of `total` after which it is judged whether the poses differ.
-pub(super) fn poses_judged_at(total: u64) -> u64 {
-    (POSES_JUDGED * total as f64).round() as u64
+pub(super) fn poses_judged_at(config: &Config, total: u64) -> u64 {
+    recovered_from(config, (POSES_JUDGED * total as f64).round() as u64, total)
 }
 
 /// Whether a run of `before` steps is past the step at which one of `total` judges the poses, before its own, and has learnt them for
 /// as long as that one would have.
-pub(super) fn poses_are_missed(step: u64, before: u64, total: u64) -> bool {
+pub(super) fn poses_are_missed(config: &Config, step: u64, [before, total]: [u64; 2]) -> bool {
     let learnt = step as f64 - POSES_FROM * before as f64;
-    let is_past = poses_judged_at(total) <= step && step < poses_judged_at(before);
+    let is_past = poses_judged_at(config, total) <= step && step < poses_judged_at(config, before);
     is_past && learnt >= (POSES_JUDGED - POSES_FROM) * total as f64
 }
 
 /// The step after which it is told which time offsets the images tell, of `total`.
-pub(super) fn offsets_judged_at(total: u64) -> u64 {
-    total / 2
+pub(super) fn offsets_judged_at(config: &Config, total: u64) -> u64 {
+    recovered_from(config, total / 2, total)
 }
 
 /// The cameras' own parameters.
@@ -71,9 +72,11 @@ const GRID_ROWS: usize = GRID_NUMBERS / 4;
 /// The cameras' bilateral grids, and pictures as they show them.
 struct Graded {
     grids: Grids,
+    /// Those of cameras that film, which come first.
+    n_filming: usize,
     /// By camera, its place among the grids.
     of_camera: Vec<Option<usize>>,
-    /// Whether nothing holds the tint that all have in common: each trained camera has one, and all colours are trained.
+    /// See [`is_free`].
     is_free: bool,
     /// By place, steps of this grid so far, those that are under way among them.
     steps: Vec<u64>,
@@ -92,7 +95,49 @@ pub(super) struct OwnGrid {
     step: u64,
 }
 
+/// Cameras that film and have a grid.
+fn n_filming_grids(setup: &Setup) -> usize {
+    setup.has_grid.iter().take(setup.first_photo).filter(|has| **has).count()
+}
+
+/// Whether nothing holds the tint that all cameras have in common: each trained one that films has a grid, and all colours are
+/// trained. Photographs hold none: those have the light of another day.
+fn is_free(config: &Config, setup: &Setup) -> bool {
+    config.trains_static && n_filming_grids(setup) == setup.n_filming
+}
+
 impl Graded {
+    /// The grids of the cameras of `setup`, all the identity; none where no camera has one.
+    fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Option<Self>> {
+        let is_free = is_free(config, setup);
+        // The gauge sees all grids at a time, and may be told only during the run that it is free.
+        let may_be_free = is_free || (config.trains_static && setup.has_grid.is_empty());
+        let (needed, limit) = (setup.most_grids as u64 * (GRID_BYTES / 3), gpu.caps().max_binding_bytes);
+        if may_be_free && needed > limit {
+            return Err(Error::OutOfMemory {
+                what: format!("the buffer of the colour maps of {} cameras", setup.most_grids),
+                needed,
+                limit,
+                remedy: "train without them (--set grids=none), or with fewer cameras and photographs".to_owned(),
+            });
+        }
+        let n_grids = setup.has_grid.iter().filter(|has| **has).count();
+        if n_grids == 0 {
+            return Ok(None);
+        }
+        let (n_filming, mut place) = (n_filming_grids(setup), 0..n_grids);
+        Ok(Some(Graded {
+            grids: Grids::new(gpu, n_grids)?.with_photos(n_grids - n_filming),
+            n_filming,
+            of_camera: setup.has_grid.iter().map(|has| if *has { place.next() } else { None }).collect(),
+            is_free,
+            steps: vec![0; n_grids],
+            ended: vec![0; n_grids],
+            image: gpu.alloc("image graded", 1)?,
+            d_image: gpu.alloc("d image graded", 1)?,
+        }))
+    }
+
     /// By camera, whether it has one.
     fn has_grid(&self) -> Vec<bool> {
         self.of_camera.iter().map(Option::is_some).collect()
@@ -111,7 +156,7 @@ impl Cameras {
             has_learnt_poses: false,
             learns_pose,
             extent: setup.extent.radius,
-            graded: None,
+            graded: Graded::new(gpu, config, setup)?,
             kept: None,
             dt,
         };
@@ -119,25 +164,11 @@ impl Cameras {
             let none = vec![PoseRows::default(); cameras.learns_pose.len() + 1];
             cameras.poses = Some(Poses::new(gpu, &none, &cameras.learns_pose)?);
         }
-        let n_grids = setup.has_grid.iter().filter(|has| **has).count();
-        if n_grids > 0 {
-            let mut place = 0..n_grids;
-            cameras.graded = Some(Graded {
-                grids: Grids::new(gpu, n_grids)?,
-                of_camera: setup.has_grid.iter().map(|has| if *has { place.next() } else { None }).collect(),
-                // What is not trained holds the colours.
-                is_free: config.trains_static && n_grids == setup.n_trained,
-                steps: vec![0; n_grids],
-                ended: vec![0; n_grids],
-                image: gpu.alloc("image graded", 1)?,
-                d_image: gpu.alloc("d image graded", 1)?,
-            });
-        }
         if config.batch > 1 {
             let n = config.batch as usize;
             cameras.kept = Some(Kept {
                 d_cameras: gpu.alloc("d cameras of a step", CAMERA_ROWS * n)?,
-                d_grids: gpu.alloc("d grids of a step", if n_grids > 0 { GRID_ROWS * n } else { 1 })?,
+                d_grids: gpu.alloc("d grids of a step", if cameras.graded.is_some() { GRID_ROWS * n } else { 1 })?,
             });
         }
         if !setup.learns_offset.is_empty() {
@@ -388,10 +419,30 @@ impl Cameras {
             return Err(Error::data(Path::new("checkpoint"), "cameras", reason, remedy));
         }
         if let Some(graded) = &mut self.graded {
-            graded.grids = Grids::upload(gpu, &state.grids)?;
+            graded.grids = Grids::upload(gpu, &state.grids)?.with_photos(n_grids - graded.n_filming);
             graded.steps.clone_from(&state.grid_steps);
             graded.ended.clone_from(&state.grid_steps);
         }
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Config, Setup, is_free};
+    use crate::scene::capture::Extent;
+
+    #[test]
+    fn the_tint_is_free_where_each_camera_that_films_has_a_grid_and_colours_are_trained() {
+        // Three cameras, one of them for tests, and two photographs.
+        let is_free = |has_grid: [bool; 5], trains_static: bool| {
+            let plain = Setup::plain(Extent { center: [0.0; 3], radius: 1.0 }, 0.1);
+            let setup = Setup { has_grid: has_grid.to_vec(), n_filming: 2, first_photo: 3, ..plain };
+            is_free(&Config { trains_static, ..Config::default() }, &setup)
+        };
+        assert!(is_free([true, false, true, true, true], true));
+        assert!(is_free([true, false, true, true, false], true), "a photograph holds no tint");
+        assert!(!is_free([false, false, true, true, true], true), "a camera without a grid does");
+        assert!(!is_free([true, false, true, true, true], false), "and so do colours that stay");
     }
 }

@@ -13,8 +13,6 @@ use crate::stage::{GridState, PoseRows};
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"IVVCKPT4";
-/// Longest header that is believed, bytes.
-const MAX_HEADER: usize = 1 << 20;
 /// Newest checkpoints kept in a folder.
 const KEEP: usize = 3;
 const REMEDY: &str = "delete it to go on from the one before";
@@ -318,7 +316,8 @@ impl Checkpoint {
             return Err(fault("", "is no checkpoint of this version".to_owned()));
         };
         let number = |at: usize| head[at..at + 8].iter().rev().fold(0u64, |n, byte| n << 8 | u64::from(*byte));
-        let length = usize::try_from(number(8)).ok().filter(|n| *n <= MAX_HEADER);
+        // As long as it may be: it grows with the cameras, and its hash tells whether it is one.
+        let length = usize::try_from(number(8)).ok();
         let Some((header, mut rest)) = length.and_then(|n| rest.split_at_checked(n)) else {
             return Err(fault("header", "is cut".to_owned()));
         };
@@ -388,7 +387,21 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
         let cameras = CameraState { clocks, learns_offset, poses, grids, grid_steps, has_grid };
-        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, owed, room, average })
+        Ok(Checkpoint {
+            step,
+            total,
+            config,
+            world,
+            origin,
+            params,
+            first,
+            second,
+            state,
+            cameras,
+            owed,
+            room,
+            average,
+        })
     }
 
     /// The Gaussians in the capture's own frame, numbered in the file's order; at the end of the run their average, as the run's

@@ -72,12 +72,13 @@ settings! {
         /// Whether each image is compared with the scene over a background of another colour, so that the scene cannot use the background
         /// as a colour. Only where most cameras look inward, and never where images show the background.
         vary_background: bool = true, "", Range::Switch;
-        /// Whether the time offsets of the cameras are learnt.
+        /// Whether the time offsets of the cameras are learnt. Only in clips of several cameras.
         offsets: bool = true, "", Range::Switch;
         /// Whether the poses of the training cameras are learnt, one turn and one shift a camera for all its images. Auto learns them in
         /// a clip, and after 30 % of the run goes on only if the cameras turn out to stand elsewhere than the capture says.
         poses: PoseKind = PoseKind::Auto, "", Range::Word(&["auto", "learnt", "given"]);
-        /// What corrects the colours of each training camera: a bilateral grid, one affine map for the whole image, or nothing.
+        /// What corrects the colours of each training camera: a bilateral grid, one affine map for the whole image, or nothing. Only in
+        /// clips of several cameras.
         grids: GridKind = GridKind::default(), "", Range::Word(&["bilateral", "affine", "none"]);
         /// Which Gaussians take a step: all, those in view after catching up, or those in view alone.
         adam: AdamMode = AdamMode::default(), "", Range::Word(&["dense", "lazy", "sparse"]);
@@ -451,14 +452,15 @@ const LEAST_EVERY: u64 = 8;
 
 impl Density {
     /// The round of density control that follows step `step` (from 1) of `total`: rounds at equal steps to the end of the run,
-    /// of which those after [`Density::stop`] only remove, and those in steps that are averaged are left out by
-    /// [`super::density_round`]. None where the rounds that grow are none.
+    /// of which those after [`Density::stop`] only remove, as does one that the run ends too soon after to fit what it would add, and
+    /// those in steps that are averaged are left out by [`super::density_round`]. None where the rounds that grow are none.
     pub fn due(&self, step: u64, total: u64) -> Option<Round> {
         let first = ((total as f64 * self.start) as u64).min(self.first_step);
         let last = (total as f64 * self.stop) as u64;
         let every = self.every.min((last.saturating_sub(first) / 10).max(LEAST_EVERY)).max(1);
         let is_due = last > first && step > first && (step - first).is_multiple_of(every);
-        is_due.then_some(if step <= last { Round::Growth } else { Round::Removal })
+        let grows = step <= last && total.saturating_sub(step) >= every;
+        is_due.then_some(if grows { Round::Growth } else { Round::Removal })
     }
 }
 

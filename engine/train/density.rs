@@ -11,6 +11,8 @@ use crate::stage::{Choice, DensityRound, StepSettings};
 /// Purposes of the random numbers of a step.
 const ROUND: u64 = 1;
 const NOISE: u64 = 2;
+/// Part of the steps between two resets of the opacities in which the scene recovers from one.
+const RECOVERY: f64 = 1.0 / 3.0;
 
 /// The round of density control of `n` Gaussians, of which `n_trained` are trained, that is due after step `step` (from 1) of
 /// `total`; `None` where none is. `origin` is that of the scene on the device.
@@ -65,6 +67,35 @@ pub fn density_round(
     })
 }
 
+/// `round` of a run that ends with `backdrop` more Gaussians, on a device that has at most `most` in view at a time: a view that
+/// sees more of a larger scene would end the run.
+pub(super) fn with_room(round: DensityRound, most: u32, backdrop: u32) -> DensityRound {
+    let most = round.max_gaussians.min(most);
+    DensityRound { max_gaussians: most - backdrop.min(most / 10), ..round }
+}
+
+/// Whether `step` of `total` follows so soon on a reset of the opacities that the scene has not recovered.
+pub(super) fn recovers(config: &Config, step: u64, total: u64) -> bool {
+    let density = &config.density;
+    let every = density.reset_every;
+    let reset = step - step.checked_rem(every).unwrap_or(step);
+    density.strategy == Strategy::Adc
+        && reset > 0
+        && (reset as f64) < density.stop * total as f64
+        && (step - reset) as f64 <= RECOVERY * every as f64
+}
+
+/// The step of `total` for a look at the scene that is meant for `step`: that step, or the first after it at which the scene has
+/// recovered from a reset of the opacities, where the run has one. What a faded scene lacks would be blamed on the cameras.
+pub(super) fn recovered_from(config: &Config, step: u64, total: u64) -> u64 {
+    if !recovers(config, step, total) {
+        return step;
+    }
+    let every = config.density.reset_every;
+    let recovered = step - step % every + (RECOVERY * every as f64) as u64 + 1;
+    if recovered < total { recovered } else { step }
+}
+
 /// Rate and key of the noise of 3DGS-MCMC in step `step` (from 1) of `total` for a scene of `extent`; `None` without MCMC.
 pub fn noise(config: &Config, step: u64, total: u64, extent: f64) -> Option<(f32, u32)> {
     let rate = rates(config, step, total, extent).position * config.density.mcmc_noise;
@@ -83,4 +114,25 @@ pub fn regularisers(config: &Config) -> StepSettings {
 /// Key of the device's random numbers.
 fn key(config: &Config, step: u64, purpose: u64) -> u32 {
     Keyed::new(&[config.seed, step, purpose]).bits(0) as u32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{density_round, with_room};
+    use crate::scene::capture::Extent;
+    use crate::train::config::Config;
+
+    #[test]
+    fn a_scene_grows_no_larger_than_the_settings_and_the_device_allow_with_room_for_the_end() {
+        let extent = Extent { center: [0.0; 3], radius: 1.0 };
+        let grown = |max_gaussians: usize, most: u32, backdrop: u32| {
+            let config = Config { max_gaussians, ..Config::default() };
+            let round = density_round(&config, (600, 10_000), (900, 900), &extent, [0.0; 3], 1).unwrap();
+            with_room(round, most, backdrop).max_gaussians
+        };
+        assert_eq!(grown(500_000, 2_097_152, 0), 500_000);
+        assert_eq!(grown(500_000, 2_097_152, 1000), 499_000);
+        assert_eq!(grown(5000, 2_097_152, 1000), 4500, "a tenth of them at most");
+        assert_eq!(grown(3_000_000, 2_097_152, 1000), 2_096_152);
+    }
 }

@@ -1,14 +1,13 @@
 //! Whether the scores of the test images fall during a run.
 
-use super::config::{Config, Strategy};
+use super::config::Config;
+use super::density::recovers;
 use super::log::{Kind, Log};
 use serde_json::Value;
 
 /// What the mean PSNR must be below the best to count as a fall, dB: an eighth more squared error. A run that went well, on
 /// photographs and scored every ten steps, dipped by 0.4 dB at most; one that went astray fell by 0.6.
 const MARGIN: f64 = 0.5;
-/// Part of the steps between two resets of the opacities in which a dip is expected.
-const RECOVERY: f64 = 1.0 / 3.0;
 
 /// A fall of the test images' mean PSNR below the best so far.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -69,15 +68,4 @@ impl std::fmt::Display for Fall {
              The folder `checkpoints` keeps the best"
         )
     }
-}
-
-/// Whether `step` of `total` follows so soon on a reset of the opacities that the scene has not recovered.
-fn recovers(config: &Config, step: u64, total: u64) -> bool {
-    let density = &config.density;
-    let every = density.reset_every;
-    let reset = step - step.checked_rem(every).unwrap_or(step);
-    density.strategy == Strategy::Adc
-        && reset > 0
-        && (reset as f64) < density.stop * total as f64
-        && (step - reset) as f64 <= RECOVERY * every as f64
 }

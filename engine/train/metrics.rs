@@ -45,7 +45,7 @@ const METRICS: [(&str, &str); 8] = [
 
 /// What holds for all scores.
 pub const METRICS_OF: &str = "the rendered colour, clamped to [0, 1], not rounded to 8 bits, against the 8-bit image; \
-                              no crop; means are over views";
+                              no crop; means are over views that their masks do not hide";
 
 /// Scores of one view, or means over several.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -158,6 +158,7 @@ impl Evaluation {
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SceneScores {
     /// The scene file.
+    #[serde(serialize_with = "crate::files::as_text")]
     pub scene: PathBuf,
     /// Gaussians.
     pub gaussians: usize,
@@ -302,7 +303,7 @@ impl Seen {
 }
 
 /// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` is handed every picture with
-/// its camera and frame. None when there is no frame.
+/// its camera and frame. A view of which the mask hides all has no scores; none when no view has any.
 ///
 /// # Errors
 /// [`Error::NonFinite`] when a picture has a value that is not finite; those of the renderer, of the capture's pictures
@@ -336,20 +337,20 @@ pub fn evaluate(
             let remedy = "run `ivv inspect` on the scene, which tells how large its numbers are";
             return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad, remedy });
         }
-        let mut scores = meter.scores(&rendered, &picture)?;
-        if let Some(foreground) = &foreground {
-            scores.psnr_foreground = psnr_of(&rendered, &picture, |pixel| foreground[pixel]);
-        }
-        if let Some(covisible) = covisible {
-            scores.psnr_covisible = psnr_of(&rendered, &picture, |pixel| covisible[pixel]);
-        }
+        let scores = meter.scores(&rendered, &picture)?;
+        let within = |mask: &[bool]| psnr_of(&rendered, &picture, |pixel| mask[pixel]);
+        let psnr_foreground = foreground.as_deref().and_then(within);
+        let psnr_covisible = covisible.as_deref().and_then(within);
         let now = flicker::Instant::new(frame, view.pose, &rendered, picture, foreground);
         let flicker = before.get(&camera).and_then(|before| now.flicker_since(before));
-        (scores.flicker, scores.flicker_true) = (flicker.map(|f| f.rendered), flicker.map(|f| f.truth));
+        let (flicker, flicker_true) = (flicker.map(|f| f.rendered), flicker.map(|f| f.truth));
         before.insert(camera, now);
         seen(camera, frame, &rendered)?;
-        let camera = capture.cameras[camera].name.clone();
-        views.push(ViewScores { view: view.name, camera, frame, scores, render_ms });
+        if let Some(scores) = scores {
+            let scores = Scores { psnr_foreground, psnr_covisible, flicker, flicker_true, ..scores };
+            let camera = capture.cameras[camera].name.clone();
+            views.push(ViewScores { view: view.name, camera, frame, scores, render_ms });
+        }
     }
     Ok(Evaluation::new(step, views))
 }
@@ -393,14 +394,18 @@ impl Meter {
         self.lpips.as_ref().map(Lpips::trunk)
     }
 
-    /// Scores of `frame` against `picture`, of the same size, but for those of masks and of other frames.
+    /// Scores of `frame` against `picture`, of the same size, but for those of masks and of other frames; none where the mask hides
+    /// all: no error would be taken for a perfect picture.
     ///
     /// # Errors
     /// Those of the device.
-    pub fn scores(&mut self, frame: &Frame, picture: &Picture) -> Result<Scores> {
+    pub fn scores(&mut self, frame: &Frame, picture: &Picture) -> Result<Option<Scores>> {
         let gpu = &self.gpu;
         let errors = Errors::of_view(frame, picture);
-        let n_visible = errors.n.max(1) as u32;
+        if errors.n == 0 {
+            return Ok(None);
+        }
+        let n_visible = errors.n as u32;
         let with_alpha = |color: &[f32; 3]| {
             let [r, g, b] = color.map(|x| x.clamp(0.0, 1.0));
             [r, g, b, 1.0]
@@ -428,6 +433,6 @@ impl Meter {
         let lpips = totals.get(1).map(|[value, ..]| f64::from(*value));
         let (psnr, psnr_aligned) = (psnr(errors.plain), psnr(errors.aligned));
         let (psnr_foreground, psnr_covisible, flicker, flicker_true) = (None, None, None, None);
-        Ok(Scores { psnr, psnr_aligned, psnr_foreground, psnr_covisible, ssim, l1, lpips, flicker, flicker_true })
+        Ok(Some(Scores { psnr, psnr_aligned, psnr_foreground, psnr_covisible, ssim, l1, lpips, flicker, flicker_true }))
     }
 }

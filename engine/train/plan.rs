@@ -50,8 +50,8 @@ pub struct Workload {
     pub data: TermData,
     /// Whether Adam moves the Gaussians out of view too.
     pub dense: bool,
-    /// Whether cameras' time offsets are learnt.
-    pub offsets: bool,
+    /// Whether cameras' time offsets or poses are learnt.
+    pub learns_cameras: bool,
     /// Cameras that have a bilateral grid.
     pub grids: u64,
     /// How gradients are added up.
@@ -86,9 +86,8 @@ impl Workload {
             kept_image_bytes: memory.device_bytes,
             data: setup.data,
             dense: config.adam == AdamMode::Dense,
-            offsets: !setup.learns_offset.is_empty(),
-            // As many as may be needed.
-            grids: if config.grids.is_some() && capture.is_rig_clip() { setup.n_trained as u64 } else { 0 },
+            learns_cameras: !(setup.learns_offset.is_empty() && setup.learns_pose.is_empty()),
+            grids: setup.most_grids as u64,
             sums: config.accumulation.on(gpu.caps()),
             height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),
         }
@@ -255,7 +254,7 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
     if work.dense && work.batch == 1 {
         items.push(item("idle ids", Active, Gaussian, 4.0, 4.0));
     }
-    if work.offsets {
+    if work.learns_cameras {
         items.push(item("d camera of each", Active, Gaussian, 32.0, 32.0));
     }
     items

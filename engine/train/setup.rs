@@ -32,14 +32,18 @@ pub struct Setup {
     pub lenses: Vec<View>,
     /// Normalised time between two frames.
     pub dt: f64,
-    /// Cameras that are trained on.
-    pub n_trained: usize,
+    /// Cameras that are trained on and film, photographs aside.
+    pub n_filming: usize,
+    /// Index of the first photograph among the cameras: photographs come last.
+    pub first_photo: usize,
     /// By camera, whether its time offset is learnt; empty where none is.
     pub learns_offset: Vec<bool>,
     /// By camera whose pose is learnt, where it is on average over its images, scene units; empty where none is learnt.
     pub learns_pose: Vec<Option<DVec3>>,
     /// By camera, whether it has a bilateral grid; empty where none has.
     pub has_grid: Vec<bool>,
+    /// Cameras that have a bilateral grid, or are given one during the run, at most.
+    pub most_grids: usize,
     /// What the terms of the loss take of the capture beside its colours.
     pub data: TermData,
     /// What the rendered flow is, to be like the priors'.
@@ -57,10 +61,12 @@ impl Setup {
             extent,
             lenses: Vec::new(),
             dt,
-            n_trained: 1,
+            n_filming: 1,
+            first_photo: usize::MAX,
             learns_offset: Vec::new(),
             learns_pose: Vec::new(),
             has_grid: Vec::new(),
+            most_grids: 0,
             data: TermData::NONE,
             flow_model: FlowModel::Velocity,
             shows_background: true,
@@ -72,7 +78,9 @@ impl Setup {
     /// took; a static scene's cameras have one image each, too few to tell a grid from the scene.
     pub fn new(capture: &Capture, config: &Config) -> Self {
         let trained: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();
-        let where_set = |is_set: bool| if is_set && capture.is_rig_clip() { trained.clone() } else { Vec::new() };
+        let may_have_grids = config.grids.is_some() && capture.is_rig_clip();
+        let n_trained = trained.iter().filter(|trained| **trained).count();
+        let films = |camera: &&Camera| !camera.is_test && !camera.is_photo;
         // One picture fits any clock: the scene takes up what is off.
         let has_pictures = |camera: usize| capture.cameras[camera].shots.len() > 1;
         let observable: Vec<bool> = trained.iter().enumerate().map(|(i, is)| *is && has_pictures(i)).collect();
@@ -82,7 +90,8 @@ impl Setup {
             extent: capture.extent(),
             lenses: [lenses::of_cameras(capture), lenses::between_cameras(capture)].concat(),
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
-            n_trained: trained.iter().filter(|trained| **trained).count(),
+            n_filming: capture.cameras.iter().filter(films).count(),
+            first_photo: capture.cameras.iter().take_while(|camera| !camera.is_photo).count(),
             learns_offset: if config.offsets && capture.is_rig_clip() { learns_offset } else { Vec::new() },
             learns_pose: match config.poses {
                 // A camera with one image has no other that could contradict it.
@@ -91,7 +100,8 @@ impl Setup {
                 PoseKind::Auto | PoseKind::Given => Vec::new(),
             },
             // Those that are required come later.
-            has_grid: where_set(config.grids.is_some() && config.required.grids_at == 0.0),
+            has_grid: if may_have_grids && config.required.grids_at == 0.0 { trained } else { Vec::new() },
+            most_grids: if may_have_grids { n_trained } else { 0 },
             data: terms::data(config, capture),
             flow_model: match config.loss.flow_model {
                 FlowChoice::Velocity => FlowModel::Velocity,

@@ -17,11 +17,13 @@ pub struct BilateralGrid<R> {
     pub cells: Vec<Map<R>>,
 }
 
-/// The numbers of all cameras' grids without their mean deviation from the identity: a tint of all cameras is one of the scene.
-pub fn centred(grids: &[Vec<f64>]) -> Vec<Vec<f64>> {
+/// The numbers of all cameras' grids without the mean deviation from the identity of those that film, the first `n_filming`: a tint of all
+/// these is one of the scene.
+pub fn centred(grids: &[Vec<f64>], n_filming: usize) -> Vec<Vec<f64>> {
+    let filming = &grids[..n_filming];
     // Of a map's 12 numbers, row by row.
     let identity = |i: usize| f64::from(u8::from([0, 5, 10].contains(&(i % 12))));
-    let mean = |i: usize| grids.iter().map(|grid| grid[i] - identity(i)).sum::<f64>() / grids.len() as f64;
+    let mean = |i: usize| filming.iter().map(|grid| grid[i] - identity(i)).sum::<f64>() / n_filming as f64;
     grids.iter().map(|grid| grid.iter().enumerate().map(|(i, x)| x - mean(i)).collect()).collect()
 }
 

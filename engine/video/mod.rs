@@ -12,7 +12,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::thread::JoinHandle;
 
 use crate::error::{Error, Result};
-use crate::files::{Temporary, remove_temporaries};
+use crate::files::{Temporary, folder_of, remove_temporaries};
 use crate::scene::Frame;
 use local::file_url;
 
@@ -270,9 +270,7 @@ impl Encoder {
 /// What is not finished, with the ending by which ffmpeg knows the format. What killed processes left in the folder goes.
 fn beside(path: &Path, ending: &str) -> Result<Temporary> {
     let temporary = Temporary::beside(path, &format!(".{ending}"))?;
-    if let Some(folder) = temporary.path().parent().filter(|folder| !folder.as_os_str().is_empty()) {
-        remove_temporaries(folder, 0)?;
-    }
+    remove_temporaries(folder_of(path), 0)?;
     Ok(temporary)
 }
 

@@ -31,20 +31,25 @@ pub(super) fn subgroup_size(vendor: u32, least: u32, most: u32, default: u32) ->
 
 /// Threads of the largest workgroup: `sort_count`.
 const MOST_THREADS: u32 = 256;
-/// Bytes that the workgroup with most of them shares: `sort_scatter`.
-const MOST_SHARED_BYTES: u32 = 16_448;
+/// Bytes that a workgroup shares at most, which are also the fewest that Vulkan allows a device; `sort_scatter` shares more, which
+/// runs where subgroups have fewer lanes than [`WIDE`].
+const MOST_SHARED_BYTES: u32 = 16_384;
+const SCATTER_SHARED_BYTES: u32 = 16_448;
+/// Lanes from which on `sort_exchange` takes the place of `sort_scatter`.
+const WIDE: u32 = 32;
 /// Storage buffers of the kernel that may have most, as `shaders-glsl/README.md` says.
 const MOST_BUFFERS: u32 = 24;
 
-/// Whether all kernels fit `limits`.
+/// Whether all kernels that run on subgroups of `lanes` lanes fit `limits`.
 ///
 /// # Errors
 /// The first limit that is too small.
-pub(super) fn check_limits(limits: &vk::PhysicalDeviceLimits) -> Result<(), String> {
+pub(super) fn check_limits(limits: &vk::PhysicalDeviceLimits, lanes: u32) -> Result<(), String> {
     let threads = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
+    let shared = if lanes < WIDE { SCATTER_SHARED_BYTES } else { MOST_SHARED_BYTES };
     let all = [
         ("threads of a workgroup", threads, MOST_THREADS),
-        ("bytes that a workgroup shares", limits.max_compute_shared_memory_size, MOST_SHARED_BYTES),
+        ("bytes that a workgroup shares", limits.max_compute_shared_memory_size, shared),
         ("storage buffers of a kernel", limits.max_per_stage_descriptor_storage_buffers, MOST_BUFFERS),
     ];
     match all.into_iter().find(|(_, has, needed)| has < needed) {
@@ -123,7 +128,7 @@ mod tests {
             max_per_stage_descriptor_storage_buffers: 24,
             ..Default::default()
         };
-        assert_eq!(check_limits(&enough), Ok(()));
+        assert_eq!(check_limits(&enough, 8), Ok(()));
         let few = vk::PhysicalDeviceLimits { max_compute_work_group_size: [128, 1, 1], ..enough };
         let narrow = vk::PhysicalDeviceLimits { max_compute_shared_memory_size: 16_384, ..enough };
         let poor = vk::PhysicalDeviceLimits { max_per_stage_descriptor_storage_buffers: 4, ..enough };
@@ -132,8 +137,13 @@ mod tests {
             (narrow, "16384 bytes that a workgroup shares; expected at least 16448"),
             (poor, "4 storage buffers of a kernel; expected at least 24"),
         ] {
-            assert_eq!(check_limits(&limits), Err(told.to_owned()));
+            assert_eq!(check_limits(&limits, 16), Err(told.to_owned()));
         }
+        // What Vulkan promises is enough for the kernels of wide subgroups.
+        assert_eq!(check_limits(&narrow, 32), Ok(()));
+        let less = vk::PhysicalDeviceLimits { max_compute_shared_memory_size: 16_380, ..enough };
+        let told = "16380 bytes that a workgroup shares; expected at least 16384";
+        assert_eq!(check_limits(&less, 64), Err(told.to_owned()));
     }
 
     #[test]

@@ -1,5 +1,6 @@
 //! A device with its allocator and the one compute queue.
 
+use super::cache;
 use super::caps::Caps;
 use super::debug::Validation;
 use super::instance::{DeviceChoice, Found, Instance, pick};
@@ -106,12 +107,6 @@ pub(super) fn create_device(
     })
 }
 
-/// The name of the file that keeps the pipelines of the device and driver of `uuid`: two devices never overwrite each other's.
-fn cache_name(uuid: [u8; vk::UUID_SIZE]) -> String {
-    let digits: String = uuid.iter().map(|byte| format!("{byte:02x}")).collect();
-    format!("pipelines-{digits}.bin")
-}
-
 fn create_allocator(instance: &Instance, device: &ash::Device, physical: vk::PhysicalDevice) -> Result<Allocator> {
     Allocator::new(&AllocatorCreateDesc {
         instance: instance.raw.clone(),
@@ -143,10 +138,9 @@ impl Device {
         let purpose = if choice.surface.is_empty() { Purpose::Running } else { Purpose::Showing };
         let raw = create_device(&instance, physical, queue_family, &caps, purpose)?;
         let allocator = create_allocator(&instance, &raw, physical)?;
-        // A cache that the driver does not recognise is ignored by the driver; one that cannot be read is no cache.
-        let cache_file = choice.pipeline_cache.as_ref().map(|folder| folder.join(cache_name(pipeline_cache_uuid)));
-        let cached = cache_file.as_ref().filter(|file| file.is_file());
-        let cached = cached.and_then(|file| std::fs::read(file).ok()).unwrap_or_default();
+        // A cache that the driver does not recognise is ignored by the driver.
+        let cache_file = choice.pipeline_cache.as_ref().map(|folder| folder.join(cache::name(pipeline_cache_uuid)));
+        let cached = cache_file.as_deref().map(cache::read).unwrap_or_default();
         let cache_info = vk::PipelineCacheCreateInfo::default().initial_data(&cached);
         let mut kind = vk::SemaphoreTypeCreateInfo::default().semaphore_type(vk::SemaphoreType::TIMELINE);
         let semaphore_info = vk::SemaphoreCreateInfo::default().push_next(&mut kind);
@@ -214,14 +208,8 @@ impl Device {
             Ok(data) => data,
             Err(e) => return tracing::debug!("the pipeline cache could not be read: {e:?}"),
         };
-        let temporary = file.with_extension(format!("tmp{}", std::process::id()));
-        let written = file
-            .parent()
-            .map_or(Ok(()), std::fs::create_dir_all)
-            .and_then(|()| std::fs::write(&temporary, &data))
-            .and_then(|()| std::fs::rename(&temporary, file));
-        if let Err(e) = written {
-            tracing::debug!("the pipeline cache could not be written to {}: {e}", file.display());
+        if let Err(e) = cache::write(file, &data) {
+            tracing::debug!("the pipeline cache could not be written: {e}");
         }
     }
 }

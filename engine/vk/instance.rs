@@ -15,7 +15,8 @@ const VALIDATION_LAYER: &CStr = c"VK_LAYER_KHRONOS_validation";
 /// Which device to take and how to watch it.
 #[derive(Clone, Debug, Default)]
 pub struct DeviceChoice {
-    /// Index in [`list_devices`]'s order or part of a name; empty prefers a GPU and takes a CPU device as the last.
+    /// Index in [`list_devices`]'s order or part of a name; a number past the last index is a whole word of a name. Empty prefers a
+    /// GPU and takes a CPU device as the last.
     pub device: Option<String>,
     /// Where no device is named: which of those that are like the preferred one, from 0; past the last it begins again.
     pub nth: usize,
@@ -170,7 +171,7 @@ impl Found {
     ) -> std::result::Result<Self, String> {
         let answers = Answers::of(instance, physical)?;
         Ok(Found {
-            queue_family: answers.usable_family()?,
+            queue_family: answers.usable_family(subgroup_size)?,
             caps: answers.caps(subgroup_size)?,
             pipeline_cache_uuid: answers.pipeline_cache_uuid(),
         })
@@ -202,7 +203,9 @@ pub(super) fn pick(
     let usable = devices.iter().enumerate().filter_map(|(i, d)| d.ok().map(|caps| (i, caps)));
     if let Some(wanted) = wanted {
         let found = match wanted.parse::<usize>() {
-            Ok(index) => usable.clone().find(|(i, _)| *i == index),
+            Ok(index) if index < devices.len() => usable.clone().find(|(i, _)| *i == index),
+            // No index, but a word of a name, as in `RTX 4090`. Any part would do for a 4, where a fifth device was asked for.
+            Ok(_) => usable.clone().find(|(_, caps)| caps.name.split_whitespace().any(|word| word == wanted)),
             Err(_) => {
                 let lower = wanted.to_lowercase();
                 usable.clone().find(|(_, caps)| caps.name.to_lowercase().contains(&lower))
@@ -274,6 +277,19 @@ mod tests {
         for (devices, wanted) in [(&devices[..], Some("1")), (&devices[..], Some("arc")), (&devices[1..2], None)] {
             let error = pick(devices, (wanted, 0)).unwrap_err();
             assert_eq!(error.exit_code(), 4, "{error}");
+        }
+    }
+
+    #[test]
+    fn a_number_past_the_last_device_is_a_word_of_a_name() {
+        let (cpu, gpu) = (caps("llvmpipe", DeviceKind::Cpu), caps("NVIDIA GeForce RTX 4090", DeviceKind::DiscreteGpu));
+        let bad = "old".to_owned();
+        let devices = [Ok(&cpu), Err(&bad), Ok(&gpu)];
+        assert_eq!(pick(&devices, (Some("4090"), 0)).unwrap().0, 2);
+        assert_eq!(pick(&devices, (Some("0"), 0)).unwrap().0, 0, "an index comes first, though it is in a name too");
+        // An index of a device that cannot be used, and one of none: not what has that digit in its name.
+        for wanted in ["1", "4", "90"] {
+            assert_eq!(pick(&devices, (Some(wanted), 0)).unwrap_err().exit_code(), 4, "{wanted}");
         }
     }
 }

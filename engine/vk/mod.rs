@@ -7,6 +7,7 @@
 #![allow(unsafe_code)]
 
 mod buffer;
+mod cache;
 mod caps;
 mod choose;
 mod command;

@@ -142,8 +142,9 @@ impl Answers {
             && self.sizes.required_subgroup_size_stages.contains(vk::ShaderStageFlags::COMPUTE)
     }
 
-    /// The family of queues that compute; the first reason why the engine cannot run.
-    pub(super) fn usable_family(&self) -> Result<u32, String> {
+    /// The family of queues that compute; the first reason why the engine cannot run, with subgroups of `wanted` lanes where they are
+    /// asked for.
+    pub(super) fn usable_family(&self, wanted: Option<u32>) -> Result<u32, String> {
         let Answers { name, subgroup, sizes, v12, .. } = self;
         let family = self.queue_family.ok_or_else(|| format!("{name}: no compute queue"))?;
         if !subgroup.supported_operations.contains(SUBGROUP_OPERATIONS)
@@ -151,11 +152,11 @@ impl Answers {
         {
             return Err(format!("{name}: subgroup vote, arithmetic, ballot and shuffle are needed in compute"));
         }
-        let lanes = self.subgroup_size(None)?;
+        let lanes = self.subgroup_size(wanted)?;
         if !(4..=64).contains(&lanes) {
             return Err(format!("{name}: subgroups of {lanes} lanes; 4 to 64 are supported"));
         }
-        choose::check_limits(&self.core.limits).map_err(|reason| format!("{name}: {reason}"))?;
+        choose::check_limits(&self.core.limits, lanes).map_err(|reason| format!("{name}: {reason}"))?;
         if v12.timeline_semaphore == vk::FALSE {
             return Err(format!("{name}: timeline semaphores are needed"));
         }

@@ -1,13 +1,17 @@
-// Which chunks are fetched, kept and given up, and the clock: under node, with a device that only keeps books.
+// Which chunks are fetched, kept and given up, the clock, and the player's views: under node, with a device that only keeps books.
 import assert from 'node:assert/strict';
 import test from 'node:test';
+import { FormatError } from '../../assets/player/bytes.js';
 import { ChunkStore } from '../../assets/player/chunks.js';
 import { Clock } from '../../assets/player/clock.js';
+import { Player } from '../../assets/player/player.js';
+import { decodeAll, randomGaussians } from './scenes.mjs';
+import { write4dgs } from './write4dgs.mjs';
 
 const ROW_SLOTS = 16;
 
 /** A store of `n` chunks of `seconds` each, and one that lives all the time, on a device of `rows` rows. */
-function bookkeeping(n, rows, { fails = () => false } = {}) {
+function bookkeeping(n, rows, { fails = () => null } = {}) {
   const entry = (t0, t1, i) => ({ t0, t1, count: 32, chunk: { offset: 100 * i, length: 100 }, bands: [] });
   const chunks = [entry(0, n, 0), ...Array.from({ length: n }, (_, i) => entry(i, i + 1, i + 1))];
   const scene = { header: { duration: n, shDegree: 0 }, chunks };
@@ -15,7 +19,8 @@ function bookkeeping(n, rows, { fails = () => false } = {}) {
   const source = { size: 1e6, fetched: 0, async read(offset, length, signal) {
     await new Promise((resolve) => setTimeout(resolve, 1));
     signal?.throwIfAborted();
-    if (fails(offset)) throw new TypeError('network');
+    const fault = fails(offset / 100);
+    if (fault) throw fault;
     reads.push(offset / 100);
     return new Uint8Array(length);
   } };
@@ -105,6 +110,54 @@ test('chunks on the way that nobody wants any more are let go', async () => {
   store.want(6.5, 0, false);
   await new Promise((resolve) => setTimeout(resolve, 20));
   assert.ok(!reads.includes(1) && store.slots[1].state === 'absent', `${reads}`);
+});
+
+test('what the network did not bring leaves a hole until the next lap; what the file has not stays away', async () => {
+  let isDown = true;
+  let refusals = 0;
+  const { store, faults, show, resident } = bookkeeping(4, 100, { fails(i) {
+    refusals += i === 3 ? 1 : 0;
+    if (i === 3) return new FormatError('changed', 'another file');
+    return i === 2 && isDown ? new TypeError('network') : null;
+  } });
+  // With all of the clip ahead, so that no chunk is ever unwanted.
+  const lap = async () => { for (const t of [0.5, 1.5, 2.5, 3.5]) await show(t, 4, true); };
+  await lap();
+  assert.ok(store.isReady(1.5), 'the clip plays on');
+  assert.deepEqual(resident(), [0, 1, 4]);
+  isDown = false;
+  await show(3.6, 4, true);
+  await show(3.4, 4, true);
+  assert.deepEqual(resident(), [0, 1, 4], 'a little back is no lap');
+  await lap();
+  assert.deepEqual(resident(), [0, 1, 2, 4]);
+  assert.deepEqual(faults.map(({ message }) => message), ['network', 'another file']);
+  assert.equal(refusals, 1);
+});
+
+test('a Gaussian alone has its size as extent, and is in view however small', async () => {
+  const near = 0.01;
+  const player = Object.assign(Object.create(Player.prototype), { up: [0, -1, 0], look: { near } });
+  for (const scale of [0.1, 1e-4]) {
+    const g = { ...randomGaussians(1, 0), scale: [[scale, scale, scale]] };
+    const { chunks } = await decodeAll(write4dgs(g, { duration: 2 }));
+    const { store } = bookkeeping(1, 100);
+    store.decoded({ type: 'decoded', id: 0, chunk: chunks[0] });
+    const { middle, radius } = store.extent();
+    assert.ok(radius >= 0.99 * scale && radius < 2 * scale, `${scale}: ${radius}`);
+    const { rotation, center } = player.viewOfBall(middle, radius);
+    const depth = middle.reduce((sum, x, c) => sum + rotation[6 + c] * (x - center[c]), 0);
+    assert.ok(depth - radius > near, `${scale}: ${depth}`);
+  }
+});
+
+test('a view that differs in one number is drawn', () => {
+  const player = Object.assign(Object.create(Player.prototype), { sort: { drawn: 0 }, drawnKey: '', renderer: { draw() {} } });
+  const view = { rotation: [1, 0, 0, 0, 1, 0, 0, 0, 1], center: [0, 0, 0], fx: 140, fy: 140, cx: 80, cy: 60, width: 160, height: 120 };
+  for (const key of ['fx', 'fy', 'cx', 'cy', 'width', 'height']) {
+    player.draw(view, false, 0);
+    assert.ok(!player.draw(view, false, 0) && player.draw({ ...view, [key]: 100 }, false, 0), key);
+  }
 });
 
 test('the clock loops, ends, changes speed without a jump, and counts no time while it waits', () => {

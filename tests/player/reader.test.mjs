@@ -9,7 +9,7 @@ import { Clock } from '../../assets/player/clock.js';
 import { lastMoment, soundPosition } from '../../assets/player/container.js';
 import { SH_COEFFICIENTS } from '../../assets/player/decode.js';
 import { Sorter } from '../../assets/player/sorter.js';
-import { base64Bytes, memorySource } from '../../assets/player/source.js';
+import { base64Bytes, memorySource, openUrl } from '../../assets/player/source.js';
 import { decodeAll, randomGaussians } from './scenes.mjs';
 import { MAGIC, record, write4dgs } from './write4dgs.mjs';
 
@@ -244,6 +244,27 @@ test('base64 of a page is decoded', () => {
     const bytes = Buffer.from(Array.from({ length: n }, (_, i) => (i * 31) & 255));
     assert.deepEqual(Buffer.from(base64Bytes(`\n ${bytes.toString('base64')}\n`)), bytes);
   }
+});
+
+test('a server that is busy or does not answer is asked again, one without the file is not', async (t) => {
+  const file = Uint8Array.from({ length: 70_000 }, (_, i) => i);
+  let answers = [];
+  t.mock.method(globalThis, 'fetch', async (_url, { headers }) => {
+    const status = answers.shift() ?? 206;
+    if (status === 'none') throw new TypeError('network');
+    const [, from, to] = /bytes=(\d+)-(\d+)/.exec(headers.Range).map(Number);
+    const range = { 'Content-Range': `bytes ${from}-${to}/${file.length}` };
+    return status === 206 ? new Response(file.slice(from, to + 1), { status, headers: range }) : new Response('', { status });
+  });
+  const source = await openUrl('scene.4dgs');
+  for (const status of [503, 429, 'none']) {
+    answers = [status];
+    assert.deepEqual(await source.read(69_000, 10), file.slice(69_000, 69_010), `${status}`);
+    assert.equal(answers.length, 0);
+  }
+  answers = [404, 404];
+  await assert.rejects(source.read(69_000, 10), { code: 'http' });
+  assert.equal(answers.length, 1);
 });
 
 test('a memory source refuses reads outside', async () => {

@@ -34,6 +34,26 @@ test('the first head pose stands at the view, upright, and steps are in metres',
   close(place.pose({ ...head, position: { x: 1, y: 2.6, z: 2 } }).center, [5, -2, 0]); // a metre up
 });
 
+test('whoever looks steeply up or down, in the headset or on the page, faces the same way as before', () => {
+  const pitched = (degrees) => {
+    const [s, c] = [Math.sin((degrees * Math.PI) / 180), Math.cos((degrees * Math.PI) / 180)];
+    return [1, 0, 0, 0, c, s, 0, -s, c]; // from +z up, y down
+  };
+  const half = Math.PI / 4;
+  /** A head that is turned to -x of the room, and then pitched up. */
+  const head = (degrees) => {
+    const [s, c] = [Math.sin((degrees * Math.PI) / 360), Math.cos((degrees * Math.PI) / 360)];
+    return { position: { x: 1, y: 1.6, z: 2 }, orientation: { x: Math.cos(half) * s, y: Math.sin(half) * c, z: -Math.sin(half) * s, w: Math.cos(half) * c } };
+  };
+  for (const page of [-89, -85, -80, 0, 80, 85, 89]) {
+    for (const room of [-89, -85, -80, 0, 80, 85, 89]) {
+      const place = new Placement(head(room), { rotation: pitched(page), center: [5, 0, 0] }, [0, -1, 0], 1);
+      const { rotation } = place.pose(head(0));
+      [1, 0, 0, 0, 1, 0, 0, 0, 1].forEach((v, i) => assert.ok(Math.abs(rotation[i] - v) < 1e-9, `page ${page}, room ${room}: ${rotation}`));
+    }
+  }
+});
+
 test('both eyes see what the page shows from their poses', { skip: SKIP, timeout: 120_000 }, async (t) => {
   const bytes = write4dgs(randomGaussians(1500, 2), { duration: 2, views: { views: [START] }, ivv: { background: '0.1 0.2 0.3' } });
   const { gaussians } = await decodeAll(bytes);

@@ -10,7 +10,7 @@ use ivv::scene::capture::{Capture, CaptureSettings, Manifest};
 use super::sources::{IDENTITY, transforms};
 use super::{done, run, settings, video};
 use crate::capture::model::{Model, STEMS, binary};
-use crate::capture::{Folder, png, told};
+use crate::capture::{Folder, assert_told, png, told};
 use crate::common::notes::{has_program, shared};
 
 /// A program in the place of COLMAP that writes what it is called with, tells progress as COLMAP does, and has the mapper find
@@ -171,6 +171,8 @@ fn what_is_no_capture_yet_is_told_by_its_name_and_the_command() {
     folder.write("caliscope/camera_array.toml", "");
     folder.write("p2s/calibration/Calib.toml", "");
     folder.write("videos/a.mp4", "");
+    // A still of each video is no photo of a phone.
+    ["a.mp4", "a.png", "b.mp4", "b.png"].iter().for_each(|name| drop(folder.write(&format!("stills/{name}"), "")));
     folder.write("one.MOV", "");
     folder.write("capture/capture.toml", "");
     folder.write("capture/a.png", png(6, 4, 0));
@@ -181,6 +183,7 @@ fn what_is_no_capture_yet_is_told_by_its_name_and_the_command() {
         ("caliscope", "a caliscope recording"),
         ("p2s", "a Pose2Sim recording"),
         ("videos", "a folder of videos"),
+        ("stills", "a folder of videos"),
         ("one.MOV", "a video"),
     ] {
         let path = folder.0.join(name);
@@ -240,6 +243,40 @@ fn a_film_or_a_folder_of_one_placed_image_makes_no_rig_of_a_project() {
     project(&rig, &["left.png", "middle.png", "right.png"], &[]);
     ["left", "right"].iter().for_each(|name| drop(rig.write(&format!("source/{name}.mp4"), "")));
     assert_eq!(recognise(&rig.0.join("source")).as_deref(), Some("a COLMAP rig recording"));
+}
+
+/// Two of five cameras have footage, and stills of all are where a plain project has its images.
+#[test]
+fn a_rig_most_of_whose_footage_is_missing_is_told() {
+    for (name, place) in [("prepare-lost", "source"), ("prepare-lost-elsewhere", "footage")] {
+        let folder = Folder::new(name);
+        project(&folder, &["cam0.png", "cam1.png", "cam2.png", "cam3.png", "cam4.png"], &[]);
+        for image in ["cam0/0.png", "cam0/1.png", "cam1/0.png", "cam1/1.png", "cam_2/0.png", "cam_2/1.png"] {
+            folder.write(&format!("{place}/{image}"), png(64, 48, 0));
+        }
+        let footage = (place == "footage").then(|| folder.0.join(place));
+        let (prepared, _) = run(&PrepareSettings { footage, ..settings(&folder) }).unwrap();
+        let says = ["2", "3", "4"].map(|k| format!("camera `cam{k}`: has neither a video nor images"));
+        assert_told(&prepared.report, &says.each_ref().map(String::as_str));
+        assert_eq!((prepared.source_format, prepared.report.n_faults), ("COLMAP rig", 3));
+        assert!(prepared.notes.iter().any(|note| note.contains("out of the source")), "{:?}", prepared.notes);
+    }
+}
+
+#[test]
+fn footage_that_was_given_is_not_asked_for() {
+    let folder = Folder::new("prepare-asked");
+    project(&folder, &["a.png", "b.png"], &[]);
+    folder.write("source/images/film.mp4", "");
+    let asks = |settings: &PrepareSettings| {
+        let prepared = done(settings);
+        assert_eq!(prepared.source_format, "COLMAP");
+        prepared.notes.iter().any(|note| note.contains("--footage"))
+    };
+    let plain = settings(&folder);
+    let footage = Some(folder.0.join("source/images"));
+    let given = PrepareSettings { footage, output: folder.0.join("given"), ..plain.clone() };
+    assert!(asks(&plain) && !asks(&given));
 }
 
 #[test]

@@ -10,6 +10,7 @@ use ivv::prepare::PrepareSettings;
 use ivv::scene::capture::{Capture, Manifest};
 use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow, write_flow_halves};
 use ivv::scene::{SeenPoint, write_points};
+use serde_json::Value;
 
 use super::sources::IDENTITY;
 use super::{done, open, run, settings, video};
@@ -32,14 +33,16 @@ image_deleter) cp "$here/$(basename "$out")"/* "$out" ;;
 esac
 "#;
 
-/// In the place of Python with OpenCV: it gives the camera that it is called for the flow of `flow.npy`.
+/// In the place of Python with OpenCV: it gives the camera that it is called for the flow of `flow.npy`, where a frame has none.
 const PYTHON: &str = r#"#!/bin/sh
 [ "$1" = - ] || exit 0
 cat >/dev/null
 here=$(dirname "$0")/..
 echo "$6" >>"$here/calls"
 mkdir -p "$2/flow/$6"
-for frame in 00000 00001; do cp "$here/flow.npy" "$2/flow/$6/$frame.npy"; done
+for frame in 00000 00001; do
+    ls "$2/flow/$6/$frame".* >/dev/null 2>&1 || cp "$here/flow.npy" "$2/flow/$6/$frame.npy"
+done
 "#;
 
 fn program(folder: &Folder, name: &str, script: &str) {
@@ -140,13 +143,13 @@ fn what_comes_along_from_a_capture_is_as_new_as_there() {
 
     write_depth(&source("depth/b/00001.npy"), &[5.0; N], 64, 48).unwrap();
     date(&source("depth/b/00001.npy"));
-    let capture = made_again(&settings, "cameras");
+    let capture = made_again(&settings, "priors");
     let depth = read_depth(capture.cameras[1].shots[1].depth.as_ref().unwrap(), 64, 48).unwrap();
     assert!(depth == [5.0; N]);
 
     write_flow(&source("flow/a/00000.flo"), &[[3.0, 0.0]; N], 64, 48).unwrap();
     date(&source("flow/a/00000.flo"));
-    let capture = made_again(&settings, "cameras");
+    let capture = made_again(&settings, "priors");
     let flow = read_flow(capture.cameras[0].shots[0].flow.as_ref().unwrap(), 64, 48).unwrap();
     assert!(flow == [[3.0, 0.0]; N]);
 
@@ -209,6 +212,46 @@ fn flow_is_estimated_beside_that_which_comes_along() {
     assert!(told.contains("flow/b: was made with other settings: method was"), "{told}");
     prepare(&folder, &["--flow", "dis", "--force"]).unwrap();
     assert!(is_whole() && calls(&folder) == ["b", "b"]);
+}
+
+#[test]
+fn flow_that_comes_along_in_part_is_completed() {
+    let folder = capture("prepare-stale-part", &["b"]);
+    program(&folder, "python3", PYTHON);
+    for (name, x) in [("flow.npy", 2.0), ("source/flow/a/00000.npy", 1.0)] {
+        write_flow_halves(&folder.write(name, ""), &[[x, 0.0]; N], 64, 48).unwrap();
+    }
+    // No folder holds flow of two kinds.
+    let (last, away) = (folder.0.join("source/flow/b/00001.flo"), folder.0.join("away"));
+    std::fs::rename(&last, &away).unwrap();
+    let told = prepare(&folder, &["--flow", "dis"]).unwrap_err();
+    assert!(told.contains("flow/b/00000.flo: is flow of some frames") && !folder.0.join("out").exists(), "{told}");
+    std::fs::rename(&away, &last).unwrap();
+    let read = |name: &str| std::fs::read(folder.0.join(name)).unwrap();
+    for options in [&["--flow", "dis"][..], &["--flow", "dis"], &["--flow", "dis", "--force"]] {
+        prepare(&folder, options).unwrap();
+        assert!(read("out/flow/a/00000.npy") == read("source/flow/a/00000.npy"), "{options:?}");
+        assert!(read("out/flow/a/00001.npy") == read("flow.npy"), "{options:?}");
+        assert_eq!(calls(&folder), ["a"], "{options:?}");
+    }
+}
+
+/// Earlier versions noted the pictures alone.
+#[test]
+fn a_capture_whose_priors_were_not_noted_stays() {
+    let folder = capture("prepare-stale-unnoted", &["a"]);
+    let settings = settings(&folder);
+    done(&settings);
+    let file = settings.output.join("prepare.json");
+    let noted = std::fs::read(&file).unwrap();
+    let mut record: Value = serde_json::from_slice(&noted).unwrap();
+    let images = record["made_from"]["images"].as_object_mut().unwrap();
+    let priors = images.remove("priors").unwrap();
+    let footage = &images["cameras"][0]["footage"];
+    assert_eq!([&priors, footage].map(|files| files.as_array().unwrap().len()), [6 + 2, 3]);
+    std::fs::write(&file, record.to_string()).unwrap();
+    done(&settings);
+    assert!(std::fs::read(&file).unwrap() == noted, "they are noted from now on");
 }
 
 /// Asserts that the pictures are placed again once `what` has changed: for the `n`-th time.

@@ -121,6 +121,19 @@ fn a_trace_has_the_host_above_the_device_and_ends_with_it() {
     assert!((spans[2].2 + spans[2].3 - 1.5e6).abs() < 1e-3 && (spans[2].2 - spans[1].2 - 2000.0).abs() < 1e-3);
 }
 
+#[test]
+fn the_pass_that_ends_last_ends_with_the_host_though_another_was_recorded_behind_it() {
+    let pass = |label: &str, begin_ns: f64, ns: f64| PassTime { label: label.to_owned(), begin_ns, ns };
+    let passes = vec![pass("sort/long", 0.0, 9e5), pass("fill/short", 1e5, 1e5)];
+    let value = trace("some device", &[Moment { name: "wait".to_owned(), begin: 0.0, seconds: 1e-3, passes }]);
+    let spans = value["traceEvents"].as_array().unwrap().iter().filter(|event| event["ph"] == "X");
+    let ends: Vec<f64> = spans.map(|span| span["ts"].as_f64().unwrap() + span["dur"].as_f64().unwrap()).collect();
+    // Of the host, of the long pass and of the short one, microseconds.
+    let expected = [1000.0, 1000.0, 300.0];
+    assert!(ends.iter().zip(expected).all(|(end, expected)| (end - expected).abs() < 1e-6), "{ends:?}");
+    assert_eq!(ends.len(), 3);
+}
+
 /// A folder that is removed at the end.
 pub struct Folder(pub PathBuf);
 

@@ -1,12 +1,12 @@
 //! What may be traded for time: exact knobs change no bit, the others what they say and no more.
 
 use crate::adversary::rounds_otherwise;
-use crate::common::device::gpu;
+use crate::common::device::{as_gpu, gpu};
 use crate::common::frames::{bits, pixels, render, render_with};
 use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::{scene, view, wild_scene};
 use ivv::scene::{Frame, Splats, View};
-use ivv::stage::constants_on;
+use ivv::stage::{Outputs, Renderer, constants_on};
 use ivv::twin::render_f64;
 use ivv::vk::DeviceKind;
 use ivv::{Constants, Knobs, TileBound};
@@ -111,6 +111,32 @@ fn depth_keys_have_by_default_the_bits_of_the_device() {
     assert!(picture(24) != picture(32));
     let kind = gpu().caps().kind;
     assert!(picture(0) == picture(of(kind, 0)), "{kind:?}");
+}
+
+#[test]
+fn a_near_plane_from_which_short_depth_keys_do_not_reach_far_takes_all_bits() {
+    let bits_of = |kind, near| {
+        let constants = Constants { near, ..Constants::default() };
+        constants_on(kind, Knobs::default(), constants).knobs.depth_bits
+    };
+    for kind in [DeviceKind::DiscreteGpu, DeviceKind::IntegratedGpu] {
+        assert_eq!([0.01, 1e-4, 1e-5, 1e-9].map(|near| bits_of(kind, near)), [24, 24, 32, 32], "{kind:?}");
+    }
+    assert_eq!(bits_of(DeviceKind::Cpu, 1e-9), 32);
+    // The one behind first in the file, both farther than 24 bits reach: 4.29.
+    let back = ball([0.0, 0.0, 6.0], 0.5, 0.9, [0.0, 0.0, 1.0]);
+    let front = ball([0.0, 0.0, 5.0], 0.5, 0.9, [1.0, 0.0, 0.0]);
+    let both = scene_of(&[back, front]);
+    let gpu = as_gpu();
+    let middle = |depth_bits| {
+        let constants = Constants { near: 1e-9, ..Constants::default() };
+        let constants = Knobs { depth_bits, ..Knobs::default() }.on(constants);
+        let mut renderer = Renderer::new(gpu.clone(), &both, constants).unwrap();
+        renderer.render(&camera(48, 32), Outputs::All).unwrap().0.color[16 * 48 + 24]
+    };
+    let ([red, _, blue], [wrong_red, _, wrong_blue]) = (middle(0), middle(24));
+    assert!(red > 0.8 && blue < 0.2, "the nearer one is red: {red} {blue}");
+    assert!(wrong_blue > 0.8 && wrong_red < 0.2, "24 bits cannot tell them apart: {wrong_red} {wrong_blue}");
 }
 
 #[test]

@@ -5,5 +5,5 @@ mod golden;
 mod invariants;
 mod knobs;
 mod large;
-mod parts;
+pub mod parts;
 mod stereo;

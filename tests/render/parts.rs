@@ -93,6 +93,11 @@ impl Parts for Told {
     }
 }
 
+/// Writes a clip of 5 s as a PLY of parts.
+pub fn write(path: &Path) {
+    write_parts(path, &mut Told::new(300)).unwrap();
+}
+
 fn contents() -> Contents<'static> {
     Contents { clock: CLOCK, views: &[], own: BTreeMap::new(), sounds: &SILENT, world: None, is_quick: true }
 }

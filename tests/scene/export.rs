@@ -5,7 +5,7 @@ use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
 use ivv::formats::{SpzVersion, read_ply, read_scene, write_ply, write_splat, write_spz};
-use ivv::scene::{Motion, Splats};
+use ivv::scene::{Motion, Splats, demo};
 use ivv::stage::{Outputs, Renderer};
 use serde_json::Value;
 use std::path::Path;
@@ -174,6 +174,45 @@ fn an_export_tells_how_many_gaussians_it_wrote() {
             assert_eq!(read_scene(&to).unwrap().len() as u64, n, "{name}");
         }
     }
+}
+
+#[cfg(unix)]
+#[test]
+fn an_export_removes_what_killed_ones_left_and_nothing_that_is_being_written() {
+    let folder = Folder::new("export-left");
+    write_ply(&folder.file("scene.ply"), &demo().0).unwrap();
+    std::fs::create_dir(folder.file("web")).unwrap();
+    let export = |to: &str| {
+        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let done = command
+            .current_dir(folder.file(""))
+            .args(["export", "scene.ply", "--seconds", "1", "-o", to])
+            .output()
+            .unwrap();
+        assert!(done.status.success(), "{to}: {}", String::from_utf8_lossy(&done.stderr));
+    };
+    for (to, within) in [("s.4dgs", ""), ("./s.html", ""), ("web/", "web/")] {
+        let left = folder.write(&format!("{within}.s.ply.1-0.tmp"), "half");
+        let held = folder.write(&format!("{within}.t.ply.1-0.tmp"), "half");
+        let lock = std::fs::File::open(&held).unwrap();
+        lock.lock().unwrap();
+        export(to);
+        assert!(!left.exists() && held.exists(), "{to}");
+    }
+}
+
+/// JSON is text, and not every name of a file is.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_whose_name_is_not_utf_8_is_told_of_in_json() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Folder::new("export-name");
+    let from = folder.file("scene.ply");
+    write_ply(&from, &exportable(0, 4)).unwrap();
+    let to = folder.0.join(std::ffi::OsStr::from_bytes(b"caf\xe9.ply"));
+    let (report, _) = told(&from, &to, &[]);
+    assert!(report["path"].as_str().is_some_and(|path| path.ends_with("caf\u{fffd}.ply")), "{report}");
+    assert_eq!(report["gaussians"], 4);
 }
 
 #[test]

@@ -1,4 +1,4 @@
-//! The device that a verb works on: the width of its subgroups, and where its pipelines are kept.
+//! The device that a verb works on: the width of its subgroups, the bits of its depth keys, and where its pipelines are kept.
 
 use super::{Folder, ivv};
 use std::path::PathBuf;
@@ -20,6 +20,29 @@ fn a_width_that_the_device_does_not_take_is_refused() {
     assert_eq!(output.status.code(), Some(4), "{told}");
     assert!(told.contains("subgroups of 5 lanes were asked for; expected "), "{told}");
     assert!(!folder.0.join("run/config.json").exists(), "nothing is begun");
+}
+
+#[test]
+fn depth_keys_that_do_not_reach_far_from_the_near_plane_are_warned_of() {
+    let folder = Folder::new("keys");
+    let (splats, views) = ivv::scene::demo();
+    let mut view = views[0].clone();
+    (view.intrinsics.width, view.intrinsics.height) = (16, 16);
+    let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
+    ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
+    ivv::scene::write_views(&folder.0.join("cameras.json"), &[view]).unwrap();
+    let told = |more: &[&str]| {
+        let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out];
+        let output = ivv(&[&render, more].concat()).output().unwrap();
+        assert!(output.status.success(), "{more:?}");
+        String::from_utf8(output.stderr).unwrap()
+    };
+    let warned = told(&["--near", "1e-9", "--depth-bits", "24"]);
+    assert!(warned.contains("WARN") && warned.contains("depth keys of 24 bits do not reach far"), "{warned}");
+    for right in [&["--near", "1e-9"][..], &["--near", "1e-9", "--depth-bits", "32"], &["--depth-bits", "24"]] {
+        let told = told(right);
+        assert!(!told.contains("WARN"), "{right:?}: {told}");
+    }
 }
 
 #[test]

@@ -24,7 +24,11 @@ struct Server {
 
 impl Server {
     fn new(source: &Path, options: &[&str]) -> Self {
-        let mut command = Command::new(IVV);
+        Self::of(Command::new(IVV), source, options)
+    }
+
+    /// Started by `command`, which is `ivv` without arguments.
+    fn of(mut command: Command, source: &Path, options: &[&str]) -> Self {
         command.args(["serve", "--port", "0", "--json"]).arg(source).args(options);
         let mut child = command.stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
         let mut line = String::new();
@@ -141,6 +145,54 @@ fn the_page_its_files_and_the_scene_are_sent_whole_and_in_parts() {
     assert_eq!(server.ask("GET", "/scene.4dgs", older).0, 200);
     let (status, head, body) = server.ask("HEAD", "/scene.4dgs", "");
     assert!(status == 200 && head.contains(&format!("content-length: {n}")) && body.is_empty(), "{head}");
+}
+
+#[test]
+fn a_file_that_is_written_anew_is_sent_as_it_is_now_and_two_never_in_one_answer() {
+    let folder = Folder::new("serve-anew");
+    let path = scene(&folder);
+    let server = Server::new(&path, &[]);
+    let tag = |head: &str| head.lines().find_map(|line| line.strip_prefix("etag: ")).unwrap().to_owned();
+    let before = tag(&server.ask("GET", "/scene.4dgs", "").1);
+    std::fs::write(&path, b"shorter").unwrap();
+    let (status, head, body) = server.ask("GET", "/scene.4dgs", &format!("If-None-Match: {before}\r\n"));
+    assert_eq!((status, body.as_slice()), (200, b"shorter".as_slice()));
+    assert!(head.contains("content-length: 7") && tag(&head) != before, "{head}");
+    // While it is sent: more than the system takes before somebody reads.
+    let long = 64 << 20;
+    std::fs::write(&path, vec![1_u8; long]).unwrap();
+    let mut stream = server.connect();
+    write!(stream, "GET /scene.4dgs HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", server.address).unwrap();
+    let mut start = vec![0_u8; 1 << 16];
+    stream.read_exact(&mut start).unwrap();
+    std::thread::sleep(Duration::from_millis(50));
+    let mut file = std::fs::File::options().write(true).open(&path).unwrap();
+    file.write_all(&vec![2_u8; long]).unwrap();
+    let mut rest = Vec::new();
+    let _ = stream.read_to_end(&mut rest);
+    assert!(start.len() + rest.len() < long && !rest.contains(&2), "{} bytes follow", rest.len());
+    std::fs::remove_file(&path).unwrap();
+    let (status, _, body) = server.ask("GET", "/scene.4dgs", "");
+    assert!(status == 404 && body.starts_with(b"expected the file of the scene"));
+}
+
+/// The file that is sent has no name any more, so that whatever ends the server leaves nothing.
+#[cfg(unix)]
+#[test]
+fn a_clip_in_parts_is_sent_and_nothing_of_it_is_left() {
+    let folder = Folder::new("serve-parts");
+    let path = folder.file("parts.ply");
+    crate::render::parts::write(&path);
+    let beside = folder.file("beside");
+    std::fs::create_dir(&beside).unwrap();
+    folder.write("beside/.ivv-serve-1.4dgs.1-0.tmp", "what a server left that was killed while it wrote");
+    let mut command = Command::new(IVV);
+    command.env("TMPDIR", &beside);
+    let server = Server::of(command, &path, &["--seconds", "5"]);
+    let left: Vec<_> = std::fs::read_dir(&beside).unwrap().map(|entry| entry.unwrap().file_name()).collect();
+    assert!(left.is_empty(), "{left:?}");
+    let (status, _, body) = server.ask("GET", "/scene.4dgs", "");
+    assert!(status == 200 && body.starts_with(b"\x894DGS1\r\n"), "{status}");
 }
 
 #[test]

@@ -174,6 +174,13 @@ fn what_a_run_of_some_frames_shows_is_heard_as_it_was_then() {
     ivv(&["export", "run", "-o", "run.4dgs", "--sound", "scene.json"]);
     let expected = sounds(&SoundScene::read(&folder.file("scene.json")).unwrap(), 0.5, 0.4).unwrap();
     assert!(expected.len() == 1 && FourDgs::read(&folder.file("run.4dgs")).unwrap().sounds() == expected);
+    // So is its scene alone, and a file that was made of it, where the clip is as long.
+    for (from, to, seconds) in [("run/scene.ply", "run/a.4dgs", "0.4"), ("run/scene.ply", "run/b.4dgs", "1")] {
+        ivv(&["export", from, "-o", to, "--seconds", seconds, "--sound", "scene.json"]);
+    }
+    ivv(&["export", "run/a.4dgs", "-o", "c.4dgs", "--sound", "scene.json"]);
+    let is_heard = |file: &str| FourDgs::read(&folder.file(file)).unwrap().sounds() == expected;
+    assert_eq!(["run/a.4dgs", "run/b.4dgs", "c.4dgs"].map(is_heard), [true, false, true]);
     // A video, the sound of which is beside it: the gate from 0.6 to 0.8 s is from 0.1 to 0.3 s of it.
     // The head goes to the right and looks along y, z up.
     let turn = "-0.70710678 0 0 0.70710678";

@@ -75,6 +75,8 @@ fn short_runs_have_ten_rounds_that_grow_but_eight_steps_between_them() {
     assert_eq!(rounds(200, &default), (10, Some(28), Some(100)));
     assert_eq!(rounds(1000, &default), (10, Some(140), Some(500)));
     assert_eq!(rounds(30_000, &default), (145, Some(600), Some(15_000)));
+    // What is added after the last step would be as it was cloned or split.
+    assert_eq!(rounds(1000, &Density { stop: 1.0, ..Density::default() }), (9, Some(190), Some(910)));
     assert_eq!(rounds(100, &Density { every: 2, ..default }), (20, Some(12), Some(50)));
 }
 

@@ -155,6 +155,7 @@ fn training_from_pictures_is_ahead_of_training_from_random_points() {
                 .unwrap()
                 .scores(&rendered, &capture.picture(camera, frame).unwrap())
                 .unwrap()
+                .unwrap()
                 .psnr
         };
         test.iter().map(psnr).sum::<f64>() / test.len() as f64

@@ -108,7 +108,7 @@ impl Tiny {
         assert!(!test.is_empty());
         let score = |(camera, frame): &(usize, u32)| {
             let (rendered, _) = renderer.render(&self.capture.view(*camera, *frame).unwrap(), Outputs::Color).unwrap();
-            meter.scores(&rendered, &self.capture.picture(*camera, *frame).unwrap()).unwrap().psnr
+            meter.scores(&rendered, &self.capture.picture(*camera, *frame).unwrap()).unwrap().unwrap().psnr
         };
         test.iter().map(score).sum::<f64>() / test.len() as f64
     }

@@ -7,6 +7,7 @@ use crate::common::frames::render;
 use ivv::formats::read_ply;
 use ivv::scene::Splats;
 use ivv::scene::capture::Capture;
+use ivv::train::{Config, Setup};
 use std::path::Path;
 
 fn text(path: &Path) -> &str {
@@ -30,6 +31,10 @@ fn a_photograph_shows_and_teaches_what_rests_alone() {
     let scene = read_ply(&base.join("scene.ply")).unwrap();
     assert!(scene.n_static > 50 && scene.motion.len() > 20, "{} {}", scene.n_static, scene.motion.len());
     let opened = Capture::open(&clip.0).unwrap();
+    // A colour map each, but the gauge is of those that film.
+    let setup = Setup::new(&opened, &Config::default());
+    assert_eq!((setup.n_filming, setup.first_photo, setup.most_grids), (3, 4, 6));
+    assert!(setup.has_grid[4..].iter().all(|has| *has));
     let (photo, frame) = (opened.view(4, 0).unwrap(), opened.view(0, 1).unwrap());
     // The others are as good as not there.
     let part_of = |is_static: bool| {

@@ -4,7 +4,9 @@ use super::{Tiny, drive};
 use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::stage::{Accumulation, Sums};
-use ivv::train::{BoundBy, Class, Config, Limits, Plan, Required, Setup, TermData, Trainer, Workload, from_points};
+use ivv::train::{
+    BoundBy, Class, Config, Limits, Plan, PoseKind, Required, Setup, TermData, Trainer, Workload, from_points,
+};
 use ivv::vk::DeviceKind;
 use std::collections::BTreeMap;
 
@@ -25,7 +27,7 @@ fn workload() -> Workload {
         kept_image_bytes: None,
         data: TermData::NONE,
         dense: true,
-        offsets: false,
+        learns_cameras: false,
         grids: 0,
         sums: Sums::Slots,
         height: 360,
@@ -54,7 +56,8 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
         let points: Vec<_> = (0..20).flat_map(|_| capture.points.clone()).collect();
         let required = Required { grids_at: 0.0, ..Required::default() };
         let batch = if (sh_degree, moment_bits) == (3, 16) { 4 } else { 1 };
-        let config = Config { batch, sh_degree, moment_bits, accumulation, required, ..Config::default() };
+        let poses = if is_dynamic { PoseKind::Auto } else { PoseKind::Learnt };
+        let config = Config { batch, sh_degree, moment_bits, accumulation, required, poses, ..Config::default() };
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
         let mut trainer = Trainer::new(
@@ -84,7 +87,8 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
             moment_bits,
             batch,
             data: TermData { depth: true, flow: true },
-            offsets: is_dynamic,
+            // Of the static capture, which has one image a camera, the poses alone.
+            learns_cameras: true,
             grids: if is_dynamic { 4 } else { 0 },
             sums: accumulation.on(gpu.caps()),
             height: 48,

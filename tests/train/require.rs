@@ -305,16 +305,19 @@ fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
 
 #[test]
 fn cameras_have_their_turn_though_gaussians_are_looked_at_after_the_same_step() {
-    let due = |grids_at: f64| -> Vec<(u64, Due)> {
-        let required = Required { reviews: 2, first: 0.6, last: 0.8, grids_at, ..Required::default() };
+    let due_of = |reviews: u32, grids_at: f64| -> Vec<(u64, Due)> {
+        let required = Required { reviews, first: 0.6, last: 0.8, grids_at, ..Required::default() };
         let config = Config { grids: GridKind::Affine, required, ..Config::default() };
         (0..=10).filter_map(|step| Some((step, review_due(&config, step, 10)?))).collect()
     };
+    let due = |grids_at: f64| due_of(2, grids_at);
     let reviews = [(6, Due::Gaussians), (8, Due::Gaussians)];
     assert_eq!(due(0.6), [reviews[0], (7, Due::Grids), reviews[1]]);
     assert_eq!(due(0.001), [(1, Due::Grids), reviews[0], reviews[1]]);
     // All have one from the start.
     assert_eq!(due(0.0), reviews);
+    // More than there are steps.
+    assert_eq!(due_of(u32::MAX, 0.0), [reviews[0], (7, Due::Gaussians), reviews[1]]);
 }
 
 /// Dynamic Gaussians at rest at one place, each around its time, with a colour of their own where `colors` says so.

@@ -6,7 +6,7 @@ use crate::common::device::gpu;
 use crate::common::running::Running;
 use ivv::Constants;
 use ivv::scene::Splats;
-use ivv::stage::AdamMode;
+use ivv::stage::{AdamMode, GRID_NUMBERS};
 use ivv::train::{Checkpoint, Config, RunLock, Setup, Trainer, from_points};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -203,10 +203,9 @@ fn what_a_killed_process_left_is_in_nobodys_way_and_goes() {
     };
     assert_eq!(hidden(&case.run), [".mine.tmp"], "only what no process of this kind names so stays");
     assert_eq!(hidden(&case.run.join("checkpoints")), Vec::<String>::new());
-    // Where no run sweeps: the names are free all the same.
-    let scene = case.run.join("scene.ply");
-    let export = ["export", scene.to_str().unwrap(), "-o", "out.ply"];
-    let output = with_known_number(&leftovers(".out.ply"), &export, &case.tiny.folder);
+    // Where nothing sweeps: the names are free all the same.
+    let cameras = ["cameras", case.path(), "-o", "out.json"];
+    let output = with_known_number(&leftovers(".out.json"), &cameras, &case.tiny.folder);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }
 
@@ -271,6 +270,39 @@ fn a_trainer_begins_with_more_gaussians_than_four_pairs_of_each_fit_a_binding() 
     trainer.train(camera, &tiny.capture.view(camera, frame).unwrap(), &picture).unwrap();
     trainer.finish().unwrap();
     assert_eq!((trainer.step(), trainer.n_gaussians()), (1, n as u32));
+}
+
+#[test]
+fn a_checkpoint_of_many_cameras_is_read_again() {
+    let _device = gpu();
+    let tiny = Tiny::of_frames("many-cameras", 2);
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let setup = Setup::plain(tiny.capture.extent(), 0.5);
+    let mut trainer = Trainer::new(gpu().clone(), &begin, Constants::default(), config, 9, setup).unwrap();
+    let mut checkpoint = trainer.checkpoint().unwrap();
+    // What the header says of them is longer than a megabyte.
+    let n = 200_000;
+    (checkpoint.cameras.clocks, checkpoint.cameras.learns_offset) = (vec![[0.0; 4]; n], vec![false; n]);
+    checkpoint.write(&tiny.folder).unwrap();
+    assert!(Checkpoint::read(&Checkpoint::file(&tiny.folder, 0)).unwrap().cameras == checkpoint.cameras);
+}
+
+#[test]
+fn colour_maps_that_one_binding_cannot_hold_are_refused_before_the_run() {
+    let gpu = gpu();
+    let tiny = Tiny::of_frames("maps", 2);
+    let config = Config { sh_degree: 0, ..Config::default() };
+    let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let most = (gpu.caps().max_binding_bytes / (4 * GRID_NUMBERS as u64)) as usize;
+    // Cameras get theirs during the run.
+    let begins = |most_grids: usize| {
+        let setup = Setup { most_grids, ..Setup::plain(tiny.capture.extent(), 0.5) };
+        Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 9, setup).map(drop)
+    };
+    let refused = begins(most + 1).unwrap_err();
+    assert!(refused.exit_code() == 5 && refused.to_string().contains("--set grids=none"), "{refused}");
+    begins(most).unwrap();
 }
 
 #[test]

@@ -154,6 +154,28 @@ fn no_room_is_left_where_no_camera_looks_or_cameras_move() {
 }
 
 #[test]
+fn the_places_of_a_camera_that_moved_are_no_rig() {
+    let rig = capture("one-shot", Rig::Inward);
+    let config = Config::default();
+    // A clip that one camera took, a place for each image: a camera each, as in transforms.json with times.
+    let mut walk = rig.clone();
+    for (index, camera) in walk.cameras.iter_mut().enumerate() {
+        camera.shots.retain(|shot| shot.frame == index as u32 % 2);
+        assert_eq!(camera.shots.len(), 1);
+    }
+    let learnt = |capture: &Capture| {
+        let Setup { has_grid, learns_pose, learns_offset, .. } = Setup::new(capture, &config);
+        [!has_grid.is_empty(), !learns_pose.is_empty(), !learns_offset.is_empty(), !lenses(capture).1.is_empty()]
+    };
+    assert_eq!((rig.is_rig_clip(), learnt(&rig)), (true, [true; 4]));
+    assert_eq!((walk.is_rig_clip(), learnt(&walk)), (false, [false; 4]));
+    // Those of one moment are no clip, and views between them are of that moment.
+    walk.n_frames = 1;
+    walk.cameras.iter_mut().for_each(|camera| camera.shots.iter_mut().for_each(|shot| shot.frame = 0));
+    assert_eq!((walk.is_rig_clip(), learnt(&walk)), (false, [false, false, false, true]));
+}
+
+#[test]
 fn between_cameras_that_look_in_opposite_directions_no_room_is_left() {
     let mut capture = capture("opposite", Rig::Inward);
     let views = capture.lens_views();

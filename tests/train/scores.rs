@@ -2,6 +2,7 @@
 
 use super::{Tiny, scores_of};
 use crate::common::device::gpu;
+use ivv::scene::capture::Capture;
 use ivv::train::{
     Checkpoint, Config, Evaluation, Kind, Log, Meter, Setup, Sight, Trainer, ViewScores, evaluate, from_points, psnr,
     spread,
@@ -110,6 +111,27 @@ fn a_mask_limits_a_score_to_what_it_marks() {
     let n_even = f64::from(width.div_ceil(3)) / f64::from(width);
     let (even, odd) = (error(even.unwrap()), error(odd.unwrap()));
     assert!(even != odd && (n_even * even + (1.0 - n_even) * odd - error(whole)).abs() < 1e-9 * error(whole));
+}
+
+#[test]
+fn a_view_that_its_mask_hides_has_no_scores_and_no_part_in_the_mean() {
+    let _device = gpu();
+    let tiny = Tiny::new("hidden-score");
+    let (mut renderer, mut meter) = renderer_and_meter(&tiny);
+    let mut score = |capture: &Capture, frames: &[(usize, u32)]| {
+        evaluate(&mut renderer, &mut meter, &Sight::new(capture, [0.0; 3]), frames, 1, |_, _, _| Ok(())).unwrap()
+    };
+    let frames = tiny.capture.test_frames()[..2].to_vec();
+    let shown = score(&tiny.capture, &frames[1..]).unwrap();
+    let (mut capture, (camera, frame)) = (tiny.capture.clone(), frames[0]);
+    let (width, height) = (capture.cameras[camera].intrinsics.width, capture.cameras[camera].intrinsics.height);
+    let file = tiny.folder.join("hidden.png");
+    image::GrayImage::new(width, height).save(&file).unwrap();
+    capture.cameras[camera].shots.iter_mut().find(|shot| shot.frame == frame).unwrap().mask = Some(file);
+    let both = score(&capture, &frames).unwrap();
+    assert_eq!((both.mean, both.views.len()), (shown.mean, 1));
+    assert_eq!(both.views[0].view, shown.views[0].view);
+    assert_eq!(score(&capture, &frames[..1]), None);
 }
 
 #[test]

@@ -168,6 +168,16 @@ fn a_plan_is_scored_with_what_its_jobs_were_trained_with() {
     assert_eq!(whole["constants"], base["constants"]);
     assert_eq!(whole["capture_settings"]["background"], segment["capture_settings"]["background"]);
     assert_eq!(whole["capture_settings"]["background"], serde_json::json!([1.0, 1.0, 1.0]));
+    // As if what rests had been trained in a frame of another unit, as on a rig that moves: the near plane is where it was.
+    let file = plan.join("base/run.json");
+    let mut other = base.clone();
+    for (part, name) in [("world", "scale"), ("constants", "near")] {
+        other[part][name] = serde_json::json!(2.0 * base[part][name].as_f64().unwrap());
+    }
+    std::fs::write(&file, other.to_string()).unwrap();
+    works(&["segments", "join", text(&plan)]);
+    assert_eq!(of("")["constants"], base["constants"]);
+    std::fs::write(&file, base.to_string()).unwrap();
     // Frames that one segment alone shows have its scores.
     works(&["eval", text(&plan)]);
     let scores = |folder: &str| json(&plan.join(folder).join("eval.json"))["views"].as_array().unwrap().clone();

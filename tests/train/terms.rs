@@ -3,7 +3,9 @@
 use super::{Tiny, nothing_moves};
 use crate::common::device::gpu;
 use crate::common::one::{One, ball, camera, scene_of};
+use crate::scene::Folder;
 use ivv::Constants;
+use ivv::extremes::fixtures::lpips::{TRUNKS, narrow, save};
 use ivv::scene::capture::{Capture, Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer};
@@ -196,6 +198,55 @@ fn offsets_are_learnt_where_everything_else_is_known() {
     trainer.freeze_offsets(&[true, false]).unwrap();
     let (frozen, learns) = trainer.offsets().unwrap();
     assert_eq!((frozen, learns), (vec![0.0, 0.0], vec![false, true]), "one offset alone is all gauge");
+}
+
+#[test]
+fn an_image_of_which_hardly_anything_is_shown_moves_nothing() {
+    let _device = gpu();
+    let (splats, pictures) = moving_scene([0.0; 2]);
+    let (camera, view, picture) = &pictures[0];
+    // What covers most is hidden last.
+    let mut order: Vec<usize> = (0..picture.pixels.len()).collect();
+    order.sort_by_key(|pixel| std::cmp::Reverse(picture.pixels[*pixel] & 0xff));
+    let step_on = |n_visible: usize| {
+        let mut pixels = vec![0; order.len()];
+        order[..n_visible].iter().for_each(|pixel| pixels[*pixel] = 0xff00_0000);
+        let setup = Setup::plain(Extent { center: [0.0; 3], radius: 4.0 }, 1.0 / 8.0);
+        let config = Config { sh_degree: 0, ..Config::default() };
+        let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, 100, setup).unwrap();
+        let before = trainer.checkpoint().unwrap();
+        trainer.train(*camera, view, &Picture::new(48, 40, pixels)).unwrap();
+        let after = trainer.checkpoint().unwrap();
+        let report = trainer.take_reports().remove(0);
+        let is_pulled = after.state.iter().any(|[pull, ..]| *pull > 0.0);
+        let logged = ["psnr", "ssim", "l1"].map(|key| report.term(key).is_some());
+        (before.params != after.params, is_pulled, logged)
+    };
+    assert_eq!(step_on(20), (false, false, [false; 3]));
+    assert_eq!(step_on(63), (false, false, [false; 3]));
+    assert_eq!(step_on(64), (true, true, [true; 3]));
+}
+
+#[test]
+fn an_image_that_is_too_small_for_lpips_is_trained_on_without_it() {
+    let _device = gpu();
+    let folder = Folder::new("train-small-lpips");
+    let (splats, _) = moving_scene([0.0; 2]);
+    for (trunk, smallest) in TRUNKS {
+        let file = folder.file("weights.safetensors");
+        save(&file, &narrow(3, trunk)).unwrap();
+        let loss = Loss { lpips_weights: Some(file), ..Loss::default() };
+        let config = Config { sh_degree: 0, loss, ..Config::default() };
+        let setup = Setup::plain(Extent { center: [0.0; 3], radius: 4.0 }, 1.0 / 8.0);
+        let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, 100, setup).unwrap();
+        for height in [smallest - 1, smallest] {
+            let pixels = vec![0xff00_0000; (40 * height) as usize];
+            trainer.train(0, &camera(40, height), &Picture::new(40, height, pixels)).unwrap();
+        }
+        trainer.finish().unwrap();
+        let has_lpips: Vec<bool> = trainer.take_reports().iter().map(|report| report.term("lpips").is_some()).collect();
+        assert_eq!(has_lpips, [false, true], "{trunk}");
+    }
 }
 
 #[test]

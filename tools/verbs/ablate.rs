@@ -201,8 +201,9 @@ impl<'a> Job<'a> {
             every.push(differences);
         }
         write_atomic(&output.join("ablation.md"), |to| to.write_all(text.as_bytes()))?;
-        let all =
-            json!({ "capture": capture, "peripheral_camera": self.peripheral, "settings": config, "studies": all });
+        let all = json!({
+            "capture": capture.to_string_lossy(), "peripheral_camera": self.peripheral, "settings": config, "studies": all,
+        });
         write_json(&output.join("ablation.json"), &all)?;
         if !json {
             out!("{text}\n{}", output.join("ablation.md").display());

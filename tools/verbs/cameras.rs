@@ -36,7 +36,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     write_views(&args.output, &views)?;
     if json {
-        out!("{}", serde_json::json!({ "path": args.output, "views": views.len() }));
+        out!("{}", serde_json::json!({ "path": args.output.to_string_lossy(), "views": views.len() }));
     } else {
         out!("{}: {}", args.output.display(), count(views.len(), "view"));
     }

@@ -77,7 +77,7 @@ pub fn print(report: &Report) {
 fn holds(report: &Report) {
     out!("cameras: {}, of which {} for testing", report.n_cameras, report.n_test_cameras);
     if report.n_photos > 0 {
-        out!("photos:  {} of what rests, taken at another time", report.n_photos);
+        out!("photos:  {} of the static scene, taken at another time", report.n_photos);
     }
     out!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);

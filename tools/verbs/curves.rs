@@ -155,12 +155,12 @@ fn reached(run: &Path, seed: u64, steps: u64) -> anyhow::Result<Reached> {
 fn markdown(args: &Args, frontiers: &[Frontier]) -> String {
     let seeds: Vec<String> = args.seeds.iter().map(u64::to_string).collect();
     let mut text = format!(
-        "# Quality against time\n\nMeans of {}, start-up included, on this machine; presets took turns. Each run is as long as its \
+        "# Quality against time\n\n{}, start-up included, on this machine; presets took turns. Each run is as long as its \
          schedule; what lies between two lengths is interpolated over the logarithm of the time. A preset is beaten where another one has at most its \
          bytes and more than 0.05 dB on top of its PSNR, or as much PSNR with less than 98 % of the bytes.\n",
         match seeds.as_slice() {
-            [one] => format!("seed {one}"),
-            all => format!("seeds {}", all.join(", ")),
+            [one] => format!("Seed {one}"),
+            all => format!("Means of seeds {}", all.join(", ")),
         }
     );
     for frontier in frontiers {

@@ -21,7 +21,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write_ply(&args.output.join("scene.ply"), &splats)?;
     write_views(&args.output.join("cameras.json"), &views)?;
     if json {
-        out!("{}", json!({ "path": args.output, "gaussians": splats.len(), "views": views.len() }));
+        let path = args.output.to_string_lossy();
+        out!("{}", json!({ "path": path, "gaussians": splats.len(), "views": views.len() }));
         return Ok(());
     }
     out!("{}: {}, {}", args.output.display(), count(splats.len(), "Gaussian"), count(views.len(), "view"));

@@ -59,7 +59,7 @@ pub struct Scorer<'a> {
 }
 
 impl Scorer<'_> {
-    /// Scores `splats` on `frames`, and shows a few of them; none when there is no frame.
+    /// Scores `splats` on `frames`, and shows a few of them; none when there is no frame, or masks hide all.
     pub fn some(
         &self,
         splats: &Splats,
@@ -73,18 +73,22 @@ impl Scorer<'_> {
         let mut progress = Progress::passing("evaluation", frames.len());
         let evaluation = evaluate(&mut renderer, &mut meter, &sight, frames, step, |camera, frame, rendered| {
             if shown.contains(&(camera, frame)) {
-                renders.push(rendered.clone());
+                renders.push((camera, frame, rendered.clone()));
             }
             progress.step(&self.told(camera, frame));
             Ok(())
         })?;
         let Some(evaluation) = evaluation else { return Ok(None) };
-        let scored = frames.iter().zip(&evaluation.views).filter(|(frame, _)| shown.contains(frame));
-        let example = |((&(camera, frame), scored), render): ((&(usize, u32), &ViewScores), Frame)| {
-            let truth = self.capture.picture(camera, frame)?;
-            Ok(Example { view: scored.view.clone(), why: "", scores: scored.scores, truth, render })
-        };
-        let examples = scored.zip(renders).map(example).collect::<ivv::Result<Vec<Example>>>()?;
+        let mut examples = Vec::new();
+        for (camera, frame, render) in renders {
+            let name = &self.capture.cameras[camera].name;
+            let is_of = |scored: &&ViewScores| scored.camera == *name && scored.frame == frame;
+            // A view that its mask hides has no scores.
+            if let Some(scored) = evaluation.views.iter().find(is_of) {
+                let truth = self.capture.picture(camera, frame)?;
+                examples.push(Example { view: scored.view.clone(), why: "", scores: scored.scores, truth, render });
+            }
+        }
         Ok(Some((evaluation, examples)))
     }
 
@@ -110,7 +114,7 @@ impl Scorer<'_> {
 
     /// Scores what `renderer` shows, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there
     /// are any; writes eval.json and the renders into `output`. Returns the scores and some views for the report; none when
-    /// there is no test view.
+    /// there is no test view, or masks hide all.
     pub fn all(
         &self,
         (mut renderer, size): (Renderer, SceneSize),
@@ -141,7 +145,10 @@ impl Scorer<'_> {
         let chosen = scores.evaluation.examples(EXAMPLES);
         let mut progress = Progress::new("views of the report", chosen.len());
         for (index, why) in chosen {
-            let ((camera, frame), scored) = (frames[index], &scores.evaluation.views[index]);
+            let scored = &scores.evaluation.views[index];
+            let name = |camera: usize| &self.capture.cameras[camera].name;
+            let of = frames.iter().find(|(camera, frame)| *name(*camera) == scored.camera && *frame == scored.frame);
+            let Some(&(camera, frame)) = of else { continue };
             let view = sight.view(camera, frame)?;
             let (render, _) = renderer.render(&view, Outputs::Color)?;
             let truth = self.capture.picture(camera, frame)?;
@@ -289,9 +296,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let (scores, examples) = scorer.all(seen, &shown.file, &fits, step, &output)?;
     let Some(scores) = scores else {
         let remedy = "train again with --test-cameras";
-        return Err(
-            ivv::Error::data(&Run::file(&args.run), "test_cameras", "no test camera has an image", remedy).into()
-        );
+        return Err(ivv::Error::data(
+            &Run::file(&args.run),
+            "test_cameras",
+            "no test camera has an image that shows anything",
+            remedy,
+        )
+        .into());
     };
     let report = scorer.report(Some(&scores), &examples, &args.run, &output)?;
     if json {

@@ -8,7 +8,7 @@ use crate::shown::Source;
 use crate::views::clip_time;
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use ivv::files::{read_file, write_atomic};
+use ivv::files::{folder_of, read_file, remove_temporaries, write_atomic};
 use ivv::formats::{WRITERS, WriteScene, Writer, count_written};
 
 use std::path::{Path, PathBuf};
@@ -63,11 +63,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         args.clip.refuse_without_clip(writer.name, matches!(writer.write, WriteScene::WithClip(_)))?;
     }
     let source = Source::open(&args.scene)?;
+    remove_left(format, &args.output)?;
     if args.time.is_none() && format.has_clip() && args.clip.is_as_it_is(&source)? {
         let bytes = read_file(&args.scene).with_context(|| args.scene.display().to_string())?;
         let written = write_clip(format, &args.output, &bytes)?;
         if json {
-            out!("{}", serde_json::json!({ "path": args.output, "bytes": written }));
+            out!("{}", serde_json::json!({ "path": args.output.to_string_lossy(), "bytes": written }));
         } else {
             out!("{}: the scene as it is, {written} bytes", args.output.display());
         }
@@ -121,7 +122,8 @@ impl Written {
             out!(
                 "{}",
                 serde_json::json!({
-                    "path": to, "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree, "bytes": bytes,
+                    "path": to.to_string_lossy(), "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree,
+                    "bytes": bytes,
                 })
             );
         } else {
@@ -154,6 +156,13 @@ fn scene_file(format: Format, to: &Path) -> PathBuf {
     if matches!(format, Format::Web) { to.join(page::SCENE) } else { to.to_owned() }
 }
 
+/// Removes what killed exports left where this one writes: files as large as its own.
+fn remove_left(format: Format, to: &Path) -> ivv::Result<()> {
+    let file = scene_file(format, to);
+    let folder = folder_of(&file);
+    if folder.is_dir() { remove_temporaries(folder, 0) } else { Ok(()) }
+}
+
 /// Writes a clip in parts without having it in memory, where source and format allow.
 fn write_parts(args: &Args, format: Format, source: &Source) -> anyhow::Result<Option<Written>> {
     let is_web = matches!(format, Format::Web);
@@ -181,7 +190,7 @@ fn write_clip(format: Format, to: &Path, scene: &[u8]) -> anyhow::Result<u64> {
         page::write_player(to)?;
         return Ok(page::n_bytes() + scene.len() as u64);
     }
-    let page = matches!(format, Format::Page).then(|| page::single_file(scene));
+    let page = matches!(format, Format::Page).then(|| page::single_file(to, scene)).transpose()?;
     let bytes = page.as_ref().map_or(scene, |page| page.as_bytes());
     write_atomic(to, |to| to.write_all(bytes))?;
     Ok(bytes.len() as u64)

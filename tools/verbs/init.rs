@@ -48,7 +48,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let bytes = std::fs::metadata(&args.output).map_or(0, |file| file.len());
     if json {
         let line = serde_json::json!({
-            "path": args.output, "from": initial.from, "gaussians": initial.splats.len(),
+            "path": args.output.to_string_lossy(), "from": initial.from, "gaussians": initial.splats.len(),
             "dynamic_gaussians": initial.splats.motion.len(), "bytes": bytes, "counts": initial.counts,
             "ratio": initial.counts.map(|counts| counts.ratio()),
         });

@@ -51,8 +51,9 @@ pub struct Args {
     /// the source has points.
     #[arg(long, num_args = 1..=2, value_names = ["none|reference|every", "N"])]
     triangulate: Option<Vec<String>>,
-    /// Photographs of the same place, taken at another time: of what rests, none of what moves. Where the source has no cameras, COLMAP
-    /// places both together. Otherwise give a capture of them, such as a COLMAP project, in the world of the source. They train what rests.
+    /// Photographs of the same place, taken at another time: of the static scene, none of what moves. Where the source has no cameras,
+    /// COLMAP places both together. Otherwise give a capture of them, such as a COLMAP project, in the world of the source. They train
+    /// the static scene.
     #[arg(long = "static", value_name = "PHOTOS")]
     photos: Option<PathBuf>,
     /// Estimates optical flow. dis: OpenCV's DIS, run in Python.

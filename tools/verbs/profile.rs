@@ -275,7 +275,7 @@ fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu, j
     let file = output.join(format!("{kernel}.dispatch"));
     write_dispatch(&file, &dispatch, gpu)?;
     if json {
-        out!("{}", serde_json::json!({ "path": file, "kernel": kernel }));
+        out!("{}", serde_json::json!({ "path": file.to_string_lossy(), "kernel": kernel }));
     } else {
         out!("{}", file.display());
     }

@@ -88,7 +88,8 @@ pub struct KnobArgs {
     /// Project Gaussians even at times when they are invisible. Changes no picture.
     #[arg(long)]
     no_time_cull: bool,
-    /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver.
+    /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver, or with
+    /// --near below 2.4e-5.
     #[arg(long, default_value_t = Knobs::default().depth_bits)]
     depth_bits: u32,
     /// Bits of the coefficients of spherical harmonics above the constant one: 32 or 16.

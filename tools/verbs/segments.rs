@@ -31,7 +31,7 @@ pub struct Args {
 enum What {
     /// Cuts a clip into segments that share frames, and writes the jobs that train them.
     Plan(Box<PlanArgs>),
-    /// Trains what rests, then what moves in each segment, then joins them; or one of these jobs. What is done is not done again, and
+    /// Trains the static scene, then what moves in each segment, then joins them; or one of these jobs. What is done is not done again, and
     /// what was stopped goes on.
     Run(RunArgs),
     /// Joins the scenes of the segments into PLAN/scene.ply, which `render`, `eval`, `export` and others take as that of a run.
@@ -70,7 +70,7 @@ struct PlanArgs {
 struct RunArgs {
     /// A folder that `ivv segments plan` made.
     plan: PathBuf,
-    /// One job alone: `base`, what rests; the number of a segment, from 0; or `join`.
+    /// One job alone: `base`, the static scene; the number of a segment, from 0; or `join`.
     #[arg(long, value_name = "base|N|join")]
     only: Option<String>,
     /// Further options of `ivv train` for what is trained, such as --device.
@@ -140,7 +140,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         );
         return Ok(());
     }
-    out!("{}: what rests, with {} of {}", args.output.display(), count(still, "frame"), segments.n_frames);
+    out!("{}: the static scene, with {} of {}", args.output.display(), count(still, "frame"), segments.n_frames);
     for (segment, [from, to]) in segments.segments.iter().enumerate() {
         out!("segment {segment}: frames {from} to {}", to - 1);
     }
@@ -217,12 +217,12 @@ impl<'a> Jobs<'a> {
     /// Of one job alone, where its run is.
     fn tell(&self, folder: &Path) {
         if self.json {
-            out!("{}", json!({ "path": folder }));
+            out!("{}", json!({ "path": folder.to_string_lossy() }));
         }
     }
 
     fn train_base(&self, options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
-        say!("what rests");
+        say!("the static scene");
         self.train(&self.base(), &["--max-frames".into(), self.segments.still.to_string().into()], options, stop)
     }
 
@@ -302,13 +302,15 @@ impl<'a> Jobs<'a> {
         };
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
         write_parts(&file, &mut joined)?;
-        // Those that the jobs were given with --blur and its like.
-        let constants = Run::read(&self.base())?.constants;
-        Run { constants, ..self.run.clone() }.write(self.folder)?;
+        // Those that the jobs were given with --blur and its like. On a rig that moves, a unit of their frame of training is another one.
+        let base = Run::read(&self.base())?;
+        let near = (f64::from(base.constants.near) * (self.run.world.scale / base.world.scale)) as f32;
+        Run { constants: Constants { near, ..base.constants }, ..self.run.clone() }.write(self.folder)?;
         let n_dynamic: usize = joined.parts().iter().map(|part| part.n).sum();
         let n = PlyParts::open(&file)?.map_or(0, |written| written.n_static()) + n_dynamic;
         if self.json {
-            out!("{}", json!({ "path": file, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments }));
+            let path = file.to_string_lossy();
+            out!("{}", json!({ "path": path, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments }));
             return Ok(());
         }
         out!(

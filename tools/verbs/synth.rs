@@ -68,7 +68,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         progress.reach(done, total, "pictures, point clouds and recordings");
     })?;
     if json {
-        out!("{}", serde_json::json!({ "path": args.output, "options": options, "summary": summary }));
+        let path = args.output.to_string_lossy();
+        out!("{}", serde_json::json!({ "path": path, "options": options, "summary": summary }));
         return Ok(());
     }
     out!(

@@ -238,11 +238,13 @@ impl Bench<'_> {
     fn seed(&self, seed: u64, is_first: bool) -> anyhow::Result<Found> {
         let file = self.args.output.join(format!("seed-{seed}.json"));
         let settings: Vec<&Config> = self.arms.iter().map(|(_, config)| config).collect();
+        let capture = std::path::absolute(&self.args.capture).ok();
+        let capture = capture.as_ref().map(|path| path.to_string_lossy());
         let of = json!({
             "settings": settings, "constants": self.constants, "steps": self.steps, "block": self.args.block,
             "shaders": shaders_hash(), "test_frames": self.test_frames, "timed": "steps of a warm device",
-            "device": self.gpu.caps().name, "driver": self.gpu.caps().driver, "capture": std::path::absolute(&self.args.capture).ok(), "held": CaptureSummary::new(&self.capture),
-            "first": is_first,
+            "device": self.gpu.caps().name, "driver": self.gpu.caps().driver, "capture": capture,
+            "held": CaptureSummary::new(&self.capture), "first": is_first,
         });
         if let Some(found) = read_json::<Found>(&file, "").ok().filter(|found| found.of == of) {
             return Ok(found);

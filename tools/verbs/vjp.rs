@@ -82,7 +82,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write_gradients(&args.output, &gradients, &splats)?;
     let n = splats.len();
     if json {
-        let told = json!({ "path": args.output, "view": view.name, "gaussians": n, "visible": report.visible });
+        let path = args.output.to_string_lossy();
+        let told = json!({ "path": path, "view": view.name, "gaussians": n, "visible": report.visible });
         out!("{told}");
         return Ok(());
     }

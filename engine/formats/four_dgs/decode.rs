@@ -188,7 +188,7 @@ pub(super) fn not_read(path: &Path, fault: &fourdgs::Error) -> Error {
         fault if fault.is_unsupported_feature() => "save it with the model gaussian-birth and the codec deflate",
         fault if fault.is_unsupported_version() => "save it as version 1 of the format",
         fourdgs::Error::UnsupportedOperation(_) => {
-            "unless the file is damaged, it takes more than half a gigabyte of memory: keep the scene as a PLY, or export fewer Gaussians"
+            "unless the file is damaged, as a whole it takes more than half a gigabyte of memory: give the run or a PLY of it, or export fewer Gaussians"
         }
         _ => "the file is damaged, cut short or of another format: copy or export it again",
     };

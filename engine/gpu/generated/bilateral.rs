@@ -422,7 +422,7 @@ pub mod bilateral_adam_pooled {
     };
 }
 
-/// takes the mean deviation from the identity over the cameras off every camera's grid.
+/// takes the mean deviation from the identity over the cameras that film off every camera's grid.
 pub mod bilateral_gauge {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -431,10 +431,13 @@ pub mod bilateral_gauge {
     pub struct Push {
         /// `n_cameras` of the shader.
         pub n_cameras: u32,
+        /// `n_filming` of the shader.
+        pub n_filming: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 4);
+        assert!(size_of::<Push>() == 8);
         assert!(std::mem::offset_of!(Push, n_cameras) == 0);
+        assert!(std::mem::offset_of!(Push, n_filming) == 4);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {

@@ -39,7 +39,7 @@ pub(super) enum Material {
 
 impl Camera {
     /// Whether its pictures stay as they are.
-    pub(super) fn is_as_recorded(&self) -> bool {
+    pub fn is_as_recorded(&self) -> bool {
         let whole = (self.lens.intrinsics.width, self.lens.intrinsics.height) == self.recorded
             && self.part == Part::whole(self.recorded);
         whole && self.lens.distortion == Distortion::None
@@ -61,18 +61,29 @@ impl Camera {
         [(x - f64::from(left)) * across, (y - f64::from(top)) * down]
     }
 
-    /// Whether flow comes along with its pictures.
-    pub fn has_flow(&self) -> bool {
-        matches!(&self.material, Material::Images(shots) if shots.iter().any(|shot| shot.flow.is_some()))
+    /// What its pictures are made from, where those are images.
+    fn shots(&self) -> &[Shot] {
+        match &self.material {
+            Material::Video(..) => &[],
+            Material::Images(shots) => shots,
+        }
     }
 
-    /// What the camera's pictures, and the priors that come along with them, are made from.
+    /// The flow that comes along with its picture of a frame.
+    pub fn flow(&self, frame: u32) -> Option<&PathBuf> {
+        self.shots().get(frame as usize)?.flow.as_ref()
+    }
+
+    /// Flow and depth that come along with its pictures.
+    pub(super) fn priors(&self) -> impl Iterator<Item = &PathBuf> {
+        self.shots().iter().flat_map(|shot| shot.flow.iter().chain(&shot.depth))
+    }
+
+    /// What the camera's pictures are made from.
     pub(super) fn stamp(&self) -> Value {
         let footage = match &self.material {
             Material::Video(path, _) => stamps([path]),
-            Material::Images(shots) => {
-                stamps(shots.iter().flat_map(|shot| shot.pictures().chain(&shot.flow).chain(&shot.depth)))
-            }
+            Material::Images(shots) => stamps(shots.iter().flat_map(Shot::pictures)),
         };
         json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage })
     }

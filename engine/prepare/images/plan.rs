@@ -8,6 +8,7 @@ use super::recorded::Recorded;
 use crate::error::Error;
 use crate::parallel::in_parallel;
 use crate::prepare::fit::{Part, fitted};
+use crate::prepare::journal::{PRIORS, stamps};
 use crate::prepare::settings::PrepareSettings;
 use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::timecodes;
@@ -63,6 +64,7 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
         "source": settings.source.to_string_lossy(), "source format": source.format, "start": start, "every": every, "frames": n,
         "scale": settings.scale, "format": settings.format, "cameras": cameras.iter().map(Camera::stamp).collect::<Vec<_>>(),
     });
+    made_from[PRIORS] = stamps(cameras.iter().flat_map(Camera::priors));
     if !settings.shifts.is_empty() {
         made_from["shifts"] = json!(settings.shifts);
     }

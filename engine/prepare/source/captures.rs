@@ -41,7 +41,8 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         photos: builder.photos.take().map(|_| place.folder.join(PHOTOS)),
         ..Source::default()
     };
-    if format == "COLMAP" && !footage::video_names(place.footage).is_empty() {
+    let is_told = place.settings.footage.is_some();
+    if format == "COLMAP" && !is_told && !footage::video_names(place.footage).is_empty() {
         let note = "videos beside the images are left out; if they are the footage, name their folder with --footage";
         source.notes.push(note.to_owned());
     }

@@ -47,13 +47,19 @@ pub(in crate::prepare) fn is_video(path: &Path) -> bool {
     !is_hidden(path) && path.extension().is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)) && path.is_file()
 }
 
-/// Whether a folder of a source holds a video. Phones put a short one beside a photo, with its name (Live Photo): that is none.
+/// Whether a film has the ending of those that phones put beside a photo, with its name (Live Photo).
+pub(super) fn is_of_phone(film: &Path) -> bool {
+    film.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mov"))
+}
+
+/// Whether a folder of a source holds a video. The short film of a Live Photo is none.
 pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
     FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok()).any(|entries| {
         let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         let photos = files.iter().filter(|file| is_image(file));
         let photos: HashSet<_> = photos.filter_map(|photo| photo.file_stem()).collect();
-        files.iter().any(|file| is_video(file) && file.file_stem().is_some_and(|stem| !photos.contains(stem)))
+        let is_live = |film: &Path| is_of_phone(film) && film.file_stem().is_some_and(|stem| photos.contains(stem));
+        files.iter().any(|file| is_video(file) && !is_live(file))
     })
 }
 

@@ -9,8 +9,9 @@ use super::footage;
 use super::recording::{Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{Faults, Posed, images_folder, model_folder, read_images};
 
-/// Whether the cameras of the model have footage: a video, or more images than the model has of them. Where more of the model's images
-/// are there and have none, it is a plain project, in which a film or a folder of which one image was placed has strayed.
+/// Whether the cameras of the model have footage: a video, or more images than the model has of them. Faults tell of cameras without,
+/// unless the footage may have strayed into a plain project, as the film of a Live Photo or a folder of which one image was placed. Then
+/// it is a rig where fewer images of the model are there that have none.
 pub(super) fn is_rig(place: Place) -> bool {
     // A capture folder is read as one.
     if place.folder.join("capture.toml").is_file() {
@@ -19,27 +20,38 @@ pub(super) fn is_rig(place: Place) -> bool {
     let Some(folder) = model_folder(place.folder) else { return false };
     let model = read_images(&folder, &mut Faults::default());
     let images = images_folder(place.folder, &place.settings.capture);
-    let image_of = |posed: &Posed| images.join(&posed.name);
-    // Phones put a film beside a photo, with its name (Live Photo); what is given as footage is no such film.
-    let is_live = |posed: &[&Posed], video: &Path| {
-        place.settings.footage.is_none()
-            && posed
-                .iter()
-                .map(|posed| image_of(posed))
-                .any(|image| image.is_file() && image.parent() == video.parent())
-    };
-    let (mut n_with, mut n_without) = (0, 0);
+    // What is given as footage is no film of a Live Photo.
+    let may_be_live = place.settings.footage.is_none();
+    let (mut n_with, mut n_perhaps, mut n_without, mut has_live) = (0, 0, 0, false);
     for (name, posed) in by_camera(&model.images) {
+        let n_there = posed.iter().filter(|posed| images.join(&posed.name).is_file()).count();
         match footage::find(place.footage, &name) {
-            Some(Footage::Video(video)) if !is_live(&posed, &video) => n_with += posed.len(),
-            Some(Footage::Images(shots)) if posed.len() == 1 && shots.len() > 1 => n_with += 1,
+            Some(Footage::Video(film)) if may_be_live && is_live(&posed, &film) => {
+                has_live = true;
+                n_without += n_there;
+            }
+            Some(Footage::Video(_)) => n_with += posed.len(),
+            Some(Footage::Images(shots)) if posed.len() == 1 && shots.len() > 1 => {
+                let is_among = shots.iter().any(|shot| shot.image.ends_with(&posed[0].name));
+                if is_among {
+                    n_perhaps += 1;
+                } else {
+                    n_with += 1;
+                }
+            }
             // A camera that moves looks like a folder of a plain project.
             Some(Footage::Images(_)) if posed.len() > 1 && posed.iter().all(|posed| number(posed).is_some()) => {}
-            // An image of a plain project, or a camera of a rig whose footage is missing: a fault tells of that one.
-            _ => n_without += posed.iter().filter(|posed| image_of(posed).is_file()).count(),
+            // An image of a plain project, or a camera of a rig whose footage is missing.
+            _ => n_without += n_there,
         }
     }
-    n_with > n_without
+    (n_with > 0 && !has_live) || n_with + n_perhaps > n_without
+}
+
+/// Whether a film lies beside an image of its name, as phones put it there.
+fn is_live(posed: &[&Posed], film: &Path) -> bool {
+    let is_beside = |posed: &&Posed| posed.name.file_name().is_some_and(|name| film.with_file_name(name).is_file());
+    footage::is_of_phone(film) && posed.iter().any(is_beside)
 }
 
 fn by_camera(images: &[Posed]) -> BTreeMap<String, Vec<&Posed>> {
@@ -65,6 +77,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     if first == 1 {
         source.notes.push("frames are counted from 1: <camera>/1 is the first of the video".to_owned());
     }
+    let mut is_complete = true;
     for (name, posed) in cameras {
         let mut fault = |reason: String, remedy: &str| {
             faults.add(&model.file, format!("camera `{}`", name.escape_debug()), reason, remedy);
@@ -87,8 +100,16 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
                 }
             }
         }
-        let Some(footage) = footage::take(place.footage, &name, &model.file, faults) else { continue };
+        let Some(footage) = footage::take(place.footage, &name, &model.file, faults) else {
+            is_complete = false;
+            continue;
+        };
         source.cameras.push(SourceCamera { pose: posed[0].pose, name, lens, poses, footage, is_test: false });
+    }
+    if !is_complete {
+        let note = "taken for a recording, since some cameras of the model have footage; if its images are what is meant, move the \
+                    videos and folders that have their names out of the source";
+        source.notes.push(note.to_owned());
     }
     source
 }

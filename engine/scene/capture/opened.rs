@@ -84,9 +84,11 @@ impl Capture {
         self.cameras.iter().any(|camera| camera.is_photo && !camera.shots.is_empty())
     }
 
-    /// Whether it is a clip that several training cameras took: of one alone, the scene's own times and colours take up what is off.
+    /// Whether it is a clip that several training cameras took: of one alone, the scene's own times and colours take up what is off. One
+    /// that moved may be listed as a camera for each of its images; such a camera has no other image that tells what is off.
     pub fn is_rig_clip(&self) -> bool {
-        self.n_frames > 1 && self.cameras.iter().filter(|camera| camera.films()).count() > 1
+        let tells = |camera: &&Camera| camera.films() && camera.shots.len() > 1;
+        self.n_frames > 1 && self.cameras.iter().filter(tells).count() > 1
     }
 
     /// (camera, frame) of every image of the training cameras, by frame and then by camera.

@@ -5,14 +5,10 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
+use crate::files::as_text;
 
 /// Faults kept in full; beyond them they are only counted, so that a hostile file cannot fill the memory with them.
 const MAX_KEPT: usize = 10_000;
-
-/// A path for a reader: JSON is text, and not every name of a file is.
-fn as_text<S: serde::Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
-    to.collect_str(&path.display())
-}
 
 /// One thing that is wrong with a capture.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]

@@ -20,6 +20,7 @@ use crate::settings::Constants;
 use crate::stage::{GridState, Renderer};
 use crate::train::checkpoint::{CameraState, Checkpoint};
 use crate::train::config::{Config, Required};
+use crate::train::density::recovered_from;
 use crate::train::metrics::Sight;
 use crate::train::trainer::Trainer;
 use decide::{Fate, InTime, affordable};
@@ -77,11 +78,14 @@ pub enum Due {
     Gaussians,
 }
 
-/// What is due after step `step` of `total`: the cameras' turn comes a step later where the Gaussians have theirs.
+/// What is due after step `step` of `total`: the cameras' turn comes a step later where the Gaussians have theirs. What falls into the
+/// dip after a reset of the opacities comes once the scene has recovered.
 pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
     let Required { reviews, first, last, grids_at, .. } = config.required;
-    let at = |fraction: f64| (fraction * total as f64).round() as u64;
-    let nth = |k: u32| at(first + (last - first) * f64::from(k) / f64::from(reviews.saturating_sub(1).max(1)));
+    // More would fall on the same steps.
+    let reviews = u64::from(reviews).min(total);
+    let at = |fraction: f64| recovered_from(config, (fraction * total as f64).round() as u64, total);
+    let nth = |k: u64| at(first + (last - first) * k as f64 / reviews.saturating_sub(1).max(1) as f64);
     let is_of_gaussians = |step: u64| (0..reviews).any(|k| nth(k) == step);
     if step == 0 || step >= total {
         None

@@ -15,8 +15,8 @@ impl Owed {
             density: false,
             grids: due == Some(Due::Grids),
             review: due == Some(Due::Gaussians),
-            offsets: step > 0 && step == offsets_judged_at(total),
-            poses: config.poses == PoseKind::Auto && step > 0 && step == poses_judged_at(total),
+            offsets: step > 0 && step == offsets_judged_at(config, total),
+            poses: config.poses == PoseKind::Auto && step > 0 && step == poses_judged_at(config, total),
             average: Average::is_due(config, step, total),
         }
     }
@@ -30,11 +30,52 @@ impl Owed {
         Owed {
             grids: is_missed(Due::Grids, self.grids),
             review: is_missed(Due::Gaussians, self.review),
-            offsets: self.offsets || (offsets_judged_at(total) <= step && step < offsets_judged_at(before)),
-            poses: self.poses || (config.poses == PoseKind::Auto && poses_are_missed(step, before, total)),
+            offsets: self.offsets
+                || (offsets_judged_at(config, total) <= step && step < offsets_judged_at(config, before)),
+            poses: self.poses || (config.poses == PoseKind::Auto && poses_are_missed(config, step, [before, total])),
             // What was near the end is so no more.
             average: false,
             density: self.density,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::Owed;
+    use crate::train::config::{Config, Density, Required, Strategy};
+
+    /// The steps of `total` after which each look is due: at grids, at Gaussians, at offsets, at poses.
+    fn looks(density: Density, total: u64) -> [Vec<u64>; 4] {
+        let required = Required { reviews: 2, first: 0.4, last: 0.8, grids_at: 0.3, ..Required::default() };
+        let config = Config { density, required, ..Config::default() };
+        let due = |is_due: fn(&Owed) -> bool| {
+            (0..=total).filter(|step| is_due(&Owed::after(&config, *step, total))).collect()
+        };
+        [due(|owed| owed.grids), due(|owed| owed.review), due(|owed| owed.offsets), due(|owed| owed.poses)]
+    }
+
+    #[test]
+    fn no_look_falls_into_the_dip_after_a_reset_of_the_opacities() {
+        let resets = |reset_every: u64| Density { reset_every, ..Density::default() };
+        let undisturbed = [vec![60], vec![80, 160], vec![100], vec![60]];
+        assert_eq!(looks(resets(0), 200), undisturbed);
+        // One, after step 60: up to step 80 the scene recovers.
+        assert_eq!(looks(resets(60), 200), [vec![82], vec![81, 160], vec![100], vec![81]]);
+        assert_eq!(looks(Density { strategy: Strategy::Mcmc, ..resets(60) }, 200), undisturbed);
+        assert_eq!(looks(resets(59), 120), [vec![36], vec![48, 96], vec![79], vec![36]]);
+        // As they come by default.
+        assert_eq!(looks(resets(3000), 10_000), [vec![4002], vec![4001, 8000], vec![5000], vec![4001]]);
+        // The run ends before the scene has recovered from the last one.
+        assert_eq!(looks(Density { stop: 1.0, ..resets(60) }, 75)[1], [30, 60]);
+    }
+
+    #[test]
+    fn a_run_of_another_length_owes_what_has_come_by_the_put_off_steps() {
+        let config = Config { density: Density { reset_every: 59, ..Density::default() }, ..Config::default() };
+        let owes = |step: u64, lengths: [u64; 2]| Owed::default().extended(&config, step, lengths).offsets;
+        // Due after step 79 of 120, and after step 50 of 100.
+        assert_eq!([60, 78, 79].map(|step| owes(step, [120, 100])), [true, true, false]);
+        assert_eq!([60, 78, 79].map(|step| owes(step, [200, 120])), [false, false, true]);
     }
 }

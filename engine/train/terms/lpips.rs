@@ -76,6 +76,10 @@ impl Term for Perceptual {
             return Ok(None);
         }
         let [origin, crop] = self.part(shown);
+        // Of a picture that its trunk cannot see there is none, as there is no score.
+        if self.network.scratch_bytes(crop, true).is_err() {
+            return Ok(None);
+        }
         let compared = stage::Compared { image: on.image, truth: on.truth, size: shown.size, origin, crop };
         let weight = (self.weight * self.every as f64) as f32;
         self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.d_image, weight })).map(Some)

@@ -1,6 +1,6 @@
 //! The error of the colours: 0.8 of the mean absolute error and 0.2 of 1 - SSIM (SPEC 4). Always on.
 
-use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
+use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
 use crate::stage::{Photometric, Pictures, SSIM_WEIGHT, Structure};
@@ -44,6 +44,14 @@ impl Term for Colors {
     }
 
     fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
+        let n = shown.size[0] * shown.size[1];
+        // Of a picture with fewer all will do.
+        if shown.n_visible < LEAST_PIXELS.min(n) {
+            // What an earlier step left there would be taken for this one's.
+            rec.section("loss");
+            rec.fill(on.d_image.range(0, n as usize).slice(), 0);
+            return Ok(None);
+        }
         let pictures = Pictures {
             image: on.image,
             truth: on.truth,

@@ -1,6 +1,6 @@
 //! The errors of depth and flow against priors (SPEC 4), both in one pass over the picture.
 
-use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermData, TermKind};
+use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermData, TermKind};
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Gpu, Recording};
@@ -32,9 +32,6 @@ const LOGGED: &[Logged] = &[
     Logged { key: "depth", plot: "Error of the depth against its priors", from_zero: true },
     Logged { key: "flow", plot: "End-point error of the flow, pixels", from_zero: true },
 ];
-
-/// Pixels that a prior needs to be used: a mean over fewer would pull hard on them.
-const LEAST_PIXELS: u32 = 64;
 
 /// Those that have a weight and that any training image comes with.
 fn data(config: &Config, capture: &Capture) -> TermData {

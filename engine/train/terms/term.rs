@@ -7,6 +7,9 @@ use crate::scene::capture::Capture;
 use crate::stage::{Outputs, PriorPlanes};
 use crate::train::config::Config;
 
+/// Pixels that a term needs to be used: a mean over fewer would pull hard on them.
+pub(super) const LEAST_PIXELS: u32 = 64;
+
 /// Sums by workgroup; none where there are none.
 pub(in crate::train) type Left = Option<Buf<[f32; 4]>>;
 

@@ -23,7 +23,7 @@ use crate::stage::{
     Workspace, adam_params, constants_on, lazy_sums,
 };
 use crate::train::config::Config;
-use crate::train::density::{density_round, regularisers};
+use crate::train::density::{density_round, regularisers, with_room};
 use crate::train::images::{Loaded, Shot};
 use crate::train::objective::{Objective, Report, Taken, Truth};
 use crate::train::poses::Correction;
@@ -379,8 +379,8 @@ impl Trainer {
         let round =
             density_round(&self.config, (self.step, self.total), (n, n_trained), &self.setup.extent, origin, n_frames)?;
         // The end of the run needs room, too.
-        let backdrop = if self.shows_background() { 0 } else { self.config.backdrop.min(round.max_gaussians / 10) };
-        Some(DensityRound { max_gaussians: round.max_gaussians - backdrop, ..round })
+        let backdrop = if self.shows_background() { 0 } else { self.config.backdrop };
+        Some(with_room(round, self.room.active_of(u32::MAX, self.gpu.caps()), backdrop))
     }
 
     /// The density control due after the step handed over last, once.

@@ -20,7 +20,8 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::new`].
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, room, .. } = checkpoint;
+        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, room, .. } =
+            checkpoint;
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.cameras.restore(&trainer.gpu, cameras)?;

@@ -12,7 +12,7 @@ use std::path::{Path, PathBuf};
 use std::pin::Pin;
 use std::sync::Arc;
 use std::task::{Context, Poll};
-use std::time::UNIX_EPOCH;
+use std::time::{Duration, UNIX_EPOCH};
 
 /// Bytes of a file that are sent at once.
 const PIECE: u64 = 1 << 18;
@@ -28,14 +28,18 @@ pub struct Scene {
 #[derive(Clone)]
 enum Held {
     Memory(Bytes),
-    File(Arc<Kept>, usize),
+    File(Arc<Kept>),
 }
 
-/// An open file, and that it is removed when nobody needs it any more, where that is so.
+/// An open file as it was then, and that it is removed when nobody needs it any more, where that is so.
 struct Kept {
     file: File,
+    state: State,
     _removed: Option<Removed>,
 }
+
+/// Its length and when it was written, by which a file that is written anew is told.
+type State = (u64, Duration);
 
 /// A file that is removed when this is dropped.
 pub struct Removed(pub PathBuf);
@@ -53,25 +57,25 @@ impl Scene {
         Scene { tag: tag(&bytes), held: Held::Memory(bytes) }
     }
 
-    /// Those of a file, which is read as it is sent; with `removed` it goes with the scene.
+    /// Those of a file, which is read as it is sent; with `removed` it goes with the scene, or at once where an open file needs no
+    /// name, so that nothing is left of a server that is killed.
     ///
     /// # Errors
     /// Those of the file.
     pub fn of_file(path: &Path, removed: Option<Removed>) -> ivv::Result<Self> {
         let fault = |fault: io::Error| cannot_read(path, &fault);
         let file = open_file(path).map_err(fault)?;
-        let data = file.metadata().map_err(fault)?;
-        let changed = data.modified().ok().and_then(|at| at.duration_since(UNIX_EPOCH).ok()).unwrap_or_default();
-        let tag = tag(format!("{} {} {}", path.display(), data.len(), changed.as_nanos()).as_bytes());
-        let kept = Arc::new(Kept { file, _removed: removed });
-        Ok(Scene { held: Held::File(kept, data.len() as usize), tag })
+        let state = state(&file).map_err(fault)?;
+        let tag = tag(format!("{} {} {}", path.display(), state.0, state.1.as_nanos()).as_bytes());
+        let kept = Kept { file, state, _removed: removed.filter(|_| !cfg!(unix)) };
+        Ok(Scene { held: Held::File(Arc::new(kept)), tag })
     }
 
     /// How many bytes there are.
     pub fn len(&self) -> usize {
         match &self.held {
             Held::Memory(bytes) => bytes.len(),
-            Held::File(_, length) => *length,
+            Held::File(kept) => kept.state.0 as usize,
         }
     }
 
@@ -79,11 +83,17 @@ impl Scene {
     pub fn part(&self, range: Range<usize>) -> Either<Full<Bytes>, FilePart> {
         match &self.held {
             Held::Memory(bytes) => Either::Left(Full::new(bytes.slice(range))),
-            Held::File(kept, _) => {
+            Held::File(kept) => {
                 Either::Right(FilePart { kept: kept.clone(), left: range.start as u64..range.end as u64 })
             }
         }
     }
+}
+
+fn state(file: &File) -> io::Result<State> {
+    let data = file.metadata()?;
+    let changed = data.modified().ok().and_then(|at| at.duration_since(UNIX_EPOCH).ok()).unwrap_or_default();
+    Ok((data.len(), changed))
 }
 
 fn tag(named: &[u8]) -> String {
@@ -110,9 +120,11 @@ impl Body for FilePart {
         // One thread answers all, so that none other moves the file's place in between.
         let mut file = &self.kept.file;
         let read = file.seek(SeekFrom::Start(self.left.start)).and_then(|_| file.take(n).read_to_end(&mut piece));
+        // An answer is never of two scenes.
+        let is_same = state(file).is_ok_and(|now| now == self.kept.state);
         self.left.start += n;
         Poll::Ready(Some(match read {
-            Ok(read) if read as u64 == n => Ok(Frame::data(piece.into())),
+            Ok(read) if read as u64 == n && is_same => Ok(Frame::data(piece.into())),
             Ok(_) => Err(io::ErrorKind::UnexpectedEof.into()),
             Err(fault) => Err(fault),
         }))

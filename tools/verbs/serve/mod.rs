@@ -14,6 +14,7 @@ use anyhow::Context;
 use held::{Removed, Scene};
 use hyper::Request;
 use hyper_util::rt::{TokioIo, TokioTimer};
+use ivv::files::remove_temporaries;
 use live::Live;
 use site::{Shown, Site};
 use std::convert::Infallible;
@@ -59,7 +60,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let Args { source, bind, names, clip, .. } = args;
     let is_live = is_run(source) && scene_of_end(source).is_none();
-    let scene = if is_live { None } else { Some(scene(source, clip)?) };
+    let shown = if is_live { Shown::Run(Rc::new(Live::new(source, None, clip))) } else { scene(source, clip)? };
     let stop = Stop::listen()?;
     let listener = listen(*bind, args.port, "--port")?;
     let url = url(&listener)?;
@@ -71,26 +72,25 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if !bind.is_loopback() {
         alert!("everyone who can reach {} can see this", url.trim_start_matches("http://").trim_end_matches('/'));
     }
-    let shown = || match scene {
-        Some(scene) => Shown::Scene(scene),
-        None => Shown::Run(Rc::new(Live::new(source, None, clip))),
-    };
-    serve(listener, || Site::new(shown(), *bind, names), &|| stop.is_asked())
+    serve(listener, || Site::new(shown, *bind, names), &|| stop.is_asked())
 }
 
 /// The `.4dgs` that is sent.
-fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Scene> {
+fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Shown> {
     let source = Source::open(source)?;
     if clip.is_as_it_is(&source)? {
-        return Ok(Scene::of_file(source.path, None)?);
+        return Ok(Shown::File(source.path.to_owned()));
     }
     say!("{}: put into a .4dgs", source.path.display());
-    let beside = Removed(std::env::temp_dir().join(format!("ivv-serve-{}.4dgs", std::process::id())));
+    let folder = std::env::temp_dir();
+    // Servers that were killed while they wrote.
+    remove_temporaries(&folder, 0)?;
+    let beside = Removed(folder.join(format!("ivv-serve-{}.4dgs", std::process::id())));
     if clip.write_parts(&source, &beside.0)?.is_some() {
-        return Ok(Scene::of_file(&beside.0.clone(), Some(beside))?);
+        return Ok(Shown::Scene(Scene::of_file(&beside.0.clone(), Some(beside))?));
     }
     let splats = source.scene()?.splats;
-    Ok(Scene::new(clip.bytes(&source, &splats)?.into()))
+    Ok(Shown::Scene(Scene::new(clip.bytes(&source, &splats)?.into())))
 }
 
 /// A server of a training in this process, which ends with it.

@@ -9,12 +9,15 @@ use hyper::header::{self, HeaderValue};
 use hyper::{Method, Request, Response, StatusCode};
 use std::net::IpAddr;
 use std::ops::Range;
+use std::path::PathBuf;
 use std::rc::Rc;
 
 /// What there is to see.
 pub enum Shown {
     /// One scene.
     Scene(Scene),
+    /// That in this file, which others may write anew.
+    File(PathBuf),
     /// A run that trains.
     Run(Rc<Live>),
 }
@@ -91,7 +94,11 @@ impl Site {
         let path = request.uri().path().trim_start_matches('/');
         let other = match &self.shown {
             Shown::Scene(scene) if path == SCENE => return of_scene(scene, request),
-            Shown::Scene(_) => of_part(PARTS, path),
+            Shown::File(file) if path == SCENE => match Scene::of_file(file, None) {
+                Ok(scene) => return of_scene(&scene, request),
+                Err(_) => told(StatusCode::NOT_FOUND, "expected the file of the scene, found none that can be read"),
+            },
+            Shown::Scene(_) | Shown::File(_) => of_part(PARTS, path),
             Shown::Run(live) => match path.strip_prefix("at/").and_then(|rest| rest.split_once('/')) {
                 Some((name, SCENE)) => match live.scene(name).await {
                     Some(scene) => return of_scene(&scene, request),

@@ -62,7 +62,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write(&args.output.join("truth.wav"), &truth, Depth::Float32)?;
     let seconds = truth.len() as f64 / f64::from(FS);
     if json {
-        out!("{}", serde_json::json!({ "path": args.output, "seconds": seconds, "hrtf": hrtf.meta }));
+        let path = args.output.to_string_lossy();
+        out!("{}", serde_json::json!({ "path": path, "seconds": seconds, "hrtf": hrtf.meta }));
     } else {
         out!("{}: {seconds:.2} s as heard through {}", args.output.display(), hrtf.meta.title);
     }
