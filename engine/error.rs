@@ -68,8 +68,13 @@ pub enum Error {
         what: String,
         /// How many values.
         count: u64,
+        /// What to do about it.
+        remedy: &'static str,
     },
 }
+
+/// The remedy for faults of devices and drivers.
+const AGAIN: &str = "run again, with --device to choose another device if it persists";
 
 impl Error {
     /// A fault of `file` at `place`.
@@ -120,19 +125,42 @@ impl fmt::Display for Error {
                 if !after_pass.is_empty() {
                     write!(f, "the last pass known to have begun is `{after_pass}`; ")?;
                 }
-                write!(f, "run again, with --device to choose another device if it persists")?;
+                write!(f, "{AGAIN}")?;
                 if after_pass.is_empty() {
                     write!(f, ", or with --breadcrumbs to learn in which pass it is lost")?;
                 }
                 Ok(())
             }
-            Error::RanksLost { reason } => {
-                write!(f, "the processes of this run no longer step together: {reason}")
+            Error::RanksLost { reason } => write!(
+                f,
+                "the processes of this run no longer step together: {reason}; start all of them again, with --resume where \
+                 there is a checkpoint"
+            ),
+            Error::Vulkan { call, reason } => write!(f, "{call} failed: {reason}; {AGAIN}"),
+            Error::NonFinite { what, count, remedy } => {
+                write!(f, "{what} holds {count} values that are not finite; {remedy}")
             }
-            Error::Vulkan { call, reason } => write!(f, "{call} failed: {reason}"),
-            Error::NonFinite { what, count } => write!(f, "{what} holds {count} values that are not finite"),
         }
     }
 }
 
 impl std::error::Error for Error {}
+
+#[cfg(test)]
+mod tests {
+    use super::Error;
+
+    #[test]
+    fn faults_of_the_device_and_of_what_it_gives_tell_a_remedy() {
+        let faults = [
+            (Error::RanksLost { reason: "MPI has ended".to_owned() }, "--resume"),
+            (Error::Vulkan { call: "vkQueueSubmit", reason: "ERROR_UNKNOWN".to_owned() }, "--device"),
+            (Error::NonFinite { what: "view `a`".to_owned(), count: 2, remedy: "look at it" }, "look at it"),
+            (Error::DeviceLost { after_pass: String::new() }, "--device"),
+        ];
+        for (fault, remedy) in faults {
+            let told = fault.to_string();
+            assert!(told.rsplit_once("; ").is_some_and(|(_, last)| last.contains(remedy)), "{told}");
+        }
+    }
+}

@@ -1,51 +1,19 @@
 // The one list of kernels: included by build.rs, by the engine and by the tests. A row is a family: a shader and the choices that its
 // kernels differ in. All that is known of a kernel but its code is here: name, definitions, truth, cost, limit.
 
+#[path = "axes.rs"]
+mod axes;
 #[path = "family.rs"]
 mod family;
 
+use axes::{
+    ACCUMULATION, CARRIED, DEGREE, DIRECTION, EYES, GATHERED, HALF, LANES, MOMENTS, OUTPUTS, PIXELS, POOLED,
+    POPULATION, REPORTED, STRIDE,
+};
 pub use family::{Axis, Cost, Count, Family, Spec, Term};
 use family::{NONE, ROW, blending, own, per, switch};
 use std::collections::HashMap;
 use std::sync::LazyLock;
-
-const POPULATION: Axis = switch("is_dynamic", &[("static", NONE), ("dynamic", ("DYNAMIC", "1"))]);
-const DEGREE: Axis = Axis {
-    name: "degree",
-    values: &[
-        ("sh0", ("SH_DEGREE", "0")),
-        ("sh1", ("SH_DEGREE", "1")),
-        ("sh2", ("SH_DEGREE", "2")),
-        ("sh3", ("SH_DEGREE", "3")),
-    ],
-};
-const PIXELS: Axis = switch("is_eight", &[("p4", ("PIXELS", "4")), ("p8", ("PIXELS", "8"))]);
-const OUTPUTS: Axis = switch("is_color", &[("", ("FULL", "1")), ("color", NONE)]);
-const EYES: Axis = switch("is_stereo", &[("", NONE), ("stereo", ("STEREO", "1"))]);
-const HALF: Axis = switch("is_half", &[("", NONE), ("half", ("SH_HALF", "1"))]);
-const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);
-const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
-const GATHERED: Axis = switch("is_gathered", &[("", NONE), ("gathered", ("GATHERED", "1"))]);
-const REPORTED: Axis = switch("is_reported", &[("", NONE), ("report", ("REPORT", "1"))]);
-const POOLED: Axis = switch("is_pooled", &[("", NONE), ("pooled", ("POOLED", "1"))]);
-const CARRIED: Axis = switch("is_indexed", &[("", NONE), ("indexed", ("INDEXED", "1"))]);
-const DIRECTION: Axis = switch("is_backward", &[("", NONE), ("bwd", ("BACKWARD", "1"))]);
-
-const LANES: Axis = Axis {
-    name: "lanes",
-    values: &[("", NONE), ("w16", ("LANES", "16u")), ("w32", ("LANES", "32u")), ("w64", ("LANES", "64u"))],
-};
-
-const ACCUMULATION: Axis = Axis {
-    name: "accumulation",
-    values: &[
-        ("", NONE),
-        ("float", ("ACCUMULATE", "1")),
-        ("fixed", ("ACCUMULATE", "2")),
-        ("swap", ("ACCUMULATE", "3")),
-        ("fixed64", ("ACCUMULATE", "4")),
-    ],
-};
 
 /// The truth of the backward projection: of gradients, of a step, of a step with rounded moments.
 fn stepping(spec: &Spec) -> &'static str {

@@ -31,7 +31,10 @@ pub fn train_apart(
         return Err(fault).with_context(|| format!("{}: earlier scores cannot be removed", folder.display()));
     }
     write_json(&settings, config)?;
-    let log = std::fs::File::create(beside(folder, ".log")).context("the log of a run cannot be made")?;
+    let log = beside(folder, ".log");
+    let remedy = "free space or choose another folder with -o";
+    let log = std::fs::File::create(&log)
+        .map_err(|e| ivv::Error::data(&log, "", format!("the log of a run cannot be made: {e}"), remedy))?;
     let program = std::env::current_exe().context("the path of this program is not known")?;
     let status = Command::new(program)
         .arg("train")

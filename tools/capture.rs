@@ -1,6 +1,7 @@
 //! How the verbs that read a capture are told to read it: one set of options for `check`, `prepare`,
 //! `train`, `render` and `cameras`.
 
+use crate::settings::contradiction;
 use ivv::prepare::recognise;
 use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
 use ivv::train::Run;
@@ -115,7 +116,7 @@ impl CaptureArgs {
         let mut differ = Vec::new();
         if let Some(asked) = asked.test_cameras.as_ref().filter(|asked| names(asked) != names(&run.test_cameras)) {
             let (asked, has) = (asked.join(","), run.test_cameras.join(","));
-            differ.push(format!("--test-cameras: the run has {has}, asked for is {asked}"));
+            differ.push(contradiction("--test-cameras", has, asked));
         }
         let background = run.capture_settings.background;
         let of = |settings: &CaptureSettings| CaptureSettings { test_cameras: None, background, ..settings.clone() };

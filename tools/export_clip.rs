@@ -9,7 +9,6 @@ use anyhow::ensure;
 use glam::DVec3;
 use ivv::Constants;
 use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World};
-use ivv::scene::capture::Camera;
 use ivv::scene::{Splats, View, read_views, upright};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
@@ -375,8 +374,7 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
     let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
     let capture = run.open_capture(None)?.transformed(&run.world.inverse());
     let mut views = Vec::new();
-    let films = |camera: &Camera| !camera.is_test && !camera.is_photo;
-    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| films(camera)) {
+    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| camera.films()) {
         if let Some(shot) = camera.shots.first() {
             views.push(View { background: config.background, ..capture.view(index, shot.frame)? });
         }

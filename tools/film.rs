@@ -178,8 +178,9 @@ impl Film {
     /// In the size and with the field of view that are asked for, else with `fov` degrees.
     fn seen(self, args: &PathArgs, fov: f64) -> anyhow::Result<Film> {
         let (size, fov) = (args.size.unwrap_or(self.size), args.fov.unwrap_or(fov));
-        anyhow::ensure!(self.fps.is_finite() && self.fps > 0.0, "--fps must be positive");
-        anyhow::ensure!(fov > 0.0 && fov < 180.0, "--fov must lie between 0 and 180");
+        let fps = self.fps;
+        anyhow::ensure!(fps.is_finite() && fps > 0.0, "--fps: expected a positive number, found {fps}");
+        anyhow::ensure!(fov > 0.0 && fov < 180.0, "--fov: expected degrees above 0 and below 180, found {fov}");
         let focal = 0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan();
         Ok(Film { size, focal, ..self })
     }

@@ -6,14 +6,36 @@ use std::path::Path;
 /// `error`, which ended the run `output` after so many steps, with what `checkpoints` holds of it and how to go on.
 pub fn told(error: anyhow::Error, step: u64, checkpoints: &Path, output: &Path) -> anyhow::Error {
     let stopped = format!("training stopped after step {step}");
+    let again = format!("continue with `ivv train --resume -o {}`", output.display());
     let kept = match Checkpoint::newest(checkpoints) {
         Ok(Some(checkpoint)) => {
             let file = Checkpoint::file(checkpoints, checkpoint.step);
             let file = if file.is_file() { &file } else { checkpoints };
-            let (file, output) = (file.display(), output.display());
-            format!("{file} holds step {}; continue with `ivv train --resume -o {output}`", checkpoint.step)
+            format!("{} holds step {}; {again}", file.display(), checkpoint.step)
         }
-        Ok(None) | Err(_) => "no checkpoint can be read; begin again with --overwrite".to_owned(),
+        Ok(None) => "there is no checkpoint; begin again with --overwrite".to_owned(),
+        Err(fault) => format!("the checkpoints cannot be read: {fault}; mend that, then {again}"),
     };
     error.context(format!("{stopped}; {kept}; the reason"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::told;
+    use std::path::Path;
+
+    #[test]
+    fn only_where_there_is_no_checkpoint_is_one_advised_to_begin_again() {
+        let of =
+            |checkpoints: &Path| format!("{:#}", told(anyhow::anyhow!("it broke"), 3, checkpoints, Path::new("run")));
+        let folder = std::env::temp_dir().join(format!("ivv-kept-{}", std::process::id()));
+        std::fs::create_dir_all(&folder).unwrap();
+        let none = of(&folder);
+        assert!(none.contains("--overwrite") && none.ends_with("the reason: it broke"), "{none}");
+        std::fs::write(folder.join("00000003.ckpt"), "no checkpoint").unwrap();
+        let unreadable = of(&folder);
+        std::fs::remove_dir_all(&folder).unwrap();
+        assert!(unreadable.contains("00000003.ckpt: is no checkpoint of this version"), "{unreadable}");
+        assert!(unreadable.contains("--resume -o run") && !unreadable.contains("--overwrite"), "{unreadable}");
+    }
 }

@@ -13,9 +13,6 @@ use ivv::vk::DeviceKind;
 use ivv::words::count;
 use serde_json::json;
 
-/// Checkpoints that a run keeps at a time: the newest three, and the best.
-const KEPT: u64 = 4;
-
 /// Prints what the training that `args` ask for would take, as if the clip had `frames` frames where that is given. Writes nothing.
 pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> {
     let config = args.settings.resolve()?;
@@ -77,7 +74,8 @@ pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> 
         gigabytes(plan.image_bytes)
     );
     out!("host     {} of decoded images at a time, of {} in all", gigabytes(plan.cache_bytes), gigabytes(decoded));
-    out!("disk     {KEPT} checkpoints of {}; the images are {}", gigabytes(checkpoint), gigabytes(of_images));
+    let kept = Checkpoint::MOST_KEPT;
+    out!("disk     {kept} checkpoints of {}; the images are {}", gigabytes(checkpoint), gigabytes(of_images));
     out!("read     {} of image files, in {}", gigabytes(read), count(reads, "image"));
     out!("time     {steps} times what a step takes: `ivv profile` measures one");
     Ok(())

@@ -27,8 +27,7 @@ pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Resu
     for (index, correction) in trainer.poses()? {
         let camera = &capture.cameras[index];
         // One view of a camera that stays where it is.
-        let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
-        for shot in camera.shots.iter().take(if moves { usize::MAX } else { 1 }) {
+        for shot in camera.shots.iter().take(if camera.moves() { usize::MAX } else { 1 }) {
             let view = correction.view(&capture.view(index, shot.frame)?);
             let next_pose = view.next_pose.map(|pose| world.pose(&pose));
             views.push(View { pose: world.pose(&view.pose), next_pose, ..view });

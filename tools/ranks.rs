@@ -87,18 +87,7 @@ impl Team {
     /// Refuses to go on where the processes have other scenes than this one has, `splats`, after step `step`.
     pub fn agree(&self, splats: &Splats, step: u64) -> ivv::Result<()> {
         let Some(ranks) = &self.0 else { return Ok(()) };
-        let Splats { position, rotation, scale, opacity, sh, motion, .. } = splats;
-        let mut hash = Sha256::new();
-        let parts: [&[u8]; 6] = [
-            bytemuck::cast_slice(position),
-            bytemuck::cast_slice(rotation),
-            bytemuck::cast_slice(scale),
-            bytemuck::cast_slice(opacity),
-            bytemuck::cast_slice(sh),
-            bytemuck::cast_slice(motion),
-        ];
-        parts.iter().for_each(|part| hash.update(part));
-        let own = hash.finalize();
+        let own = hash(splats);
         let all = ranks.gather(&own)?;
         match all.chunks_exact(own.len()).position(|other| other != &own[..]) {
             None => Ok(()),
@@ -111,6 +100,20 @@ impl Team {
             }),
         }
     }
+}
+
+/// Tells scenes apart by any bit.
+pub fn hash(splats: &Splats) -> sha2::digest::Output<Sha256> {
+    let Splats { position, rotation, scale, opacity, sh, motion, .. } = splats;
+    let parts: [&[u8]; 6] = [
+        bytemuck::cast_slice(position),
+        bytemuck::cast_slice(rotation),
+        bytemuck::cast_slice(scale),
+        bytemuck::cast_slice(opacity),
+        bytemuck::cast_slice(sh),
+        bytemuck::cast_slice(motion),
+    ];
+    parts.iter().fold(Sha256::new(), |hash, part| hash.chain_update(part)).finalize()
 }
 
 #[cfg(not(feature = "mpi"))]

@@ -4,6 +4,7 @@ use crate::files::read_json;
 use anyhow::Context;
 use ivv::train::{Config, Preset, check_name, check_settings, merge};
 use serde_json::{Value, json};
+use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
 /// Settings of a run.
@@ -63,8 +64,13 @@ fn differences(key: &str, has: &Value, asked: &Value, found: &mut Vec<String>) {
             }
         }
         _ if has == asked => {}
-        _ => found.push(format!("{key}: the run has {has}, asked for is {asked}")),
+        _ => found.push(contradiction(key, has, asked)),
     }
+}
+
+/// What `option` asks for where a run, which keeps what it has, has something else.
+pub fn contradiction(option: impl Display, has: impl Display, asked: impl Display) -> String {
+    format!("{option}: the run has {has}, the option asks for {asked}")
 }
 
 impl SettingArgs {

@@ -47,7 +47,7 @@ impl Start {
     fn anew(args: &Args, leads: bool) -> anyhow::Result<Self> {
         let mut config = args.settings.resolve()?;
         let base = args.base.as_deref().map(Base::read).transpose()?;
-        let path = args.capture.as_deref().context("CAPTURE is needed, unless a run is resumed")?;
+        let path = args.capture.as_deref().context("expected CAPTURE, found none; give it, or --resume a run")?;
         let settings = CaptureSettings { background: config.background, ..args.read.settings() };
         let mut capture = crate::capture::open(path, &settings)?;
         capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
@@ -152,7 +152,12 @@ impl Start {
         let asked = args.settings.extended(&planned);
         let total = if asked == planned { planned_total } else { asked.total(n_images) };
         let done = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.step);
-        ensure!(total >= done, "the run has done {}, and {total} are asked for: ask for more", count(done, "step"));
+        ensure!(
+            total >= done,
+            "the run has done {}: expected at least as many, found {total}; give more with --steps or --epochs, or train anew in \
+             another folder",
+            count(done, "step")
+        );
         let is_extended = total != planned_total;
         let config = if is_extended { asked } else { planned };
         let gpu = args.device.open_nth(local_rank())?;

@@ -95,10 +95,9 @@ impl ViewArgs {
             if !is_taken {
                 continue;
             }
-            let moves = camera.shots.iter().any(|shot| shot.world_to_camera.is_some());
             let is_asked = |frame: &u32| self.frames.as_ref().is_none_or(|frames| frames.contains(frame));
             let shots = camera.shots.iter().map(|shot| shot.frame).filter(is_asked);
-            for frame in shots.take(if time.is_some() && !moves { 1 } else { usize::MAX }) {
+            for frame in shots.take(if time.is_some() && !camera.moves() { 1 } else { usize::MAX }) {
                 views.push(capture.view(index, frame)?);
             }
         }

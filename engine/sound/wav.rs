@@ -113,7 +113,8 @@ pub enum Depth {
 pub fn write<const N: usize>(path: &Path, frames: &[[f32; N]], depth: Depth) -> Result<()> {
     let count = frames.as_flattened().iter().filter(|value| !value.is_finite()).count() as u64;
     if count > 0 {
-        return Err(Error::NonFinite { what: format!("the sound of {}", path.display()), count });
+        let remedy = "look for them in the recordings and the ears' responses that it is made of";
+        return Err(Error::NonFinite { what: format!("the sound of {}", path.display()), count, remedy });
     }
     let bytes = encode(frames, depth).map_err(|e| {
         Error::data(path, "", format!("cannot be encoded: {e}"), "a WAV file holds at most 4 GiB: render in parts")

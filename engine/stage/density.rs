@@ -130,7 +130,7 @@ impl DensityRound {
     /// zero, and all statistics begin anew.
     ///
     /// # Errors
-    /// [`Error::NonFinite`] when no Gaussian is left, [`Error::OutOfMemory`] naming the buffer that does not fit.
+    /// [`Error::Data`] when no Gaussian is left, [`Error::OutOfMemory`] naming the buffer that does not fit.
     pub fn run(
         &self,
         gpu: &Gpu,

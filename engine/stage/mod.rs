@@ -43,7 +43,7 @@ mod window;
 mod workspace;
 mod zeros;
 
-pub use accumulation::{Accumulation, SLOT_PAIRS, Sums};
+pub use accumulation::{Accumulation, Sums};
 pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums};
 pub use backward::{Backward, Drawn, Target};
 pub use batch::{Batch, MOST_IMAGES, Rows};

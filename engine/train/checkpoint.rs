@@ -10,10 +10,11 @@ use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
 use crate::scene::{Similarity, Splats};
 use crate::stage::{GridState, PoseRows};
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 const MAGIC: &[u8; 8] = b"IVVCKPT4";
-/// Checkpoints kept in a folder.
+/// Newest checkpoints kept in a folder.
 const KEEP: usize = 3;
 const REMEDY: &str = "delete it to go on from the one before";
 
@@ -166,6 +167,9 @@ fn hash_bytes(bytes: &[u8]) -> u64 {
 }
 
 impl Checkpoint {
+    /// Checkpoints that a folder holds at most: the newest three, and the best.
+    pub const MOST_KEPT: usize = KEEP + 1;
+
     /// The file of `step` in `folder`.
     pub fn file(folder: &Path, step: u64) -> PathBuf {
         folder.join(format!("{step:08}.ckpt"))
@@ -278,16 +282,16 @@ impl Checkpoint {
     }
 
     /// Keeps the checkpoint of `step` in `folder`, whose test views have a mean of `psnr` dB, as the best one if it is;
-    /// the best one before it is removed. Says whether it is.
+    /// the best one before it is removed.
     ///
     /// # Errors
     /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.
-    pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<bool> {
+    pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<()> {
         // As far as a name tells it: the best one itself, scored again, is not better than it was.
         let told = format!("{psnr:.4}");
         let is_better = |(_, best): (u64, f64)| told.parse().is_ok_and(|psnr: f64| psnr > best);
         if !psnr.is_finite() || !Self::best(folder)?.is_none_or(is_better) {
-            return Ok(false);
+            return Ok(());
         }
         let file = Self::file(folder, step);
         let best = folder.join(format!("best-{step:08}-{told}dB.ckpt"));
@@ -299,7 +303,7 @@ impl Checkpoint {
             write_atomic(&best, |to| to.write_all(&bytes))?;
         }
         list(folder)?.iter().filter(|kept| kept.psnr.is_some() && kept.file != best).for_each(|old| remove(&old.file));
-        Ok(true)
+        Ok(())
     }
 
     /// Reads a checkpoint and verifies every hash.
@@ -309,30 +313,7 @@ impl Checkpoint {
     pub fn read(file: &Path) -> Result<Self> {
         let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
         let bytes = read_file(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
-        let Some((head, rest)) = bytes.split_at_checked(24).filter(|(head, _)| head.starts_with(MAGIC)) else {
-            return Err(fault("", "is no checkpoint of this version".to_owned()));
-        };
-        let number = |at: usize| head[at..at + 8].iter().rev().fold(0u64, |n, byte| n << 8 | u64::from(*byte));
-        // As long as it may be: it grows with the cameras, and its hash tells whether it is one.
-        let length = usize::try_from(number(8)).ok();
-        let Some((header, mut rest)) = length.and_then(|n| rest.split_at_checked(n)) else {
-            return Err(fault("header", "is cut".to_owned()));
-        };
-        if hash_bytes(header) != number(16) {
-            return Err(fault("header", "its hash differs".to_owned()));
-        }
-        let header: Header = serde_json::from_slice(header).map_err(|e| fault("header", e.to_string()))?;
-        let mut values = std::collections::BTreeMap::new();
-        for section in &header.sections {
-            let cut = section.len.checked_mul(4).and_then(|n| rest.split_at_checked(n));
-            let Some((data, tail)) = cut else { return Err(fault(&section.name, "is cut".to_owned())) };
-            let data: Vec<f32> = data.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-            if hash_values(&data) != section.hash {
-                return Err(fault(&section.name, "its hash differs".to_owned()));
-            }
-            values.insert(section.name.clone(), data);
-            rest = tail;
-        }
+        let (header, mut values) = verified(file, &bytes)?;
         let n_degrees = header.degrees.iter().try_fold(0usize, |sum, (n, _)| sum.checked_add(*n));
         if n_degrees.is_none_or(|n| n > bytes.len()) {
             return Err(fault("header", "has more SH degrees than the file can have Gaussians".to_owned()));
@@ -433,6 +414,36 @@ impl Checkpoint {
         }
         newest_fault.map_or(Ok(None), Err)
     }
+}
+
+/// The header of the checkpoint `file`, and the numbers of its sections by name, all as their hashes say.
+fn verified(file: &Path, bytes: &[u8]) -> Result<(Header, BTreeMap<String, Vec<f32>>)> {
+    let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
+    let Some((head, rest)) = bytes.split_at_checked(24).filter(|(head, _)| head.starts_with(MAGIC)) else {
+        return Err(fault("", "is no checkpoint of this version".to_owned()));
+    };
+    let number = |at: usize| head[at..at + 8].iter().rev().fold(0u64, |n, byte| n << 8 | u64::from(*byte));
+    // As long as it may be: it grows with the cameras, and its hash tells whether it is one.
+    let length = usize::try_from(number(8)).ok();
+    let Some((header, mut rest)) = length.and_then(|n| rest.split_at_checked(n)) else {
+        return Err(fault("header", "is cut".to_owned()));
+    };
+    if hash_bytes(header) != number(16) {
+        return Err(fault("header", "its hash differs".to_owned()));
+    }
+    let header: Header = serde_json::from_slice(header).map_err(|e| fault("header", e.to_string()))?;
+    let mut values = BTreeMap::new();
+    for section in &header.sections {
+        let cut = section.len.checked_mul(4).and_then(|n| rest.split_at_checked(n));
+        let Some((data, tail)) = cut else { return Err(fault(&section.name, "is cut".to_owned())) };
+        let data: Vec<f32> = data.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
+        if hash_values(&data) != section.hash {
+            return Err(fault(&section.name, "its hash differs".to_owned()));
+        }
+        values.insert(section.name.clone(), data);
+        rest = tail;
+    }
+    Ok((header, values))
 }
 
 /// A file of a folder of checkpoints, as its name tells.

@@ -261,11 +261,11 @@ impl GridKind {
 #[serde(rename_all = "snake_case")]
 pub enum PoseKind {
     /// Learnt in a clip for 30 % of the run; then those, or the capture's where they hardly differ.
+    #[default]
     Auto,
     /// Learnt.
     Learnt,
     /// The capture's.
-    #[default]
     Given,
 }
 

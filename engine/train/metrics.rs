@@ -20,7 +20,7 @@ use std::time::Instant;
 const AHEAD: usize = 8;
 
 /// What the scores mean, by name; written beside every set of them.
-pub const METRICS: [(&str, &str); 8] = [
+const METRICS: [(&str, &str); 8] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
     ("psnr_aligned", "PSNR after the affine map of colours, one for each view, that brings it closest to the image"),
     (
@@ -43,7 +43,7 @@ pub const METRICS: [(&str, &str); 8] = [
     ),
 ];
 
-/// What holds for all of [`METRICS`].
+/// What holds for all scores.
 pub const METRICS_OF: &str = "the rendered colour, clamped to [0, 1], not rounded to 8 bits, against the 8-bit image; \
                               no crop; means are over views that their masks do not hide";
 
@@ -334,7 +334,8 @@ pub fn evaluate(
         let render_ms = 1e3 * (begun.elapsed().as_secs_f64() - report.read_back_s);
         let n_bad = rendered.color.as_flattened().iter().filter(|c| !c.is_finite()).count() as u64;
         if n_bad > 0 {
-            return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad });
+            let remedy = "run `ivv inspect` on the scene, which tells how large its numbers are";
+            return Err(Error::NonFinite { what: format!("view `{}`", view.name), count: n_bad, remedy });
         }
         let scores = meter.scores(&rendered, &picture)?;
         let within = |mask: &[bool]| psnr_of(&rendered, &picture, |pixel| mask[pixel]);

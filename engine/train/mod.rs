@@ -53,17 +53,14 @@ pub use init::{Initial, PointCounts, from_points, initialise, random_points};
 pub use lock::RunLock;
 pub use log::{Kind, Log};
 pub use metrics::{
-    Evaluation, METRICS, METRICS_OF, Meter, SceneScores, SceneSize, Scores, Sight, ViewScores, evaluate, psnr, spread,
+    Evaluation, METRICS_OF, Meter, SceneScores, SceneSize, Scores, Sight, ViewScores, evaluate, psnr, spread,
 };
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
-pub use plan::{BoundBy, Class, INTERSECTIONS_PER_GAUSSIAN, ImageMemory, Limits, Need, Plan, Workload};
+pub use plan::{BoundBy, Class, ImageMemory, Limits, Need, Plan, Workload};
 pub use poses::Correction;
 pub use preset::{PRESETS, Preset, merge};
 pub use ranks::{Ranks, Shared, any};
-pub use require::{
-    Due, Evidence, Fate, GridCheck, InTime, Review, Seen, affordable, carry_out, fates, merge_resting, review,
-    review_due,
-};
+pub use require::{Due, Evidence, GridCheck, Review, Seen, merge_resting, review, review_due};
 pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
 pub use segments::{Joined, Segments};

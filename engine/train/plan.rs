@@ -15,7 +15,7 @@ use std::fmt;
 
 /// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 2 to 10 are
 /// seen, fewest where they are small. A run that has more grows its lists.
-pub const INTERSECTIONS_PER_GAUSSIAN: f64 = 4.0;
+const INTERSECTIONS_PER_GAUSSIAN: f64 = 4.0;
 
 /// Quarters of the memory that a run with the most Gaussians leaves that pictures may take: its lists may grow longer than
 /// planned, and others use the device too.
@@ -30,7 +30,7 @@ pub struct Workload {
     pub dynamic: u64,
     /// Gaussians never exceed this.
     pub max_gaussians: u64,
-    /// Pairs with tiles per Gaussian; see [`INTERSECTIONS_PER_GAUSSIAN`].
+    /// Pairs with tiles per Gaussian, in the view that has most of them.
     pub intersections_per_gaussian: f64,
     /// Pixels of the largest picture.
     pub pixels: u64,

@@ -80,7 +80,6 @@ impl Setup {
         let trained: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();
         let may_have_grids = config.grids.is_some() && capture.is_rig_clip();
         let n_trained = trained.iter().filter(|trained| **trained).count();
-        let films = |camera: &&Camera| !camera.is_test && !camera.is_photo;
         // One picture fits any clock: the scene takes up what is off.
         let has_pictures = |camera: usize| capture.cameras[camera].shots.len() > 1;
         let observable: Vec<bool> = trained.iter().enumerate().map(|(i, is)| *is && has_pictures(i)).collect();
@@ -90,7 +89,7 @@ impl Setup {
             extent: capture.extent(),
             lenses: [lenses::of_cameras(capture), lenses::between_cameras(capture)].concat(),
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
-            n_filming: capture.cameras.iter().filter(films).count(),
+            n_filming: capture.cameras.iter().filter(|camera| camera.films()).count(),
             first_photo: capture.cameras.iter().take_while(|camera| !camera.is_photo).count(),
             learns_offset: if config.offsets && capture.is_rig_clip() { learns_offset } else { Vec::new() },
             learns_pose: match config.poses {
@@ -181,7 +180,7 @@ fn centers(capture: &Capture) -> Vec<Option<DVec3>> {
         let frames = camera.shots.iter().map(|shot| shot.frame);
         let centers: Vec<DVec3> =
             frames.filter_map(|frame| Some(capture.view(index, frame).ok()?.pose.center())).collect();
-        let is_learnt = !camera.is_test && !camera.is_photo && !centers.is_empty();
+        let is_learnt = camera.films() && !centers.is_empty();
         is_learnt.then(|| centers.iter().sum::<DVec3>() / centers.len() as f64)
     };
     capture.cameras.iter().enumerate().map(of_camera).collect()

@@ -29,8 +29,8 @@ fn every_number_of_a_binary_model_arrives() {
     assert_eq!(
         capture.points,
         [
-            Point { position: [0.125, -2.0, 3.0], color: [255, 0, 17], n_views: 2 },
-            Point { position: [1e-3, 1e3, -0.1], color: [1, 2, 3], n_views: 1 }
+            Point { position: [0.125, -2.0, 3.0], color: [255, 0, 17] },
+            Point { position: [1e-3, 1e3, -0.1], color: [1, 2, 3] }
         ]
     );
     assert!(capture.view(3, 0).is_err() && capture.view(0, 1).is_err() && capture.picture(0, 1).is_err());

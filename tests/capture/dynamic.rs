@@ -153,7 +153,7 @@ fn initial_points_are_read_and_their_faults_told() {
     let whole = npz("data.npy", &npy(header, &values));
     folder.write("init_pt_cld.npz", &whole);
     let expected = [([1.0, 2.0, 3.0], [128, 0, 255]), ([-4.0, 5.5, 6.0], [255, 64, 255])];
-    assert_eq!(folder.open().points, expected.map(|(position, color)| Point { position, color, n_views: 0 }));
+    assert_eq!(folder.open().points, expected.map(|(position, color)| Point { position, color }));
     for n in 0..whole.len() {
         folder.write("init_pt_cld.npz", &whole[..n]);
         assert_told(&folder.check(), &["init_pt_cld.npz"]);

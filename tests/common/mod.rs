@@ -4,6 +4,7 @@ pub mod device;
 pub mod frames;
 pub mod golden;
 pub mod notes;
+pub mod running;
 pub mod stages;
 pub mod twins;
 

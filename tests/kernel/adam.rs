@@ -78,7 +78,8 @@ fn a_step_has_the_same_bits_whatever_else_there_is_room_for() {
     let scene = half_seen(9, 1);
     let d_color = cotangents(&view, 6, 1e-3);
     for sums in [Sums::Slots, Sums::Fixed32, Sums::Fixed64] {
-        if sums.check(gpu().caps()).is_err() {
+        if let Err(reason) = sums.check(gpu().caps()) {
+            crate::common::notes::skip(reason);
             continue;
         }
         let [found, expected] = [100_000, 0]

@@ -144,7 +144,7 @@ fn a_gaussian_and_a_band_are_worth_what_the_picture_without_them_tells() {
             let along: f64 = change.iter().zip(errors.color.as_flattened()).map(|(x, e)| x * f64::from(*e)).sum();
             let size = squares.sqrt();
             assert!((slope / DRAWS as f64 - along).abs() < 0.15 * size, "{i}: slope {slope}, not {along} of {size}");
-            // A mean of so many squares of nearly normal numbers is off by a fifth.
+            // A mean of so many squares of nearly normal numbers has a fifth of it for its deviation: three below, six above.
             let ratio = information / DRAWS as f64 / squares;
             assert!((0.4..2.2).contains(&ratio), "{i}: information {ratio} times {squares}");
             n_compared += 1;

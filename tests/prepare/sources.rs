@@ -348,7 +348,7 @@ fn plain_colmap_is_undistorted_with_its_points() {
     folder.write("source/poses_bounds.npy", "");
     let capture = open(&settings);
     assert_eq!((capture.n_frames, capture.cameras.len(), capture.points.len()), (1, 2, 1));
-    assert_eq!((capture.points[0].color, capture.points[0].n_views), ([9, 8, 7], 2));
+    assert_eq!(capture.points[0].color, [9, 8, 7]);
     let [a, b] = capture.cameras.as_slice() else { panic!() };
     assert!(a.intrinsics.width > 64 && a.intrinsics.height > 48);
     // A pinhole passes through, also one with two focal lengths, and its file is taken over.

@@ -100,8 +100,8 @@ fn nothing_is_left_to_be_done_by_nobody_or_kept_alike_by_hand() {
     let by_hand = ["keep in", "sync"].join(" ");
     let later = ["TO", "DO"].concat();
     let is_text = |file: &String| {
-        [".rs", ".comp", ".glsl", ".md", ".sh", ".toml"].iter().any(|ending| file.ends_with(ending))
-            || file == ".ci/run"
+        let endings = [".rs", ".comp", ".glsl", ".md", ".sh", ".toml", ".py", ".js", ".mjs"];
+        endings.iter().any(|ending| file.ends_with(ending)) || file == ".ci/run"
     };
     let mut n_files = 0;
     for file in files("").into_iter().filter(is_text) {
@@ -144,7 +144,11 @@ fn tests_say_through_one_function_that_they_do_not_run() {
 
 #[test]
 fn bash_can_read_every_script() {
-    let scripts = files("tools").into_iter().filter(|file| file.ends_with(".sh")).chain([".ci/run".to_owned()]);
+    let scripts = files("").into_iter().filter(|file| file.ends_with(".sh") || file == ".ci/run");
+    let scripts: Vec<String> = scripts.collect();
+    for named in ["tools/test.sh", "tests/mpi.sh", ".ci/run"] {
+        assert!(scripts.iter().any(|script| script == named), "{named} was not read");
+    }
     for script in scripts {
         let read = std::process::Command::new("bash").arg("-n").arg(root().join(&script)).output().unwrap();
         assert!(read.status.success(), "{script}: {}", String::from_utf8_lossy(&read.stderr));

@@ -1,10 +1,11 @@
 //! Output that cannot be written ends no work, and never with a panic.
 
 use super::{Folder, ivv};
+use crate::common::running::Running;
 use serde_json::Value;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Child, Output, Stdio};
+use std::process::{Output, Stdio};
 
 /// The writing end of a pipe that nobody reads.
 fn closed_pipe() -> Stdio {
@@ -70,20 +71,20 @@ fn warnings_and_faults_that_find_no_room_change_nothing() {
 }
 
 /// A training whose standard error is read up to its first line.
-fn train_without_reader(folder: &Folder, more: &[&str]) -> Child {
+fn train_without_reader(folder: &Folder, more: &[&str]) -> Running {
     let (capture, run) = (folder.capture(), folder.path("run"));
     let train = ["train", &capture, "-o", &run, "--max-gaussians", "800", "--eval-every", "0", "--log-level", "trace"];
-    let mut child = ivv(&[&train, more].concat()).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
-    let mut reader = BufReader::new(child.stderr.take().unwrap());
+    let mut training = Running::start(ivv(&[&train, more].concat()).stdout(Stdio::null()).stderr(Stdio::piped()));
+    let mut reader = BufReader::new(training.0.stderr.take().unwrap());
     reader.read_line(&mut String::new()).unwrap();
-    child
+    training
 }
 
 #[test]
 fn a_training_outlives_the_reader_of_its_messages() {
     let folder = Folder::new("reader");
-    let mut child = train_without_reader(&folder, &["--steps", "12"]);
-    assert_eq!(child.wait().unwrap().code(), Some(0));
+    let mut training = train_without_reader(&folder, &["--steps", "12"]);
+    assert_eq!(training.code(), Some(0));
     assert!(folder.0.join("run/scene.ply").is_file() && folder.0.join("run/report.html").is_file());
 }
 
@@ -91,15 +92,11 @@ fn a_training_outlives_the_reader_of_its_messages() {
 #[cfg(unix)]
 fn ctrl_c_leaves_a_checkpoint_where_nobody_reads_the_messages() {
     let folder = Folder::new("interrupt");
-    let mut child = train_without_reader(&folder, &["--steps", "100000", "--checkpoint-every", "5"]);
+    let mut training = train_without_reader(&folder, &["--steps", "100000", "--checkpoint-every", "5"]);
     // Steps are under way once there is a checkpoint.
-    while !folder.0.join("run/checkpoints/00000005.ckpt").is_file() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    let pid = rustix::process::Pid::from_child(&child);
-    rustix::process::kill_process(pid, rustix::process::Signal::INT).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(130));
+    training.wait_for_checkpoint(&folder.0.join("run/checkpoints"), 5);
+    training.signal(rustix::process::Signal::INT);
+    assert_eq!(training.code(), Some(130));
 }
 
 #[test]

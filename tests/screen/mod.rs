@@ -3,6 +3,7 @@
 mod device;
 mod lost;
 mod manual;
+mod options;
 #[cfg(unix)]
 mod terminal;
 mod trace;

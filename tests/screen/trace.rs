@@ -1,6 +1,8 @@
 //! `--trace`: spans of a command in Chrome's trace format.
 
 use super::{Folder, ivv};
+#[cfg(unix)]
+use crate::common::running::Running;
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -120,18 +122,11 @@ fn stopped(name: &str, signal: rustix::process::Signal, code: Option<i32>) -> Ve
     let folder = Folder::new(name);
     let (capture, run, file) = (folder.capture(), folder.path("run"), folder.path("trace.json"));
     let train = ["train", &capture, "-o", &run, "--steps", "100000", "-q", "--trace", &file];
-    let mut child = ivv(&[&train[..], &SHORT[..2], &["--checkpoint-every", "5"]].concat())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    while !folder.0.join("run/checkpoints/00000005.ckpt").is_file() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
-        std::thread::sleep(std::time::Duration::from_millis(20));
-    }
-    let pid = rustix::process::Pid::from_child(&child);
-    rustix::process::kill_process(pid, signal).unwrap();
-    assert_eq!(child.wait().unwrap().code(), code);
+    let mut command = ivv(&[&train[..], &SHORT[..2], &["--checkpoint-every", "5"]].concat());
+    let mut training = Running::start(command.stdout(Stdio::null()).stderr(Stdio::null()));
+    training.wait_for_checkpoint(&folder.0.join("run/checkpoints"), 5);
+    training.signal(signal);
+    assert_eq!(training.code(), code);
     if code.is_some() {
         let found = paths(&spans(Path::new(&file)));
         assert!(found.contains("ivv/step/wait") && found.contains("write checkpoint"), "{found:?}");

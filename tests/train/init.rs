@@ -216,7 +216,7 @@ fn the_points_of_a_capture_are_joined_with_the_surfaces_that_its_pictures_show()
     let swept = still(&alone);
     // Every thirtieth surface, and as many points of what moves, most of which is there in the first frame too.
     let (every, moving) = (swept.iter().step_by(30), &alone.splats.position[alone.splats.n_static..]);
-    let point = |at: &[f32; 3]| Point { position: at.map(f64::from), color: [255, 0, 255], n_views: 2 };
+    let point = |at: &[f32; 3]| Point { position: at.map(f64::from), color: [255, 0, 255] };
     let mut with_points = capture.clone();
     let n = every.len();
     with_points.points = every.map(point).chain(moving.iter().take(n).map(point)).collect();

@@ -139,6 +139,7 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
     let mut losses = Vec::new();
     for report in reports {
         assert!(report.loss.is_finite() && report.bad_gradients == 0 && report.visible > 0, "{report:?}");
+        assert!(report.gaussians as usize <= config.max_gaussians, "more than the budget: {report:?}");
         losses.push(report.loss);
     }
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
@@ -186,6 +187,7 @@ fn gaussians_never_exceed_the_budget() {
     let tiny = Tiny::new("budget");
     let config = Config { sh_degree: 0, max_gaussians: 230, ..steady() };
     let begin = from_points(&tiny.capture.points[..200], &tiny.capture, &config);
+    // Which looks at every step.
     let (end, ..) = train(&tiny.capture, &config, &begin, 80);
     assert!(end.len() > 200 && end.len() <= 230, "{} Gaussians", end.len());
 }

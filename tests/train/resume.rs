@@ -3,6 +3,7 @@
 use super::run::{fails, ivv, json, works};
 use super::{Tiny, bits};
 use crate::common::device::gpu;
+use crate::common::running::Running;
 use ivv::Constants;
 use ivv::scene::Splats;
 use ivv::stage::{AdamMode, GRID_NUMBERS};
@@ -162,13 +163,13 @@ fn a_run_is_extended_and_other_settings_are_refused() {
     let told = fails(&case.resume(&["--steps", "4"]), 2);
     assert!(told.contains(&format!("has done {} steps", 3 * images)) && told.contains('4'), "{told}");
     let contradictions: [(&[&str], &[&str]); 4] = [
-        (&["--seed", "6"], &["seed: the run has 5, asked for is 6"]),
+        (&["--seed", "6"], &["seed: the run has 5, the option asks for 6"]),
         (
             &["--set", "density.growth=0.5", "--sh-degree", "3"],
             &["density.growth: the run has", "sh_degree: the run has 1"],
         ),
         (&["--test-cameras", "cam00"], &["--test-cameras: the run has", "cam00"]),
-        (&["--blur", "0.1"], &["--blur: the run has 0.3"]),
+        (&["--blur", "0.1"], &["--blur: the run has 0.3, the option asks for 0.1"]),
     ];
     for (flags, expected) in contradictions {
         let told = fails(&case.resume(flags), 2);
@@ -232,20 +233,13 @@ fn a_run_folder_has_one_training_at_a_time() {
 fn a_killed_training_leaves_no_lock() {
     let case = Case::new("kill");
     let train = case.train(&[&SMALL[..], &["--steps", "100000", "--checkpoint-every", "3"]].concat());
-    let mut child = Command::new(env!("CARGO_BIN_EXE_ivv"))
-        .args(train)
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .spawn()
-        .unwrap();
-    while !Checkpoint::file(&case.run.join("checkpoints"), 3).is_file() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    let mut training = Running::start(command.args(train).stdout(Stdio::null()).stderr(Stdio::null()));
+    training.wait_for_checkpoint(&case.run.join("checkpoints"), 3);
     let told = fails(&case.resume(&[]), 3);
-    assert!(told.contains(&format!("process {} on ", child.id())), "{told}");
-    child.kill().unwrap();
-    child.wait().unwrap();
+    assert!(told.contains(&format!("process {} on ", training.0.id())), "{told}");
+    training.0.kill().unwrap();
+    training.0.wait().unwrap();
     let newest = Checkpoint::newest(&case.run.join("checkpoints")).unwrap().unwrap();
     let total = (newest.step + 2).to_string();
     works(&case.resume(&["--steps", &total]));

@@ -3,6 +3,8 @@
 use super::Tiny;
 use super::run::{fails, ivv, json, works};
 use crate::common::device::gpu;
+#[cfg(unix)]
+use crate::common::running::Running;
 use ivv::formats::read_ply;
 use ivv::scene::{ALWAYS, Splats};
 use serde_json::Value;
@@ -124,20 +126,13 @@ fn segments_that_are_asked_to_end_pass_it_on_and_begin_nothing_more() {
     let plan = tiny.folder.join("plan");
     let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--frames", "5", "--overlap", "2"];
     works(&[&planned[..], &["--steps", "100000", "--set", "init_points=200"]].concat());
-    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"))
-        .args(["segments", "run", text(&plan), "--", "--eval-every", "0", "--checkpoint-every", "3"])
-        .stdout(std::process::Stdio::null())
-        .stderr(std::process::Stdio::null())
-        .spawn()
-        .unwrap();
-    let checkpoints = plan.join("base/checkpoints");
-    while !ivv::train::Checkpoint::file(&checkpoints, 3).is_file() {
-        assert!(child.try_wait().unwrap().is_none(), "it ended by itself");
-        std::thread::sleep(std::time::Duration::from_millis(10));
-    }
-    let pid = rustix::process::Pid::from_child(&child);
-    rustix::process::kill_process(pid, rustix::process::Signal::TERM).unwrap();
-    assert_eq!(child.wait().unwrap().code(), Some(130));
+    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
+    command.args(["segments", "run", text(&plan), "--", "--eval-every", "0", "--checkpoint-every", "3"]);
+    command.stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null());
+    let mut running = Running::start(&mut command);
+    running.wait_for_checkpoint(&plan.join("base/checkpoints"), 3);
+    running.signal(rustix::process::Signal::TERM);
+    assert_eq!(running.code(), Some(130));
     // The training has ended too: it holds its folder no more.
     drop(ivv::train::RunLock::take(&plan.join("base")).unwrap());
     assert!(!plan.join("segment-0000").exists());

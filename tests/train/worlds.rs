@@ -45,7 +45,7 @@ fn the_near_plane_is_an_eighth_of_the_extent_or_half_the_depth_of_the_nearest_po
     let before = |camera: &Camera, depth: f64| {
         let pose = camera.world_to_camera;
         let position = (pose.center() + depth * pose.forward()).to_array();
-        Point { position, color: [0; 3], n_views: 1 }
+        Point { position, color: [0; 3] }
     };
     let points = |capture: &Capture, is_test: bool, depth: f64| {
         capture.cameras.iter().filter(|c| c.is_test == is_test).map(|camera| before(camera, depth)).collect()

@@ -305,6 +305,8 @@ fn an_orbit_shows_what_cameras_look_at_from_all_sides() {
     assert!(bad(&["--orbit", "1e9"]).contains("at most"));
     assert!(bad(&["--orbit", "1", "--format", "exr"]).contains("--format"));
     assert!(bad(&["--fov", "50"]).contains("--orbit"));
+    let wide = bad(&["--orbit", "1", "--fov", "200"]);
+    assert!(wide.contains("--fov: expected degrees above 0 and below 180, found 200"), "{wide}");
     views(&[view("a", 3.0, -3.0)]);
     let done = ivv(&orbit);
     let told = String::from_utf8_lossy(&done.stderr).into_owned();

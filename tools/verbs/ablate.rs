@@ -163,13 +163,18 @@ impl<'a> Job<'a> {
         let capture = Capture::open(&place.capture)?;
         let peripheral = match &args.peripheral {
             Some(name) => {
-                let is_there = capture.cameras.iter().any(|camera| camera.is_test && camera.name == *name);
-                let path = place.capture.display();
-                anyhow::ensure!(is_there, "--peripheral {name}: {path} has no test camera of this name");
+                let test = capture.cameras.iter().filter(|camera| camera.is_test).map(|camera| camera.name.as_str());
+                let (known, path) = (test.collect::<Vec<_>>(), place.capture.display());
+                anyhow::ensure!(
+                    known.contains(&name.as_str()),
+                    "--peripheral: expected a test camera of {path}, found {name}; it has {}",
+                    known.join(", ")
+                );
                 name.clone()
             }
-            None => peripheral(&capture)
-                .with_context(|| format!("{}: the capture has no test camera", place.capture.display()))?,
+            None => peripheral(&capture).with_context(|| {
+                format!("{}: expected test cameras, found none; name some in its capture.toml", place.capture.display())
+            })?,
         };
         let plans = plans(args, place, &capture, config)?;
         let runs = runs(args, &plans, config);

@@ -27,7 +27,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let views = if is_run(&args.source) {
         args.views.of_run(&args.source, args.capture.as_deref(), None)?
     } else {
-        anyhow::ensure!(args.capture.is_none(), "--capture is for a run; {} is none", args.source.display());
+        let source = args.source.display();
+        anyhow::ensure!(
+            args.capture.is_none(),
+            "--capture: expected a run, found {source}, which is none; leave it out"
+        );
         args.views.of_capture(&args.source, None)?
     };
     write_views(&args.output, &views)?;

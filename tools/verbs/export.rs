@@ -81,8 +81,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut splats = source.scene()?.splats;
     let n_read = splats.len();
     if let Some(time) = args.time {
-        anyhow::ensure!((0.0..=1.0).contains(&args.min_opacity), "--min-opacity must lie between 0 and 1");
-        splats = splats.at(time, args.min_opacity);
+        let least = args.min_opacity;
+        anyhow::ensure!((0.0..=1.0).contains(&least), "--min-opacity: expected a number from 0 to 1, found {least}");
+        splats = splats.at(time, least);
     }
     let to = &args.output;
     let mut with_clip = None;

@@ -97,7 +97,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         // What a row did to the device is not the next one's affair.
         if done.verdict == Verdict::Failed {
-            gpu = open().context("the device does not open again after a row that failed")?;
+            let told =
+                || format!("the device does not open after row {} failed; name the others with --rows", row.name);
+            gpu = open().with_context(told)?;
         }
         all.push(done);
     }

@@ -31,12 +31,13 @@ enum Mode {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    anyhow::ensure!(args.threshold >= 0.0, "--threshold must be 0 or more");
+    let threshold = args.threshold;
+    anyhow::ensure!(threshold >= 0.0, "--threshold: expected pixels per frame, 0 or more, found {threshold}");
     let capture = Capture::open(&args.capture)?;
     let world = capture.normalisation();
     let capture = capture.transformed(&world);
     let init = if args.mode == Mode::Flow { Init::Flow } else { Init::Concat };
-    let settings = Config { init, init_flow_threshold: args.threshold, sh_degree: 0, ..Config::default() };
+    let settings = Config { init, init_flow_threshold: threshold, sh_degree: 0, ..Config::default() };
     // A scene of all points is what is asked for; a run from it has a budget.
     let config = Config { max_gaussians: usize::MAX, ..settings };
     let mut progress = Progress::new("initialisation", 0);

@@ -197,7 +197,7 @@ fn compare(a: &Path, b: &Path, json: bool) -> anyhow::Result<()> {
 }
 
 fn sweep(args: &Args, most_gaussians: usize, output: &Path, json: bool) -> anyhow::Result<()> {
-    anyhow::ensure!(args.seconds > 0.0, "--seconds {}: give how long it may take, above 0", args.seconds);
+    anyhow::ensure!(args.seconds > 0.0, "--seconds: expected how long it may take, above 0, found {}", args.seconds);
     let adam = args.settings.resolve()?.adam;
     make_folder(output)?;
     let gpu = args.device.open()?;

@@ -9,6 +9,7 @@ use crate::interrupt::{Interrupted, Stop};
 use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
 use crate::screen::{alert, out};
+use crate::settings::contradiction;
 use crate::shown::{Gaussians, Shown, Source, is_run};
 use crate::views::{ViewArgs, clip_time};
 use anyhow::Context;
@@ -163,14 +164,14 @@ impl ConstantArgs {
         };
         let Constants { alpha_min, alpha_max, t_min, blur, near, .. } = constants;
         let checks = [
-            (alpha_min > 0.0 && alpha_min < 1.0, "--alpha-min must lie between 0 and 1"),
-            (alpha_max >= alpha_min && alpha_max < 1.0, "--alpha-max must lie between --alpha-min and 1"),
-            ((0.0..1.0).contains(&t_min), "--t-min must be at least 0 and below 1"),
-            (blur > 0.0 && blur.is_finite(), "--blur must be positive"),
-            (near > 0.0 && near.is_finite(), "--near must be positive"),
+            (alpha_min > 0.0 && alpha_min < 1.0, "alpha-min", "a number above 0 and below 1", alpha_min),
+            (alpha_max >= alpha_min && alpha_max < 1.0, "alpha-max", "at least --alpha-min, and below 1", alpha_max),
+            ((0.0..1.0).contains(&t_min), "t-min", "a number of at least 0 and below 1", t_min),
+            (blur > 0.0 && blur.is_finite(), "blur", "a positive number", blur),
+            (near > 0.0 && near.is_finite(), "near", "a positive number", near),
         ];
-        for (holds, message) in checks {
-            anyhow::ensure!(holds, message);
+        for (holds, name, expected, found) in checks {
+            anyhow::ensure!(holds, "--{name}: expected {expected}, found {found}");
         }
         Ok(constants)
     }
@@ -186,7 +187,7 @@ impl ConstantArgs {
         ];
         let differ = |(name, asked, has): (&str, Option<f32>, f32)| {
             let asked = asked.filter(|asked| *asked != has)?;
-            Some(format!("--{name}: the run has {has}, asked for is {asked}"))
+            Some(contradiction(format_args!("--{name}"), has, asked))
         };
         all.into_iter().filter_map(differ).collect()
     }
@@ -453,7 +454,8 @@ pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
     let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());
     let count = values.filter(|v| !v.is_finite()).count() as u64;
     if count > 0 {
-        return Err(ivv::Error::NonFinite { what: format!("view `{}`", view.name), count });
+        let remedy = "run `ivv inspect` on the scene, which tells how large its numbers are";
+        return Err(ivv::Error::NonFinite { what: format!("view `{}`", view.name), count, remedy });
     }
     Ok(())
 }

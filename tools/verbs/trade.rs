@@ -6,6 +6,7 @@ use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::offsets;
 use crate::progress::{Progress, watch};
+use crate::ranks::hash;
 use crate::screen::{out, say};
 use crate::settings::{SettingArgs, patch};
 use anyhow::Context;
@@ -25,7 +26,6 @@ use ivv::train::{
 };
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
-use sha2::{Digest, Sha256};
 use std::cell::Cell;
 use std::collections::{BTreeMap, HashMap};
 use std::path::PathBuf;
@@ -382,7 +382,7 @@ impl Bench<'_> {
             Ok(())
         })?
         .context("the capture has no test image")?;
-        run.scene_hash = hash(splats);
+        run.scene_hash = format!("{:x}", hash(splats));
         run.gaussians = splats.len();
         (run.psnr, run.ssim) = (scored.mean.psnr, scored.mean.ssim);
         run.worst_psnr = scored.views.iter().map(|view| view.scores.psnr).fold(f64::INFINITY, f64::min);
@@ -455,20 +455,4 @@ impl Residuals {
         let still = self.sums.iter().filter(move |(_, moved)| !moved && n > 1.0);
         still.map(move |([sum, squares], _)| deviation_of_sums(n, *sum, *squares))
     }
-}
-
-/// Tells scenes apart by any bit.
-fn hash(splats: &Splats) -> String {
-    let mut hasher = Sha256::new();
-    for values in [
-        splats.position.as_flattened(),
-        splats.rotation.as_flattened(),
-        splats.scale.as_flattened(),
-        &splats.opacity,
-        splats.sh.as_flattened(),
-        bytemuck::cast_slice(&splats.motion),
-    ] {
-        hasher.update(bytemuck::cast_slice::<f32, u8>(values));
-    }
-    format!("{:x}", hasher.finalize())
 }

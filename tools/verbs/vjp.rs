@@ -70,12 +70,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     renderer.accumulate(sums)?;
     let (gradients, report) = renderer.vjp(view, &cotangents)?;
     if gradients.n_bad > 0 {
-        let by = match args.accumulation {
-            Mode::FixedPoint => " in fixed point, which has a range and `--accumulation slots` none,",
-            Mode::Slots | Mode::FloatAtomics | Mode::CompareExchange => "",
+        let remedy = match args.accumulation {
+            Mode::FixedPoint => "give --accumulation slots, which has no range as fixed point has",
+            Mode::Slots | Mode::FloatAtomics | Mode::CompareExchange => {
+                "give smaller cotangents, or see with `ivv inspect` how large the scene's numbers are"
+            }
         };
-        let what = format!("the gradient of view `{}`{by}", view.name);
-        return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad) }.into());
+        let what = format!("the gradient of view `{}`", view.name);
+        return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad), remedy }.into());
     }
     write_gradients(&args.output, &gradients, &splats)?;
     let n = splats.len();

@@ -64,6 +64,11 @@ impl Camera {
         self.shots.binary_search_by_key(&frame, |shot| shot.frame).ok().map(|index| &self.shots[index])
     }
 
+    /// Whether it films the clip that is trained on: it is neither kept for testing nor a photograph.
+    pub fn films(&self) -> bool {
+        !self.is_test && !self.is_photo
+    }
+
     /// Whether its shots have poses of their own.
     pub fn moves(&self) -> bool {
         self.shots.iter().any(|shot| shot.world_to_camera.is_some())
@@ -102,8 +107,6 @@ pub struct Point {
     pub position: [f64; 3],
     /// Red, green, blue.
     pub color: [u8; 3],
-    /// Different images that saw it; 0 when the format does not say.
-    pub n_views: u32,
 }
 
 /// Where the cameras are, those of photographs aside: a clip is as large with them as without.

@@ -177,7 +177,7 @@ fn points(path: &Path) -> error::Result<Vec<Point>> {
             return Err(Error::data(path, format!("array `data`, row {row}"), reason, REMEDY));
         }
         let color = [values[3], values[4], values[5]].map(|c| (c.clamp(0.0, 1.0) * 255.0).round() as u8);
-        points.push(Point { position: [values[0], values[1], values[2]], color, n_views: 0 });
+        points.push(Point { position: [values[0], values[1], values[2]], color });
     }
     Ok(points)
 }

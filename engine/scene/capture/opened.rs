@@ -87,8 +87,8 @@ impl Capture {
     /// Whether it is a clip that several training cameras took: of one alone, the scene's own times and colours take up what is off. One
     /// that moved may be listed as a camera for each of its images; such a camera has no other image that tells what is off.
     pub fn is_rig_clip(&self) -> bool {
-        let films = |camera: &&Camera| !camera.is_test && !camera.is_photo && camera.shots.len() > 1;
-        self.n_frames > 1 && self.cameras.iter().filter(films).count() > 1
+        let tells = |camera: &&Camera| camera.films() && camera.shots.len() > 1;
+        self.n_frames > 1 && self.cameras.iter().filter(tells).count() > 1
     }
 
     /// (camera, frame) of every image of the training cameras, by frame and then by camera.
@@ -106,8 +106,7 @@ impl Capture {
     /// camera: training must not know where it will be tested.
     pub fn lens_views(&self) -> Vec<View> {
         let mut views = self.viewpoints.clone();
-        let filming = |camera: &Camera| !camera.is_test && !camera.is_photo;
-        for (index, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| filming(camera)) {
+        for (index, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| camera.films()) {
             let shots = camera.shots.iter().take(if camera.moves() { usize::MAX } else { 1 });
             views.extend(shots.filter_map(|shot| self.view(index, shot.frame).ok()));
         }

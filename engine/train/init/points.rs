@@ -86,7 +86,7 @@ pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
             let direction = DVec3::from_array(std::array::from_fn(|k| random.normal(4 * i + k as u64)));
             let r = extent.radius * random.uniform(8 * i + 6).cbrt() / direction.length().max(1e-9);
             let position = (DVec3::from(extent.center) + r * direction).to_array();
-            Point { position, color: [128; 3], n_views: 0 }
+            Point { position, color: [128; 3] }
         })
         .collect()
 }

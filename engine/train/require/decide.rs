@@ -95,7 +95,7 @@ pub fn affordable(
 
 /// Fates of all Gaussians. `frame_times` are the normalised times of the training frames; `price` multiplies the cost of a
 /// number that may go, one that comes must pay in full; what too little was seen of stays as it is; `key` chooses which of those that are not worth their numbers go now.
-pub fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
+fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
     let random = Keyed::new(key);
     let overdispersion = overdispersion(splats, evidence);
     let of = |i: usize| {

@@ -7,7 +7,6 @@ mod grids;
 mod look;
 mod merge;
 
-pub use decide::{Fate, InTime, affordable, fates};
 pub use evidence::Evidence;
 pub use grids::GridCheck;
 pub use look::Seen;
@@ -24,6 +23,7 @@ use crate::train::config::{Config, Required};
 use crate::train::density::recovered_from;
 use crate::train::metrics::Sight;
 use crate::train::trainer::Trainer;
+use decide::{Fate, InTime, affordable};
 use std::sync::Arc;
 
 /// Purpose of the random numbers of a review; those of a step have 1 to 3, and 5.
@@ -197,7 +197,7 @@ fn tally(checkpoint: &Checkpoint, fates: &[Fate], merged: &[bool]) -> Review {
 
 /// Gives the Gaussians of `checkpoint`, with their moments and state, the fates that were decided, in the order of their
 /// buckets.
-pub fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
+fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
     let params = &checkpoint.params;
     let is_dynamic = |i: usize| match fates[i].time {
         InTime::AsBefore => i >= params.n_static,

@@ -194,11 +194,6 @@ impl<'a> Session<'a> {
         self.constants
     }
 
-    /// Steps of the run.
-    pub fn total(&self) -> u64 {
-        self.total
-    }
-
     /// Steps that were handed to the device, in earlier sessions of the run too.
     pub fn steps(&self) -> u64 {
         self.trainer.step()

@@ -48,9 +48,13 @@ fn measure(args: &Args, scene: &Path, truth: &Path, json: bool) -> anyhow::Resul
     let hrtf = HrtfSet::open(&args.hrtf)?;
     let scene = SoundScene::read(scene)?;
     let head = read_path(&truth.join("path.csv"), None)?.track;
-    let channels = wav::read(&truth.join("truth.wav"))?.channels;
-    anyhow::ensure!(channels.len() == 2, "truth.wav must have two channels");
-    let truth: Vec<[f32; 2]> = channels[0].iter().zip(&channels[1]).map(|(left, right)| [*left, *right]).collect();
+    let file = truth.join("truth.wav");
+    let channels = wav::read(&file)?.channels;
+    let [left, right] = channels.as_slice() else {
+        let reason = format!("expected two channels, found {}", channels.len());
+        return Err(ivv::Error::data(&file, "", reason, "give the folder that `ivv sound synth` wrote").into());
+    };
+    let truth: Vec<[f32; 2]> = left.iter().zip(right).map(|(left, right)| [*left, *right]).collect();
     let rendered = render(&scene, &head, &hrtf, &config)?;
     // The synthetic scenes are in metres, also where localisation was not told so.
     let metric = SoundScene { metres_per_unit: scene.metres_per_unit.or(Some(1.0)), ..scene };

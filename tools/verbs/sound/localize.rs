@@ -51,8 +51,10 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let is_scale = |scale: f64| scale.is_finite() && scale > 0.0;
-    anyhow::ensure!(args.metres_per_unit.is_none_or(is_scale), "--metres-per-unit must be positive");
+    if let Some(metres) = args.metres_per_unit {
+        let is_scale = metres.is_finite() && metres > 0.0;
+        anyhow::ensure!(is_scale, "--metres-per-unit: expected a positive number, found {metres}");
+    }
     let mut rig = Rig::open(&args.capture)?;
     if let Some(offsets) = &args.offsets {
         let table = offsets.join("offsets.json");

@@ -97,16 +97,21 @@ fn lookup(text: &str) -> Result<Lookup, String> {
 impl ConfigArgs {
     /// The settings.
     pub fn config(&self) -> anyhow::Result<RenderConfig> {
-        anyhow::ensure!(self.r_min > 0.0 && self.r_min.is_finite(), "--r-min must be positive");
-        anyhow::ensure!(self.lufs.is_none_or(|lufs| (-70.0..=0.0).contains(&lufs)), "--lufs must be -70 to 0");
-        anyhow::ensure!(self.frame.max(self.block) <= 1 << 16, "--frame and --block must be at most 65536");
+        let r_min = self.r_min;
+        anyhow::ensure!(r_min > 0.0 && r_min.is_finite(), "--r-min: expected a positive number, found {r_min}");
+        if let Some(lufs) = self.lufs {
+            anyhow::ensure!((-70.0..=0.0).contains(&lufs), "--lufs: expected a number from -70 to 0, found {lufs}");
+        }
+        for (name, n) in [("frame", self.frame), ("block", self.block)] {
+            anyhow::ensure!(n <= 1 << 16, "--{name}: expected at most 65536 samples, found {n}");
+        }
         Ok(RenderConfig {
             mode: self.mode,
             lookup: self.lookup,
             frame: self.frame,
             hop: self.hop.unwrap_or(self.frame / 2),
             block: self.block,
-            r_min_m: self.r_min,
+            r_min_m: r_min,
             lufs: self.lufs,
             ..RenderConfig::default()
         })

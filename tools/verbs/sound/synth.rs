@@ -12,7 +12,6 @@ use ivv::sound::simulate::{Emitter, Motion, Simulated, simulate};
 use ivv::sound::sinc::DelayTable;
 use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
 use ivv::sound::wav::{Channel, Depth, read_channel, write};
-use std::collections::BTreeMap;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -44,14 +43,15 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    anyhow::ensure!((0.1..=600.0).contains(&args.seconds), "--seconds must be 0.1 to 600");
+    let seconds = args.seconds;
+    anyhow::ensure!((0.1..=600.0).contains(&seconds), "--seconds: expected a number from 0.1 to 600, found {seconds}");
     let hrtf = HrtfSet::open(&args.hrtf)?;
     make_folder(&args.output)?;
     let (head, truth) = match &args.capture {
         Some(capture) => of_capture(capture, &hrtf)?,
         None => {
             let motion = if args.still { Motion::Still } else { Motion::Walk };
-            let Simulated { mut scene, recording, head, truth } = simulate(motion, args.seconds, args.seed, &hrtf);
+            let Simulated { mut scene, recording, head, truth } = simulate(motion, seconds, args.seed, &hrtf);
             scene.mic.wav = args.output.join("mic.wav");
             write(&scene.mic.wav, &recording.iter().map(|value| [*value]).collect::<Vec<_>>(), Depth::Int24)?;
             scene.write(&args.output.join("scene.json"))?;
@@ -81,14 +81,13 @@ struct TrueSource {
     /// By frame.
     position: Vec<[f64; 3]>,
     speed_of_sound: f64,
-    #[serde(flatten)]
-    _other: BTreeMap<String, serde_json::Value>,
 }
 
 /// A path around the speaker at the height of its mouth, and what is heard there.
 fn of_capture(capture: &Path, hrtf: &HrtfSet) -> anyhow::Result<(PoseTrack, Vec<[f32; 2]>)> {
     let rig = Rig::open(capture)?;
-    let Truth { source } = read_json(&capture.join("truth.json"), "give a capture that `ivv synth` wrote")?;
+    let (file, remedy) = (capture.join("truth.json"), "give a capture that `ivv synth` wrote");
+    let Truth { source } = read_json(&file, remedy)?;
     let said = read_channel(&capture.join("truth/source.wav"), Channel::Left, 0.0)?;
     let sample = |(frame, p): (usize, &[f64; 3])| SourceSample {
         t: frame as f64 / rig.fps,
@@ -100,7 +99,10 @@ fn of_capture(capture: &Path, hrtf: &HrtfSet) -> anyhow::Result<(PoseTrack, Vec<
     };
     let samples: Vec<SourceSample> = source.position.iter().enumerate().map(sample).collect();
     let middle = samples.iter().map(|sample| sample.p).sum::<DVec3>() / samples.len().max(1) as f64;
-    anyhow::ensure!(middle.is_finite() && !samples.is_empty(), "truth.json tells no place of the source");
+    if samples.is_empty() || !middle.is_finite() {
+        let reason = "expected a place of each frame, found none, or one that is not finite";
+        return Err(ivv::Error::data(&file, "source.position", reason, remedy).into());
+    }
     let track = SourceTrack { id: "truth".into(), samples, fps: rig.fps };
     let up = rig.up();
     let aside = up.any_orthonormal_vector();

@@ -194,7 +194,7 @@ impl<'a> CheckedPoints<'a> {
         CheckedPoints { file, images, ids: HashSet::new(), points: Vec::new() }
     }
 
-    fn add(&mut self, mut point: RawPoint, faults: &mut Faults) {
+    fn add(&mut self, point: RawPoint, faults: &mut Faults) {
         let place = || format!("{}, point {}", point.place, point.id);
         if !self.ids.insert(point.id) {
             return faults.add(self.file, place(), "has the id of an earlier point", DAMAGED);
@@ -206,10 +206,7 @@ impl<'a> CheckedPoints<'a> {
         if let Some(id) = point.seen_in.iter().find(|id| !self.images.contains(id)) {
             return faults.add(self.file, place(), format!("was seen in image {id}, which does not exist"), DAMAGED);
         }
-        point.seen_in.sort_unstable();
-        point.seen_in.dedup();
-        let n_views = point.seen_in.len() as u32;
-        self.points.push(Point { position: point.position, color: point.color, n_views });
+        self.points.push(Point { position: point.position, color: point.color });
     }
 }
 

@@ -1,0 +1,41 @@
+// Choices that the kernels of several families differ in, or that are long.
+
+use super::family::{Axis, NONE, switch};
+
+pub const POPULATION: Axis = switch("is_dynamic", &[("static", NONE), ("dynamic", ("DYNAMIC", "1"))]);
+pub const DEGREE: Axis = Axis {
+    name: "degree",
+    values: &[
+        ("sh0", ("SH_DEGREE", "0")),
+        ("sh1", ("SH_DEGREE", "1")),
+        ("sh2", ("SH_DEGREE", "2")),
+        ("sh3", ("SH_DEGREE", "3")),
+    ],
+};
+pub const PIXELS: Axis = switch("is_eight", &[("p4", ("PIXELS", "4")), ("p8", ("PIXELS", "8"))]);
+pub const OUTPUTS: Axis = switch("is_color", &[("", ("FULL", "1")), ("color", NONE)]);
+pub const EYES: Axis = switch("is_stereo", &[("", NONE), ("stereo", ("STEREO", "1"))]);
+pub const HALF: Axis = switch("is_half", &[("", NONE), ("half", ("SH_HALF", "1"))]);
+pub const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);
+pub const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
+pub const GATHERED: Axis = switch("is_gathered", &[("", NONE), ("gathered", ("GATHERED", "1"))]);
+pub const REPORTED: Axis = switch("is_reported", &[("", NONE), ("report", ("REPORT", "1"))]);
+pub const POOLED: Axis = switch("is_pooled", &[("", NONE), ("pooled", ("POOLED", "1"))]);
+pub const CARRIED: Axis = switch("is_indexed", &[("", NONE), ("indexed", ("INDEXED", "1"))]);
+pub const DIRECTION: Axis = switch("is_backward", &[("", NONE), ("bwd", ("BACKWARD", "1"))]);
+
+pub const LANES: Axis = Axis {
+    name: "lanes",
+    values: &[("", NONE), ("w16", ("LANES", "16u")), ("w32", ("LANES", "32u")), ("w64", ("LANES", "64u"))],
+};
+
+pub const ACCUMULATION: Axis = Axis {
+    name: "accumulation",
+    values: &[
+        ("", NONE),
+        ("float", ("ACCUMULATE", "1")),
+        ("fixed", ("ACCUMULATE", "2")),
+        ("swap", ("ACCUMULATE", "3")),
+        ("fixed64", ("ACCUMULATE", "4")),
+    ],
+};
