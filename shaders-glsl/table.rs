@@ -10,7 +10,7 @@ use axes::{
     ACCUMULATION, CARRIED, DEGREE, DIRECTION, EYES, GATHERED, HALF, LANES, MOMENTS, OUTPUTS, PIXELS, POOLED,
     POPULATION, REPORTED, STRIDE,
 };
-pub use family::{Axis, Cost, Count, Family, Spec, Term};
+pub use family::{Cost, Count, Family, Spec, Term};
 use family::{NONE, ROW, blending, own, per, switch};
 use std::collections::HashMap;
 use std::sync::LazyLock;

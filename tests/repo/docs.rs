@@ -4,7 +4,7 @@ use super::{files, marked, quoted, root, table, text};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::gpu::table::{Axis, FAMILIES, KERNELS, Spec};
+use ivv::gpu::table::{FAMILIES, KERNELS, Spec};
 use ivv::stage::{Outputs, Renderer};
 
 const KERNEL_TABLE: &str = "shaders-glsl/README.md";
@@ -24,11 +24,10 @@ fn kernel_table() -> String {
         "| --- | --- | --- | --- | --- | --- | --- |".to_owned(),
     ];
     for family in FAMILIES {
-        let choice = |axis: &Axis| {
+        let choices = family.axes.iter().map(|axis| {
             let values = axis.values.iter().map(|(name, _)| if name.is_empty() { "-" } else { name });
             format!("`{}`: {}", axis.name, values.collect::<Vec<_>>().join(", "))
-        };
-        let choices: Vec<String> = family.axes.iter().map(choice).collect();
+        });
         let limits = KERNELS.iter().filter(|row| row.family.name == family.name).map(Spec::limit_ns);
         let (least, most) = limits.fold((f64::INFINITY, 0.0), |(a, b), x| (x.min(a), x.max(b)));
         let of = KERNELS.iter().filter(|row| row.family.name == family.name && !row.twin().is_empty());
@@ -39,7 +38,7 @@ fn kernel_table() -> String {
             family.name,
             if family.axes.is_empty() { "" } else { "*" },
             family.file,
-            choices.join("; "),
+            choices.collect::<Vec<_>>().join("; "),
             purpose(family.file),
             twins.join(", "),
             format!("{:?}", family.count).to_lowercase(),
