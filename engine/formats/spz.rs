@@ -32,6 +32,8 @@ const FLAG_ANTIALIASED: u8 = 1;
 /// Vendor records are present: behind the attributes, or in front of the table of streams.
 const FLAG_EXTENSIONS: u8 = 2;
 /// Records of Adobe's: within what a camera may orbit, and in which axes the Gaussians are stored.
+/// How many bits harmonics have.
+const HARMONICS: u32 = 0xADBE_0001;
 const ORBIT: u32 = 0xADBE_0002;
 const AXES: u32 = 0xADBE_0003;
 /// Axes that are the format's own: those of nobody's choice, and right, up, back.
@@ -168,7 +170,7 @@ fn inflate_streams(path: &Path, header: &Header, bytes: &[u8]) -> Result<Vec<u8>
         return Err(fault("header, byte 16", format!("no table of {} streams at byte {table}", sizes.len())));
     };
     if header.has_records() {
-        check_records(path, &bytes[HEADER_BYTES_V4..table])?;
+        check_records(path, header, &bytes[HEADER_BYTES_V4..table])?;
     }
     let size: usize = sizes.iter().sum();
     if size as u64 > SMALL_BYTES.max(MAX_RATIO * bytes.len() as u64) {
@@ -204,7 +206,7 @@ fn inflate_streams(path: &Path, header: &Header, bytes: &[u8]) -> Result<Vec<u8>
 }
 
 /// Refuses vendor records that change what the attributes mean, or may do so: all but those that are known not to.
-fn check_records(path: &Path, mut records: &[u8]) -> Result<()> {
+fn check_records(path: &Path, header: &Header, mut records: &[u8]) -> Result<()> {
     let fault = |reason: String, remedy: &str| Err(Error::data(path, "vendor records", reason, remedy));
     while !records.is_empty() {
         let record = records.split_first_chunk::<4>().and_then(|(kind, after)| {
@@ -221,7 +223,7 @@ fn check_records(path: &Path, mut records: &[u8]) -> Result<()> {
             let reason = "expected the axes right, up and back, found others".to_owned();
             return fault(reason, "save it in the format's own axes");
         }
-        if kind != AXES && kind != ORBIT {
+        if kind != AXES && kind != ORBIT && !(kind == HARMONICS && header.sh_degree == 0) {
             let reason = format!("expected none that may change how Gaussians are stored, found the kind {kind:#010x}");
             return fault(reason, "save it without extensions");
         }
@@ -237,7 +239,7 @@ fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<Splats> {
         let reason = format!("{} bytes, the header's count needs {size}", payload.len());
         return Err(Error::data(path, "data", reason, REMEDY));
     }
-    check_records(path, &payload[size..])?;
+    check_records(path, header, &payload[size..])?;
     let mut rest = payload;
     let [position, alpha, color, scale, rotation, sh] = sizes.map(|n| {
         let (attribute, after) = rest.split_at(n);

@@ -23,7 +23,8 @@ const STAGES: [(&str, &[&str]); 5] = [
 ];
 /// Files beside the pictures: one that comes later is taken over too.
 pub(super) const SOUND: &str = "sound";
-/// Flow and depth of the source, in what the images are made from. Earlier versions did not note them.
+/// Flow and depth of the source, in what the images are made from. Earlier versions did not note them, or noted them
+/// with the pictures: captures of the latter are made again.
 pub(super) const PRIORS: &str = "priors";
 const MANIFEST: &str = "capture.toml";
 const LOCK: &str = ".prepare.lock";

@@ -35,7 +35,7 @@ settings! {
         /// Whether Gaussians that are invisible at a frame's time are left out early. The picture is the same.
         time_cull: bool = true, "", Range::Switch;
         /// Precision of the depth by which Gaussians are sorted. 0: by the device, 24 on a GPU and 32 on a CPU driver; 32 too
-        /// where the near plane is below 2.4e-5.
+        /// where the near plane is below 2.33e-5.
         depth_bits: u32 = 0, "bits", Range::OneOf(&[0, 16, 24, 32]);
         /// Precision of the higher spherical harmonics that a frame reads.
         sh_bits: u32 = 32, "bits", Range::OneOf(&[16, 32]);

@@ -24,7 +24,8 @@ pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
 }
 
 /// Views halfway between a camera and each of its neighbours, and in the middle of it and any two of them, where a camera sees the
-/// place: at most `MOST_BETWEEN`, evenly chosen. None where one of them moves, or where each of them is a place of one that moved.
+/// place: at most `MOST_BETWEEN`, evenly chosen. None where one of them moves, or in a clip that is no
+/// rig's ([`Capture::is_rig_clip`]): its cameras may be the places of one that moved.
 pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
     let moves = capture.cameras.iter().any(|camera| !camera.is_test && camera.moves());
     if moves || (capture.n_frames > 1 && !capture.is_rig_clip()) {

@@ -187,7 +187,7 @@ fn gaussians_never_exceed_the_budget() {
     let tiny = Tiny::new("budget");
     let config = Config { sh_degree: 0, max_gaussians: 230, ..steady() };
     let begin = from_points(&tiny.capture.points[..200], &tiny.capture, &config);
-    // Which looks at every step.
+    // It checks the budget at every step.
     let (end, ..) = train(&tiny.capture, &config, &begin, 80);
     assert!(end.len() > 200 && end.len() <= 230, "{} Gaussians", end.len());
 }

@@ -381,7 +381,9 @@ impl Bench<'_> {
             residuals.entry(camera).or_insert_with(|| Residuals::new(moves.len())).add(&rendered.color, &truth, &moves);
             Ok(())
         })?
-        .context("the capture has no test image")?;
+        .context(
+            "the capture has no test image that counts: name other cameras with --test-cameras, or mend the masks",
+        )?;
         run.scene_hash = format!("{:x}", hash(splats));
         run.gaussians = splats.len();
         (run.psnr, run.ssim) = (scored.mean.psnr, scored.mean.ssim);

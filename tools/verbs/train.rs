@@ -473,10 +473,14 @@ impl Training<'_, '_> {
             out!("{}", serde_json::to_string_pretty(&totals)?);
             return Ok(());
         }
-        let quality = scores.as_ref().map_or("no test images (name some with --test-cameras)".to_owned(), |scores| {
-            let Evaluation { mean, views, .. } = &scores.evaluation;
-            format!("{}: PSNR {:.2} dB, SSIM {:.4}", count(views.len(), "test image"), mean.psnr, mean.ssim)
-        });
+        let quality = scores.as_ref().map_or(
+            "no test images that count (name some with --test-cameras; an image that its mask hides has no score)"
+                .to_owned(),
+            |scores| {
+                let Evaluation { mean, views, .. } = &scores.evaluation;
+                format!("{}: PSNR {:.2} dB, SSIM {:.4}", count(views.len(), "test image"), mean.psnr, mean.ssim)
+            },
+        );
         if !offsets.is_empty() {
             offsets::print(&offsets);
         }

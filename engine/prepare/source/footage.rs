@@ -58,8 +58,10 @@ pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
         let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         let photos = files.iter().filter(|file| is_image(file));
         let photos: HashSet<_> = photos.filter_map(|photo| photo.file_stem()).collect();
-        let is_live = |film: &Path| is_of_phone(film) && film.file_stem().is_some_and(|stem| photos.contains(stem));
-        files.iter().any(|file| is_video(file) && !is_live(file))
+        let has_photo = |film: &&PathBuf| film.file_stem().is_some_and(|stem| photos.contains(stem));
+        let (beside, alone): (Vec<_>, Vec<_>) = files.iter().filter(|file| is_video(file)).partition(has_photo);
+        // Some phones write .mp4, as cameras do: photos are stills of videos where most have one.
+        !alone.is_empty() || 2 * beside.iter().filter(|film| !is_of_phone(film)).count() > photos.len()
     })
 }
 

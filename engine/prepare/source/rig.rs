@@ -26,9 +26,10 @@ pub(super) fn is_rig(place: Place) -> bool {
     for (name, posed) in by_camera(&model.images) {
         let n_there = posed.iter().filter(|posed| images.join(&posed.name).is_file()).count();
         match footage::find(place.footage, &name) {
-            Some(Footage::Video(film)) if may_be_live && is_live(&posed, &film) => {
+            Some(Footage::Video(film)) if may_be_live && is_beside(&posed, &film) => {
                 has_live = true;
-                n_without += n_there;
+                // Some phones write .mp4, as cameras do: it is a rig where most have one.
+                if footage::is_of_phone(&film) { n_without += n_there } else { n_perhaps += posed.len() }
             }
             Some(Footage::Video(_)) => n_with += posed.len(),
             Some(Footage::Images(shots)) if posed.len() == 1 && shots.len() > 1 => {
@@ -49,9 +50,8 @@ pub(super) fn is_rig(place: Place) -> bool {
 }
 
 /// Whether a film lies beside an image of its name, as phones put it there.
-fn is_live(posed: &[&Posed], film: &Path) -> bool {
-    let is_beside = |posed: &&Posed| posed.name.file_name().is_some_and(|name| film.with_file_name(name).is_file());
-    footage::is_of_phone(film) && posed.iter().any(is_beside)
+fn is_beside(posed: &[&Posed], film: &Path) -> bool {
+    posed.iter().any(|posed| posed.name.file_name().is_some_and(|name| film.with_file_name(name).is_file()))
 }
 
 fn by_camera(images: &[Posed]) -> BTreeMap<String, Vec<&Posed>> {

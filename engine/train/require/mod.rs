@@ -24,6 +24,7 @@ use crate::train::density::recovered_from;
 use crate::train::metrics::Sight;
 use crate::train::trainer::Trainer;
 use decide::{Fate, InTime, affordable};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 /// Purpose of the random numbers of a review; those of a step have 1 to 3, and 5.
@@ -81,12 +82,10 @@ pub enum Due {
 /// What is due after step `step` of `total`: the cameras' turn comes a step later where the Gaussians have theirs. What falls into the
 /// dip after a reset of the opacities comes once the scene has recovered.
 pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
-    let Required { reviews, first, last, grids_at, .. } = config.required;
-    // More would fall on the same steps.
-    let reviews = u64::from(reviews).min(total);
+    let grids_at = config.required.grids_at;
     let at = |fraction: f64| recovered_from(config, (fraction * total as f64).round() as u64, total);
-    let nth = |k: u64| at(first + (last - first) * k as f64 / reviews.saturating_sub(1).max(1) as f64);
-    let is_of_gaussians = |step: u64| (0..reviews).any(|k| nth(k) == step);
+    let reviews = reviews_at(config, total);
+    let is_of_gaussians = |step: u64| reviews.contains(&step);
     if step == 0 || step >= total {
         None
     } else if is_of_gaussians(step) {
@@ -95,6 +94,16 @@ pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
         let grids = (at(grids_at).max(1)..total).find(|step| !is_of_gaussians(*step));
         (config.grids.is_some() && grids_at > 0.0 && grids == Some(step)).then_some(Due::Grids)
     }
+}
+
+/// The steps of a run of `total` after which Gaussians are looked at; fewer than were asked for where several fall on one.
+fn reviews_at(config: &Config, total: u64) -> BTreeSet<u64> {
+    let Required { reviews, first, last, .. } = config.required;
+    // More would fall on the same steps.
+    let reviews = u64::from(reviews).min(total + 1);
+    let at = |k: u64| first + (last - first) * k as f64 / reviews.saturating_sub(1).max(1) as f64;
+    let steps = (0..reviews).map(|k| recovered_from(config, (at(k) * total as f64).round() as u64, total));
+    steps.filter(|step| (1..total).contains(step)).collect()
 }
 
 /// Reviews the cameras and the Gaussians of `trainer`, which is trained on `capture`, and lets it go on with what the pictures
@@ -139,7 +148,7 @@ pub fn review(
     let n_frames = capture.n_frames.max(1);
     let times: Vec<f64> = (0..n_frames).map(|f| f64::from(f) / f64::from(n_frames)).collect();
     // The margin is for the run.
-    let margin = required.margin / f64::from(required.reviews.max(1));
+    let margin = required.margin / reviews_at(&checkpoint.config, checkpoint.total).len().max(1) as f64;
     let (mut fates, price) = affordable(&checkpoint.params, &evidence, &times, required.price, margin, &key);
     // One that goes anyway takes none with it.
     let mut gone: Vec<bool> = fates.iter().map(|fate| !fate.stays).collect();

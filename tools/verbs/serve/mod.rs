@@ -83,8 +83,8 @@ fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Shown> {
     }
     say!("{}: put into a .4dgs", source.path.display());
     let folder = std::env::temp_dir();
-    // Servers that were killed while they wrote.
-    remove_temporaries(&folder, 0)?;
+    // Of servers that were killed while they wrote. A scene that is sent from memory needs no such folder.
+    let _ = remove_temporaries(&folder, 0);
     let beside = Removed(folder.join(format!("ivv-serve-{}.4dgs", std::process::id())));
     if clip.write_parts(&source, &beside.0)?.is_some() {
         return Ok(Shown::Scene(Scene::of_file(&beside.0.clone(), Some(beside))?));
