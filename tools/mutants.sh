@@ -55,6 +55,8 @@ sums of gradients without their carry|shaders-glsl/include/batch.glsl|s/a.y + b.
 gradients beyond 16 are no gradients|shaders-glsl/include/batch.glsl|s/clamp(g \* BATCH_SCALE, -BATCH_LARGEST, BATCH_LARGEST)/g * BATCH_SCALE/|n24
 a correction of a pose that leaves the camera of the next frame|shaders-glsl/project/project_bwd.comp|s/== CAMERA_WITH_NEXT/== 7u/|a_flow_that_no_pose_changes
 photographs that speak of motion|shaders-glsl/fisher/fisher.comp|s/pc.is_of_clip \* //|kernel::fisher
+sums of fixed point that wrap without a word|shaders-glsl/include/fixed.glsl|s/weight.x >= FIXED_MOST/false/|a_sum_beyond_the_fixed_point
+photographs that the gauge counts|shaders-glsl/bilateral/bilateral_gauge.comp|s/k < n_filming/k < n_cameras/|the_gauge_takes
 grids without their gauge|shaders-glsl/bilateral/bilateral_gauge.comp|s/-= mean;/-= 0.0 * mean;/|kernel::bilateral
 '
 
