@@ -70,7 +70,8 @@ export class ChunkStore {
       return;
     }
     this.request = request;
-    // So far back is a lap, in which the network may be there again. A little back is a picture that waits while the clip plays on.
+    // A jump back by over half the clip is a new lap: the network may have recovered by now. In a shorter one a picture waits while
+    // the clip plays on.
     if (this.moment - t > this.duration / 2) this.retry(['missed']);
     this.moment = t;
     /** @param {number} t0 */

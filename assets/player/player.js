@@ -141,7 +141,7 @@ export class Player {
     return this.viewOfBall(middle, distance(middle, aabb.slice(3)) || 1);
   }
 
-  /** A view that holds a ball, however small, and has it before what is too near to be drawn. @param {number[]} middle @param {number} radius */
+  /** A view that holds a ball, however small, and keeps it beyond the near plane. @param {number[]} middle @param {number} radius */
   viewOfBall(middle, radius) {
     const back = lookAlong(Math.abs(this.up[2]) < 0.9 ? [0, 0, 1] : [0, 1, 0], this.up);
     const level = unit(add(row(back, 2), this.up, -dot(row(back, 2), this.up)));

@@ -161,8 +161,8 @@ fn remove_abandoned(path: &Path) {
     }
 }
 
-/// Whether a temporary file that was locked with this outcome is nobody's. Where nothing is locked while it is written, or
-/// nothing can be, a lock tells nothing.
+/// Whether a temporary file belongs to nobody, by the outcome of an attempt to lock it. Where files are not locked while they
+/// are written, or cannot be locked at all, that attempt says nothing.
 fn is_abandoned(lock: &std::result::Result<(), fs::TryLockError>) -> bool {
     cfg!(unix) && lock.is_ok()
 }

@@ -141,7 +141,7 @@ impl Layout {
     }
 }
 
-/// A logit that is not infinite: programs that turn bytes into logits write infinite ones of what is opaque and of what is not there.
+/// The logit, made finite: programs that turn bytes into logits write infinite ones for what is opaque or invisible.
 fn within(logit: f32) -> f32 {
     if logit.is_infinite() { logit_of_byte(if logit > 0.0 { 255 } else { 0 }) } else { logit }
 }

@@ -31,12 +31,13 @@ pub(super) const HEADER_BYTES_V4: usize = 32;
 const FLAG_ANTIALIASED: u8 = 1;
 /// Vendor records are present: behind the attributes, or in front of the table of streams.
 const FLAG_EXTENSIONS: u8 = 2;
-/// Records of Adobe's: within what a camera may orbit, and in which axes the Gaussians are stored.
-/// How many bits harmonics have.
+/// Adobe's record of how many bits harmonics have.
 const HARMONICS: u32 = 0xADBE_0001;
+/// Adobe's record of the limits within which a camera may orbit.
 const ORBIT: u32 = 0xADBE_0002;
+/// Adobe's record of the axes in which the Gaussians are stored.
 const AXES: u32 = 0xADBE_0003;
-/// Axes that are the format's own: those of nobody's choice, and right, up, back.
+/// The contents of [`AXES`] that mean the format's own axes: unspecified, and right, up, back.
 const OWN_AXES: [u32; 2] = [0, 4];
 /// Most bytes of records that are looked at behind the attributes.
 const MOST_RECORD_BYTES: u64 = 1 << 16;

@@ -51,9 +51,9 @@ fn estimated(images: &Images) -> Result<Vec<&Camera>> {
         .find(|flow| flow.extension().is_none_or(|ending| ending != "npy"));
     match other {
         Some(flow) => {
-            let reason = "is flow of some frames of its camera alone; --flow dis makes that of the others as .npy, and no camera \
-                          has flow of two kinds";
-            Err(Error::data(flow, "", reason, "give that of all frames, give it as .npy, or leave out --flow"))
+            let reason = "is flow of some frames of its camera only; --flow dis would write that of the others as .npy, and the \
+                          flow of a camera cannot be in two formats";
+            Err(Error::data(flow, "", reason, "give the flow of all frames, convert it to .npy, or leave out --flow"))
         }
         None => Ok(cameras),
     }

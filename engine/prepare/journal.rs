@@ -151,8 +151,8 @@ fn agree(before: &Value, now: &Value) -> bool {
     }
 }
 
-/// Whether an earlier version noted `before` where the list `now` is noted: a name, of files of which it noted no more, or a number, which
-/// is the first of the list. Today's versions note a number too, of which no list is made: another one is a change.
+/// Whether `before` is what an earlier version noted in place of the list `now`: of files their name alone, or the number that is the
+/// first of the list today. Where no list but a number is noted today too, another number is a change.
 fn was_noted(before: &Value, now: &Value) -> bool {
     match before {
         Value::String(_) => now.is_array(),

@@ -183,8 +183,8 @@ impl Grids {
         Grids { is_for_gpus, ..self }
     }
 
-    /// These, of which the last `n` are of photographs: the tint that those have in common is the light of another day, so it is no part
-    /// of the mean that the gauge takes off all.
+    /// These grids, the last `n` of which are those of photographs. The tint that photographs have in common is the light of another
+    /// day, so it has no part in the mean that the gauge subtracts from all grids.
     pub fn with_photos(self, n: usize) -> Self {
         Grids { n_filming: self.n_cameras - n, ..self }
     }

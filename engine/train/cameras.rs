@@ -100,8 +100,8 @@ fn n_filming_grids(setup: &Setup) -> usize {
     setup.has_grid.iter().take(setup.first_photo).filter(|has| **has).count()
 }
 
-/// Whether nothing holds the tint that all cameras have in common: each trained one that films has a grid, and all colours are
-/// trained. Photographs hold none: those have the light of another day.
+/// Whether nothing fixes the tint that all cameras have in common: each trained camera that films has a grid, and all colours are
+/// trained. Photographs do not fix it, since they show the light of another day.
 fn is_free(config: &Config, setup: &Setup) -> bool {
     config.trains_static && n_filming_grids(setup) == setup.n_filming
 }

@@ -451,9 +451,9 @@ pub enum Round {
 const LEAST_EVERY: u64 = 8;
 
 impl Density {
-    /// The round of density control that follows step `step` (from 1) of `total`: rounds at equal steps to the end of the run,
-    /// of which those after [`Density::stop`] only remove, as does one that the run ends too soon after to fit what it would add, and
-    /// those in steps that are averaged are left out by [`super::density_round`]. None where the rounds that grow are none.
+    /// The round of density control that follows step `step` (from 1) of `total`. Rounds come at equal steps to the end of the run.
+    /// Those after [`Density::stop`] only remove, and so does one after which too few steps are left to fit what it would add.
+    /// [`super::density_round`] leaves out those in steps that are averaged. None if there is no time for rounds that grow.
     pub fn due(&self, step: u64, total: u64) -> Option<Round> {
         let first = ((total as f64 * self.start) as u64).min(self.first_step);
         let last = (total as f64 * self.stop) as u64;

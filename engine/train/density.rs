@@ -85,8 +85,9 @@ pub(super) fn recovers(config: &Config, step: u64, total: u64) -> bool {
         && (step - reset) as f64 <= RECOVERY * every as f64
 }
 
-/// The step of `total` for a look at the scene that is meant for `step`: that step, or the first after it at which the scene has
-/// recovered from a reset of the opacities, where the run has one. What a faded scene lacks would be blamed on the cameras.
+/// The step of `total` at which to look at the scene where `step` was meant: `step` itself, or, while the scene recovers
+/// from a reset of the opacities, the first step at which it has recovered, if the run is that long. What a faded scene
+/// lacks would be blamed on the cameras.
 pub(super) fn recovered_from(config: &Config, step: u64, total: u64) -> u64 {
     if !recovers(config, step, total) {
         return step;

@@ -394,8 +394,8 @@ impl Meter {
         self.lpips.as_ref().map(Lpips::trunk)
     }
 
-    /// Scores of `frame` against `picture`, of the same size, but for those of masks and of other frames; none where the mask hides
-    /// all: no error would be taken for a perfect picture.
+    /// Scores of `frame` against `picture`, of the same size, but for those of masks and of other frames; none where the mask
+    /// hides all pixels: their error of zero would be taken for that of a perfect picture.
     ///
     /// # Errors
     /// Those of the device.

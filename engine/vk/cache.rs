@@ -14,8 +14,8 @@ pub(super) fn name(uuid: [u8; vk::UUID_SIZE]) -> String {
     format!("pipelines-{digits}.bin")
 }
 
-/// The pipelines in `file`; none where it cannot be read or is damaged. Vulkan lets a driver trust that what it is given is what it
-/// once gave, and drivers check little more than its head.
+/// The pipelines in `file`; none where it cannot be read or is damaged. Vulkan lets a driver trust that it gets back what it
+/// once gave, and drivers check little more than the header.
 pub(super) fn read(file: &Path) -> Vec<u8> {
     let mut bytes = read_file(file).unwrap_or_default();
     let split = bytes.split_last_chunk::<HASH_BYTES>();

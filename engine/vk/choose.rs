@@ -31,8 +31,8 @@ pub(super) fn subgroup_size(vendor: u32, least: u32, most: u32, default: u32) ->
 
 /// Threads of the largest workgroup: `sort_count`.
 const MOST_THREADS: u32 = 256;
-/// Bytes that a workgroup shares at most, which are also the fewest that Vulkan allows a device; `sort_scatter` shares more; it runs
-/// only where subgroups have fewer lanes than [`WIDE`].
+/// Most bytes that a workgroup shares; Vulkan guarantees as many on every device. Only `sort_scatter` shares more, and it runs only
+/// where subgroups have fewer lanes than [`WIDE`].
 const MOST_SHARED_BYTES: u32 = 16_384;
 const SCATTER_SHARED_BYTES: u32 = 16_448;
 /// Lanes from which on `sort_exchange` takes the place of `sort_scatter`.

@@ -204,7 +204,8 @@ pub(super) fn pick(
     if let Some(wanted) = wanted {
         let found = match wanted.parse::<usize>() {
             Ok(index) if index < devices.len() => usable.clone().find(|(i, _)| *i == index),
-            // No index, but a word of a name, as in `RTX 4090`. Any part would do for a 4, where a fifth device was asked for.
+            // Not an index but a word of a name, as in `RTX 4090`. It must be a whole word: else a 4 that asks for a fifth device
+            // would find this one.
             Ok(_) => usable.clone().find(|(_, caps)| caps.name.split_whitespace().any(|word| word == wanted)),
             Err(_) => {
                 let lower = wanted.to_lowercase();

@@ -98,7 +98,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         // What a row did to the device is not the next one's affair.
         if done.verdict == Verdict::Failed {
             let told =
-                || format!("the device does not open after row {} failed; name the others with --rows", row.name);
+                || format!("the device does not reopen after row {} failed; run the others with --rows", row.name);
             gpu = open().with_context(told)?;
         }
         all.push(done);

@@ -89,7 +89,7 @@ pub struct KnobArgs {
     #[arg(long)]
     no_time_cull: bool,
     /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver, or with
-    /// --near below 2.4e-5.
+    /// --near below 2.33e-5.
     #[arg(long, default_value_t = Knobs::default().depth_bits)]
     depth_bits: u32,
     /// Bits of the coefficients of spherical harmonics above the constant one: 32 or 16.

@@ -302,7 +302,8 @@ impl<'a> Jobs<'a> {
         };
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
         write_parts(&file, &mut joined)?;
-        // Those that the jobs were given with --blur and its like. On a rig that moves, a unit of their frame of training is another one.
+        // The constants that the jobs were given, with --blur and the like. On a rig that moves the jobs trained in a frame with
+        // another unit, so the near plane is converted.
         let base = Run::read(&self.base())?;
         let near = (f64::from(base.constants.near) * (self.run.world.scale / base.world.scale)) as f32;
         Run { constants: Constants { near, ..base.constants }, ..self.run.clone() }.write(self.folder)?;

@@ -199,7 +199,8 @@ impl Contents<'_> {
         Ok((writing, front))
     }
 
-    /// Takes the ends of windows away where the cutoff says the same: each such window would be one of its own in the file's table.
+    /// Removes the ends of windows where the cutoff implies them: otherwise each of these windows would need its own entry in the
+    /// file's table.
     fn forget_ends(&self, set: &mut GaussianSet) {
         let Some(cutoff) = self.cutoff else { return };
         let seconds = self.clock.seconds();

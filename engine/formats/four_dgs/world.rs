@@ -28,7 +28,7 @@ impl World {
         longest as u8 + if self.up[longest] < 0.0 { 3 } else { 0 }
     }
 
-    /// Whether upwards is along y rather than along or against any other axis.
+    /// Whether the axis nearest to upwards is y, and not -y.
     pub(in crate::formats) fn is_y_up(&self) -> bool {
         self.up_axis() == 1
     }

@@ -9,9 +9,9 @@ use super::footage;
 use super::recording::{Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{Faults, Posed, images_folder, model_folder, read_images};
 
-/// Whether the cameras of the model have footage: a video, or more images than the model has of them. Faults tell of cameras without,
-/// unless the footage may have strayed into a plain project, as the film of a Live Photo or a folder of which one image was placed. Then
-/// it is a rig where fewer images of the model are there that have none.
+/// Whether the cameras of the model have footage: a video, or more images than the model has of them. Cameras of a rig that have none
+/// are reported as faults. But footage may also have strayed into a plain project: the film of a Live Photo, or a folder of which one
+/// image was placed. Where it may have, this is a rig only if more of the model's images have footage than are there without any.
 pub(super) fn is_rig(place: Place) -> bool {
     // A capture folder is read as one.
     if place.folder.join("capture.toml").is_file() {

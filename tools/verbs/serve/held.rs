@@ -31,7 +31,7 @@ enum Held {
     File(Arc<Kept>),
 }
 
-/// An open file as it was then, and that it is removed when nobody needs it any more, where that is so.
+/// An open file with its state when it was opened. If it is temporary, it is removed when nobody needs it any more.
 struct Kept {
     file: File,
     state: State,
