@@ -123,6 +123,19 @@ impl Ranks for Mpi {
         })
     }
 
+    fn meet(&self) {
+        let (tell, told) = channel();
+        let job: Job = Box::new(move |world| {
+            world.barrier();
+            let _ = tell.send(());
+        });
+        let jobs = self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
+        if jobs.is_some_and(|jobs| jobs.send(job).is_ok()) {
+            // Where MPI has ended there is nobody to wait for.
+            let _ = told.recv();
+        }
+    }
+
     fn finish(&self) {
         // The thread then has no more to do, and leaves MPI when all others do.
         self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();

@@ -65,6 +65,13 @@ impl Team {
         any(self.0.as_deref(), own)
     }
 
+    /// Waits until all processes have called it, however long that takes.
+    pub fn meet(&self) {
+        if let Some(ranks) = &self.0 {
+            ranks.meet();
+        }
+    }
+
     /// Leaves the other processes, once all steps are taken.
     pub fn finish(&self) {
         if let Some(ranks) = &self.0 {

@@ -28,6 +28,9 @@ pub trait Ranks: Send + Sync {
     /// As [`Ranks::or`].
     fn gather(&self, own: &[u8]) -> Result<Vec<u8>>;
 
+    /// Waits until all have called it, however long that takes.
+    fn meet(&self) {}
+
     /// Leaves the others, once all has been said, and waits for them to do so.
     fn finish(&self) {}
 }

@@ -189,8 +189,9 @@ fn follow(mut session: Session, (total, due): (u64, &DueArgs), team: &Team, stop
         session.take_events();
         session.settle()?;
         if team.any(stop.is_asked())? {
-            // A launcher kills the others as soon as one has ended, so all wait for the checkpoint.
-            team.finish();
+            // A launcher kills the others as soon as one has ended, so all wait for the checkpoint. None leaves MPI then: a launcher
+            // that was asked to end no longer answers those who do, and kills them before they have said what is left.
+            team.meet();
             return Err(Interrupted("the process that leads wrote a checkpoint; continue with --resume").into());
         }
         if due.checkpoint(session.steps()) {
@@ -263,7 +264,7 @@ impl Training<'_, '_> {
             }
             if is_stopped {
                 self.behind.wait()?;
-                self.team.finish();
+                self.team.meet();
                 return Err(Interrupted("a checkpoint was written; continue with --resume").into());
             }
         }
