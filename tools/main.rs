@@ -34,6 +34,7 @@ mod screen;
 mod settings;
 mod shown;
 mod start;
+mod stderr;
 mod totals;
 mod trace;
 mod verbs;

@@ -55,7 +55,7 @@ impl Pace {
     fn show(&mut self, done: u64, total: u64, text: &str) {
         self.last = Some(Instant::now());
         if !screen::is_terminal() {
-            screen::message(text);
+            screen::passing_line(text);
         } else if self.passes {
             screen::passing_bar(done, total, text);
         } else {
