@@ -19,7 +19,7 @@ pub struct Row {
     pub how: How,
     /// Frames.
     pub offset: f64,
-    /// Frames, with the scene held fixed; none where the pictures do not say.
+    /// Frames, with the scene held fixed, so that an offset may be off by more; none where the pictures do not say.
     pub standard_error: Option<f64>,
     /// Whether the fit ended at the edge of the search, 2 frames: the offset may lie beyond.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -114,7 +114,7 @@ pub fn print(rows: &[Row]) {
     let width = rows.iter().map(|row| row.camera.chars().count()).fold(6, usize::max);
     let has_truth = rows.iter().any(|row| row.truth.is_some());
     let true_head = if has_truth { format!("{:>9}", "true") } else { String::new() };
-    out!("{:<width$} {:>9} {:>8} {true_head}  (frames)", "camera", "offset", "+-");
+    out!("{:<width$} {:>9} {:>8} {true_head}  (frames)", "camera", "offset", "scatter");
     for row in rows {
         let error = row.standard_error.map_or("?".to_owned(), |error| format!("{error:.3}"));
         let truth = row.truth.map_or(String::new(), |truth| format!("{truth:>9.3}"));
@@ -126,6 +126,10 @@ pub fn print(rows: &[Row]) {
         let how = if row.at_bound { "at the edge of the search: the true offset may be larger" } else { how };
         out!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
     }
+    out!(
+        "scatter: how far this camera's pictures contradict one another, with the scene held fixed; an offset may be off by several times \
+         as much, since the scene takes up a part of it"
+    );
     if let Some(Agreement { rms_error, correlation }) = agreement(rows) {
         let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.3}"));
         out!("offsets learnt to {rms_error:.3} frames (root mean square){correlation}");

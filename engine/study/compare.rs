@@ -37,6 +37,9 @@ pub struct RunResult {
     pub ssim: f64,
     /// Mean over the test images; none of runs without weights for it.
     pub lpips: Option<f64>,
+    /// The same of colours in [0, 1], see [`crate::train::Scores::lpips_unscaled`].
+    #[serde(default)]
+    pub lpips_unscaled: Option<f64>,
     /// Gaussians at the end.
     pub gaussians: u64,
     /// Bytes of their parameters.
@@ -82,6 +85,7 @@ struct Scored {
     psnr_aligned: f64,
     ssim: f64,
     lpips: Option<f64>,
+    lpips_unscaled: Option<f64>,
     views: Vec<ScoredView>,
 }
 
@@ -122,6 +126,7 @@ impl RunResult {
             worst_psnr,
             ssim: scored.ssim,
             lpips: scored.lpips,
+            lpips_unscaled: scored.lpips_unscaled,
             gaussians: totals.gaussians,
             bytes: totals.scene_bytes,
             seconds: totals.seconds,
@@ -210,12 +215,13 @@ pub struct RunGroup {
 /// What is tabulated and drawn: name in JSON, heading, digits, and how to get it.
 type Score = (&'static str, &'static str, usize, fn(&RunResult) -> Option<f64>);
 
-const SCORES: [Score; 9] = [
+const SCORES: [Score; 10] = [
     ("psnr", "PSNR, dB", 2, |run| Some(run.psnr)),
     ("psnr_aligned", "aligned", 2, |run| Some(run.psnr_aligned)),
     ("worst_psnr", "worst camera", 2, |run| Some(run.worst_psnr)),
     ("ssim", "SSIM", 4, |run| Some(run.ssim)),
     ("lpips", "LPIPS", 4, |run| run.lpips),
+    ("lpips_unscaled", "LPIPS unscaled", 4, |run| run.lpips_unscaled),
     ("gaussians", "Gaussians", 0, |run| Some(run.gaussians as f64)),
     ("megabytes", "MB", 2, |run| Some(run.bytes as f64 / 1e6)),
     ("seconds", "seconds", 1, |run| Some(run.seconds)),
@@ -418,6 +424,7 @@ mod tests {
             worst_psnr: psnr - 2.0,
             ssim: 0.9,
             lpips: None,
+            lpips_unscaled: None,
             gaussians: 1000,
             bytes: 236_000,
             seconds: steps as f64 / 10.0,

@@ -157,6 +157,7 @@ fn run_of_some_frames(folder: &Folder) {
         world: Similarity::default(),
         constants: Constants::default(),
         held,
+        fingerprints: None,
     };
     run.write(&path).unwrap();
 }

@@ -150,7 +150,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
 
 /// Frames of the longest segment that can be trained in `memory` bytes, and the bytes of its images.
 fn within(memory: u64, args: &PlanArgs, capture: &Capture, config: &Config) -> anyhow::Result<(u32, Option<u64>)> {
-    let (work, limits) = outline::work(capture, config, &*args.device.open()?, 0);
+    let (work, limits) = outline::work(capture, config, &*args.device.open()?, 0)?;
     let of_scene = TrainingPlan::new(&work, &limits).full;
     let of_frame = work.image_bytes.div_ceil(u64::from(capture.n_frames.max(1))).max(1);
     let frames = memory.saturating_sub(of_scene.bytes()) / of_frame;

@@ -137,9 +137,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return follow(session, (*total, &args.due), &team, &stop);
     }
     let before = session.steps();
-    if let n @ 1.. = session.n_left_out() {
-        alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
-    }
+    start.warn(&mut session);
     let (test, steps) = (capture.test_frames(), format!("steps {} to {total}", before + 1));
     say!(
         "{}, {}, {}, {}, SH degree {}",
