@@ -84,7 +84,7 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
             },
             offset: fit.map_or(0.0, |fit| fit.offset),
             at_bound: fit.is_some_and(OffsetFit::is_at_bound),
-            standard_error: fit.map(|fit| fit.standard_error).filter(|error| error.is_finite()),
+            standard_error: fit.map(OffsetFit::error).filter(|error| error.is_finite()),
             truth: truth.get(&camera.name).map(|offset| offset - mean),
         }
     };
@@ -105,7 +105,11 @@ pub fn agreement(rows: &[Row]) -> Option<Agreement> {
 /// Root mean square of what is wrong with the time offsets that `trainer` is learning, frames; none without truth.
 pub fn learnt_error(trainer: &mut Trainer, capture: &Capture) -> ivv::Result<Option<f64>> {
     let (offsets, learns) = trainer.offsets()?;
-    let fits = offsets.into_iter().map(|offset| OffsetFit { offset, standard_error: f64::NAN }).enumerate().collect();
+    let fits = offsets
+        .into_iter()
+        .map(|offset| OffsetFit { offset, standard_error: f64::NAN, rest: 0.0 })
+        .enumerate()
+        .collect();
     Ok(agreement(&rows(capture, &learns, &fits)).map(|agreement| agreement.rms_error))
 }
 
@@ -114,7 +118,7 @@ pub fn print(rows: &[Row]) {
     let width = rows.iter().map(|row| row.camera.chars().count()).fold(6, usize::max);
     let has_truth = rows.iter().any(|row| row.truth.is_some());
     let true_head = if has_truth { format!("{:>9}", "true") } else { String::new() };
-    out!("{:<width$} {:>9} {:>8} {true_head}  (frames)", "camera", "offset", "scatter");
+    out!("{:<width$} {:>9} {:>8} {true_head}  (frames)", "camera", "offset", "+-");
     for row in rows {
         let error = row.standard_error.map_or("?".to_owned(), |error| format!("{error:.3}"));
         let truth = row.truth.map_or(String::new(), |truth| format!("{truth:>9.3}"));
@@ -127,8 +131,7 @@ pub fn print(rows: &[Row]) {
         out!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
     }
     out!(
-        "scatter: how far this camera's pictures contradict one another, with the scene held fixed; an offset may be off by several times \
-         as much, since the scene takes up a part of it"
+        "+-: of what the camera's pictures say and how far their own best value is; doubled, for what the scene takes up of a clock"
     );
     if let Some(Agreement { rms_error, correlation }) = agreement(rows) {
         let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.3}"));

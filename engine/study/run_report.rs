@@ -202,8 +202,10 @@ impl Report<'_> {
             let text = |key: &str| row[key].as_str().unwrap_or_default().to_owned();
             vec![text("camera"), frames("offset"), frames("standard_error"), frames("truth"), text("how")]
         });
-        let table = Table::new(&["camera", "offset", "scatter", "true", "how"], rows);
-        *page += &section("Time offsets of the cameras", &(told + &table.folded("Frames; scatter: how far a camera's pictures contradict one another, with the scene held fixed, while offsets may be off by more")));
+        let table = Table::new(&["camera", "offset", "+-", "true", "how"], rows);
+        let head =
+            "Frames; +- is of the camera's pictures with the scene held fixed, and of how far their own best value is";
+        *page += &section("Time offsets of the cameras", &(told + &table.folded(head)));
         Ok(())
     }
 

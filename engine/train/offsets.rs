@@ -22,6 +22,10 @@ const PICTURES: usize = 8;
 const SIDE: u32 = 192;
 /// Parts of a view along each side, whose errors may be alike in all pictures.
 const PARTS: usize = 4;
+/// By how much errors are larger than with the scene held fixed. Measured where all true offsets are 0, on variants of the tiny synthetic
+/// capture after 400 steps (14 offsets, two seeds): half of the offsets are within 0.6 of these errors, and one beyond 1.96. Of the errors
+/// by picture alone, without this factor, half were beyond 5.
+const SCENE: f64 = 2.0;
 /// Standard error above which an offset is not identifiable, frames.
 const LARGEST_ERROR: f64 = 0.25;
 
@@ -30,15 +34,22 @@ const LARGEST_ERROR: f64 = 0.25;
 pub struct OffsetFit {
     /// Frames.
     pub offset: f64,
-    /// Frames; infinite where the pictures say nothing. With the scene held fixed, so of the camera's own pictures alone: what the scene
-    /// has taken up of the camera's clock is not in it, and may be several times as much.
+    /// Frames; infinite where the pictures say nothing. With the scene held fixed, so of the camera's own pictures alone.
     pub standard_error: f64,
+    /// How far the best value of those pictures is, frames: what is learnt serves the whole scene, and may not have got there.
+    pub rest: f64,
 }
 
 impl OffsetFit {
     /// Whether the fit ended where the search does: the offset may lie beyond.
     pub fn is_at_bound(&self) -> bool {
         self.offset.abs() >= OFFSET_BOUND
+    }
+
+    /// How far the offset may be off, frames: the standard error, and how far the pictures' own best value is, with what the scene takes
+    /// up of a clock.
+    pub fn error(&self) -> f64 {
+        SCENE * self.standard_error.hypot(self.rest)
     }
 
     /// Whether the pictures say what the offset is.
@@ -140,7 +151,7 @@ pub fn fit_offset(
     start: f64,
     iterations: usize,
 ) -> Result<OffsetFit> {
-    let mut fit = OffsetFit { offset: start, standard_error: f64::INFINITY };
+    let mut fit = OffsetFit { offset: start, standard_error: f64::INFINITY, rest: 0.0 };
     for iteration in 0..=iterations {
         // By picture and part: gradient and curvature of half the squared error.
         let terms = pictures.iter().map(|(view, picture)| gradients(renderer, view, picture, fit.offset));
@@ -152,7 +163,7 @@ pub fn fit_offset(
         }
         let step = -slope / curvature;
         let variance = variance(&terms, step) / curvature.powi(2);
-        fit.standard_error = if terms.len() > 1 { variance.sqrt() } else { f64::INFINITY };
+        (fit.standard_error, fit.rest) = (if terms.len() > 1 { variance.sqrt() } else { f64::INFINITY }, step.abs());
         if iteration < iterations {
             fit.offset = (fit.offset + step.clamp(-LONGEST, LONGEST)).clamp(-OFFSET_BOUND, OFFSET_BOUND);
         }

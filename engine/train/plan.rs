@@ -260,8 +260,7 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
             vec![item("d slots", Active, Gaussian, 48.0, 48.0), item("frame sums", Active, Gaussian, 104.0, 104.0)]
         }
     });
-    let features = ["lpips features", "lpips features of scores"].into_iter().zip(work.lpips);
-    items.extend(features.map(|(name, [bytes, bound])| item(name, Pixels, Once, bytes as f64, bound as f64)));
+    items.extend(lpips_items(work));
     items.extend(terms::buffers(work.data).map(|(name, bytes)| item(name, Pixels, Pixel, bytes, bytes)));
     if work.grids > 0 {
         let of_camera = (GRID_BYTES / 3) as f64;
@@ -284,6 +283,15 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         items.push(item("d camera of each", Active, Gaussian, 32.0, 32.0));
     }
     items
+}
+
+/// What LPIPS needs in a step and in scores.
+fn lpips_items(work: &Workload) -> impl Iterator<Item = Item> {
+    let item = |(name, [bytes, bound]): (&'static str, [u64; 2])| {
+        let (class, per) = (Class::Pixels, Per::Once);
+        Item { name, class, per, bytes: bytes as f64, bound: bound as f64 }
+    };
+    ["lpips features", "lpips features of scores"].into_iter().zip(work.lpips).map(item)
 }
 
 /// What steps on several images need beside, of parameters of `each` bytes a static Gaussian.
