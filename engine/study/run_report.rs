@@ -203,8 +203,7 @@ impl Report<'_> {
             vec![text("camera"), frames("offset"), frames("standard_error"), frames("truth"), text("how")]
         });
         let table = Table::new(&["camera", "offset", "+-", "true", "how"], rows);
-        let head =
-            "Frames; +- is of the camera's pictures with the scene held fixed, and of how far their own best value is";
+        let head = "Frames; +- is of the camera's own pictures, and doubled for what the scene takes up of a clock";
         *page += &section("Time offsets of the cameras", &(told + &table.folded(head)));
         Ok(())
     }

@@ -40,7 +40,7 @@ settings! {
         /// The scene of a run is the mean of the scenes in this last share of it, in which density control does nothing; 0 takes the scene of
         /// the last step alone.
         average: f64 = 0.1, "of the run", Range::SHARE;
-        /// The number of Gaussians never exceeds this. A run that adds some (adc) begins with half as many at most, of those that it finds.
+        /// The number of Gaussians never exceeds this. A run that adds some (adc) begins with two thirds as many at most, of those that it finds.
         max_gaussians: usize = 500_000, "Gaussians", Range::COUNT;
         /// Where the first Gaussians come from.
         init: Init = Init::Auto, "",

@@ -11,8 +11,9 @@ use crate::stage::{Choice, DensityRound, StepSettings};
 /// Purposes of the random numbers of a step.
 const ROUND: u64 = 1;
 const NOISE: u64 = 2;
-/// Share of `max_gaussians` that the first Gaussians may take.
-const FIRST: f64 = 0.5;
+/// Share of `max_gaussians` that the first Gaussians may take. On the tiny synthetic capture with 3,000 Gaussians, 400 steps, seed 1: of 2,000
+/// a run came to 18.7 dB, of 1,500 to 18.2; with every frame twice, 3,000 came to 13.8 dB, 2,000 to 18.1 and 1,500 to 18.2.
+const FIRST: f64 = 2.0 / 3.0;
 /// Part of the steps between two resets of the opacities in which the scene recovers from one.
 const RECOVERY: f64 = 1.0 / 3.0;
 
