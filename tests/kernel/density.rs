@@ -350,8 +350,8 @@ fn a_disc_before_a_lens_goes_if_it_lies_along_the_line_of_sight_and_stays_if_it_
     // As wide as half its depth, thin as paper: a wall that is seen face on, one that is seen at a grazing angle, a ball.
     let [x, y, z] = LENSES[0].tip;
     let disc = |turn: [f32; 4], thin: f32| {
-        let mut splats =
-            scene_of(&[ball([x, y, z + 2.0], 1.0, 0.9, [1.0; 3]), ball([5.0, 5.0, 9.0], 0.1, 0.9, [0.5; 3])]);
+        let (before, far) = (ball([x, y, z + 1.0], 0.5, 0.9, [1.0; 3]), ball([5.0, 5.0, 9.0], 0.1, 0.9, [0.5; 3]));
+        let mut splats = scene_of(&[before, far]);
         (splats.rotation[0], splats.scale[0][2]) = (turn, thin.ln());
         splats
     };
@@ -365,7 +365,7 @@ fn a_disc_before_a_lens_goes_if_it_lies_along_the_line_of_sight_and_stays_if_it_
         };
         let flat = 1e-3;
         let faces = [n_gone(disc([1.0, 0.0, 0.0, 0.0], flat)), n_gone(disc([0.0, 0.0, 3.0, 0.0], flat))];
-        let lies = [n_gone(disc([quarter, quarter, 0.0, 0.0], flat)), n_gone(disc([1.0, 0.0, 0.0, 0.0], 1.0))];
+        let lies = [n_gone(disc([quarter, quarter, 0.0, 0.0], flat)), n_gone(disc([1.0, 0.0, 0.0, 0.0], 0.5))];
         assert_eq!((faces, lies), ([0, 0], [1, 1]));
     }
 }

@@ -193,15 +193,15 @@ fn a_picture_of_which_no_buffer_holds_the_features_is_scored_in_tiles_to_the_sam
     let gpu = gpu();
     for (trunk, smallest) in TRUNKS {
         let mut lpips = load(&gpu, &narrow(7, trunk));
-        for (seed, size) in [[203, 150], [64, 331], [smallest + 40, smallest]].into_iter().enumerate() {
+        for (seed, size) in [[603, 70], [64, 531], [smallest + 40, smallest]].into_iter().enumerate() {
             let pair = Pair::random(seed as u64, size, |i| if i % 13 == 0 { 0 } else { 255 });
             let [_, whole] = lpips.score_bytes(size, u64::MAX).unwrap();
             let expected = f64::from(f32::from_bits(pair.on_device(&gpu, &mut lpips).unwrap().metric));
             assert_eq!(score(&gpu, &mut lpips, &pair, Shown::Scaled, whole).unwrap(), expected, "one tile");
             let mut least = whole;
             // Down to tiles that have nothing left to give up.
-            for part in 2..=6 {
-                let most = whole / part;
+            for part in 1..=6 {
+                let most = whole / 10 * (10 - part);
                 match lpips.score_bytes(size, most) {
                     Ok([all, largest]) => {
                         assert!(largest <= most && all >= largest, "{trunk}, {size:?}: {largest} of {most}");
@@ -216,7 +216,7 @@ fn a_picture_of_which_no_buffer_holds_the_features_is_scored_in_tiles_to_the_sam
                     }
                 }
             }
-            assert!(seed == 2 || least < whole / 2, "{trunk}, {size:?}: tiles of {least} bytes, all {whole}");
+            assert!(seed == 2 || least < whole / 10 * 8, "{trunk}, {size:?}: tiles of {least} bytes, all {whole}");
         }
     }
 }
