@@ -8,7 +8,7 @@ use crate::common::random::{scene, view};
 use glam::{DMat3, DQuat, DVec3};
 use ivv::Constants;
 use ivv::formats::read_scene;
-use ivv::scene::{Frame, Motion, Pose, read_views};
+use ivv::scene::{Frame, Motion, Pose, View, read_views};
 use ivv::stage::{Outputs, Renderer};
 
 /// Peak signal-to-noise ratio of a picture against another, dB.
@@ -57,7 +57,7 @@ fn at_equal_depth_what_rests_is_before_what_moves_and_then_the_order_of_the_file
     let ([red, green, blue], long) = ([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]], 20.0);
     let moves = Motion { velocity: [0.0; 3], t_center: 0.5, t_scale: long };
     let front = |all: &[One]| {
-        let (frame, _) = render(&scene_of(all), &view());
+        let (frame, _) = render(&scene_of(all), &View { background: [0.0; 3], ..view() });
         let brightest = frame.color.iter().max_by(|a, b| a.iter().sum::<f32>().total_cmp(&b.iter().sum::<f32>()));
         let color = *brightest.unwrap();
         (0..3).max_by(|a, b| color[*a].total_cmp(&color[*b])).unwrap()
