@@ -18,6 +18,7 @@ mod interrupt;
 mod kept;
 mod kernels;
 mod line;
+mod look;
 #[cfg(feature = "mpi")]
 mod message;
 mod offsets;

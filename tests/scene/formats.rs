@@ -95,7 +95,7 @@ fn spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
 }
 
 /// The same before it is gzipped.
-fn raw_spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
+pub fn raw_spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
     let mut raw = b"NGSP".to_vec();
     raw.extend(3_u32.to_le_bytes());
     raw.extend(1_u32.to_le_bytes());
@@ -108,7 +108,7 @@ fn raw_spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
     raw
 }
 
-fn gzip(raw: &[u8]) -> Vec<u8> {
+pub fn gzip(raw: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     encoder.write_all(raw).unwrap();
     encoder.finish().unwrap()

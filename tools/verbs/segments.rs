@@ -4,6 +4,7 @@ use crate::capture::{self, CaptureArgs};
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::interrupt::{Interrupted, Stop};
+use crate::look::Look;
 use crate::outline;
 use crate::screen::{self, out, say};
 use crate::settings::SettingArgs;
@@ -301,7 +302,7 @@ impl<'a> Jobs<'a> {
             read_ply(&folder.join("scene.ply"))
         };
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
-        write_parts(&file, &mut joined)?;
+        write_parts(&file, &mut joined, &Look::of(&self.base(), None)?.unusual())?;
         // The constants that the jobs were given, with --blur and the like. On a rig that moves the jobs trained in a frame with
         // another unit, so the near plane is converted.
         let base = Run::read(&self.base())?;

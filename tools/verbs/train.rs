@@ -7,6 +7,7 @@ use crate::due::{Due, DueArgs};
 use crate::files::{write_json, write_scene};
 use crate::interrupt::{Interrupted, Stop};
 use crate::kept;
+use crate::look::Look;
 use crate::offsets;
 use crate::outline;
 use crate::passes::{self, TimedPass};
@@ -428,7 +429,9 @@ impl Training<'_, '_> {
         let splats = self.session.with_backdrop(trained.clone())?;
         self.note_events()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
-        let written = write_scene(&scene, &splats, &world)?;
+        let (constants, background) = (self.scorer.run.constants_of_capture(), Some(self.scorer.config.background));
+        let own = Look { constants, background }.unusual();
+        let written = write_scene(&scene, &splats, &world, &own)?;
         // What the file holds is scored.
         let splats = world.splats(&written);
         let seconds_stepping = self.seconds_before + self.session.seconds();
