@@ -55,6 +55,11 @@ impl Look {
         Ok(look)
     }
 
+    /// How `run` is rendered, which was trained with `config`.
+    pub fn new(run: &Run, config: &Config) -> Self {
+        Look { constants: run.constants_of_capture(), background: Some(config.background) }
+    }
+
     /// How the run in `folder` is rendered; as usual, with a warning, where its files cannot be read.
     fn of_run(folder: &Path) -> Self {
         let read = || -> ivv::Result<Self> {

@@ -429,8 +429,7 @@ impl Training<'_, '_> {
         let splats = self.session.with_backdrop(trained.clone())?;
         self.note_events()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
-        let (constants, background) = (self.scorer.run.constants_of_capture(), Some(self.scorer.config.background));
-        let own = Look { constants, background }.unusual();
+        let own = Look::new(self.scorer.run, self.scorer.config).unusual();
         let written = write_scene(&scene, &splats, &world, &own)?;
         // What the file holds is scored.
         let splats = world.splats(&written);
