@@ -120,7 +120,7 @@ pub(super) fn judge(
         let own = || unread.iter().filter(|(stem, _)| is_its(stem));
         let Some(first) = own().next().and_then(|(_, names)| names.first()) else { return Ok(()) };
         let place = format!("element `vertex`, property `{}`", first.escape_debug());
-        Err(Error::data(path, place, format!("{} {what}, which is not read", list(own())), remedy))
+        Err(Error::data(path, place, format!("{} {what}, and ivv does not read them", list(own())), remedy))
     };
     for method in &METHODS {
         refuse(&|stem| method.names.contains(&stem), method.what, method.remedy)?;
@@ -148,7 +148,7 @@ fn elements(path: &Path, header: &Header, read: &[&str]) -> Result<Option<String
         let stem = stem(&element.name);
         let name = element.name.escape_debug();
         if !has_word(stem, HARMLESS) && has_word(stem, MOTION) {
-            let reason = "moves Gaussians, by the words of its name, which is not read";
+            let reason = "moves Gaussians, by the words of its name, and ivv does not read it";
             return Err(Error::data(path, format!("element `{name}`"), reason, ONE_MOMENT));
         }
         names.push(format!("`{name}`"));
@@ -185,9 +185,9 @@ fn has_word(name: &str, words: &str) -> bool {
 /// `SplatRenderMode: mip`, Postshot's `antialiased 1`.
 pub(super) fn compensation(header: &Header) -> Option<String> {
     let said = header.comments.iter().rev().find_map(|line| {
-        let line = line.to_ascii_lowercase();
-        let mode = line.strip_prefix("splatrendermode:").map(|mode| mode.trim() == "mip");
-        mode.or_else(|| line.strip_prefix("antialiased ").map(|flag| flag.trim() == "1")).map(|is| (is, line))
+        let words = line.to_ascii_lowercase();
+        let mode = words.strip_prefix("splatrendermode:").map(|mode| mode.trim() == "mip");
+        mode.or_else(|| words.strip_prefix("antialiased ").map(|flag| flag.trim() == "1")).map(|is| (is, line))
     });
     let (is_compensated, line) = said?;
     is_compensated.then(|| compensated(&format!("comment `{line}`")))

@@ -13,7 +13,8 @@ use super::formats::{compressed, gzip, raw_spz};
 use super::ply::{NAMES, by_hand};
 use super::{Folder, fault, sample, sog};
 
-const USUAL: f64 = 0.01;
+/// The near plane of scenes that do not say theirs, as single precision has it.
+const USUAL: f64 = 0.009_999_999_776_482_582;
 
 /// A PLY of two Gaussians with the properties of 3DGS but those that `without` names, and others, all of whose values are `value`.
 fn ply(folder: &Folder, without: &[&str], more: &[&str], value: f64) -> PathBuf {
