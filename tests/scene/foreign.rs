@@ -232,8 +232,9 @@ fn scenes_of_renderers_that_make_up_for_blur_are_warned_of_in_every_format() {
         (&["antialiased 0"], false),
         (&["SplatRenderMode: default"], false),
         (&["Exported from Brush", "SH degree: 0"], false),
-        // The last one counts; each is written before the others here.
-        (&["antialiased 1", "SplatRenderMode: default"], true),
+        // The last one counts.
+        (&["antialiased 1", "SplatRenderMode: default"], false),
+        (&["SplatRenderMode: default", "antialiased 1"], true),
     ] {
         let path = ply(&folder, &[], &[], 0.0);
         comments.iter().for_each(|comment| commented(&path, comment));
@@ -332,7 +333,9 @@ fn own(pairs: &[(&str, &str)]) -> Own {
 fn how_a_scene_is_rendered_travels_in_a_ply_and_leaves_the_usual_one_as_it_was() {
     let folder = Folder::new("foreign-own");
     let (usual, path) = (folder.file("usual.ply"), folder.file("a.ply"));
-    let scene = sample(1, 3, 2);
+    // Its colours fit into a .4dgs.
+    let mut scene = sample(0, 3, 2);
+    scene.sh.fill([0.2; 3]);
     write_ply(&usual, &scene).unwrap();
     write_ply_with(&path, &scene, &Own::new()).unwrap();
     assert_eq!(fs::read(&usual).unwrap(), fs::read(&path).unwrap());
@@ -358,7 +361,7 @@ fn how_a_scene_is_rendered_travels_in_a_ply_and_leaves_the_usual_one_as_it_was()
     ivv(&["export", &of("b.4dgs"), "-o", &of("c.ply")]);
     assert_eq!(ply_own(&folder.file("c.ply")).unwrap(), None);
     // What cannot be is not taken, and said.
-    write_ply_with(&path, &sample(1, 3, 2), &own(&[("near", "-1")])).unwrap();
+    write_ply_with(&path, &sample(0, 3, 2), &own(&[("near", "-1")])).unwrap();
     let (_, told) = ivv(&["export", &of("a.ply"), "-o", &of("b.ply")]);
     assert!(told.contains("its `near` is `-1`, which cannot be"), "{told}");
     assert_eq!(ply_own(&folder.file("b.ply")).unwrap(), None);

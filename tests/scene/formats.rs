@@ -308,7 +308,7 @@ fn a_count_that_the_file_cannot_hold_is_refused_before_it_is_believed() {
     for (at, value, says) in [
         (4, 1, "version 1"),
         (4, 5, "version 5"),
-        (12, 4, "degree 4"),
+        (12, 5, "degree 5"),
         (13, 24, "24 fractional bits"),
         (14, 0x80, "unknown flags 0x80"),
     ] {

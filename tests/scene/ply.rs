@@ -25,6 +25,7 @@ pub fn by_hand(encoding: &str, names: &[&str], types: &[&str], rows: &[Vec<f64>]
                 "int" => (value as i32).to_le_bytes().to_vec(),
                 "ushort" => (value as u16).to_le_bytes().to_vec(),
                 "char" => (value as i8).to_le_bytes().to_vec(),
+                "uchar" => (value as u8).to_le_bytes().to_vec(),
                 _ => unreachable!("{kind}"),
             };
             match encoding {
