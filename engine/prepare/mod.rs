@@ -37,7 +37,7 @@ pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, Stage, T
 use self::source::{Footage, Source};
 use crate::error::{Error, Result};
 use crate::scene::capture::{
-    CaptureSettings, Faults, Manifest, Report, check_capture, check_downscale, write_true_offsets,
+    CaptureSettings, Faults, Manifest, Report, check_asked, check_capture, write_true_offsets,
 };
 
 /// What a folder or file holds of which [`prepare`] makes a capture, and which is not a capture itself: an English phrase such as
@@ -60,7 +60,7 @@ fn pictures(settings: &PrepareSettings) -> Result<Option<Pictures>> {
     settings.check()?;
     let pictures = source::pictures(settings);
     if pictures.is_some() {
-        check_downscale(&settings.source, &settings.capture)?;
+        check_asked(&settings.source, "", &settings.capture)?;
     }
     reconstruct::check_moving(settings, pictures.as_ref())?;
     photos::check(settings, pictures.as_ref())?;

@@ -14,7 +14,7 @@ use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::timecodes;
 use crate::prepare::video::{RATE_TOLERANCE, Selection};
 use crate::scene::Intrinsics;
-use crate::scene::capture::{Faults, Frames, RATES, Shot, read_size};
+use crate::scene::capture::{Faults, Frames, RATES, Shot, size_for};
 use crate::scene::undistort::Lens;
 
 /// What is to be made.
@@ -233,7 +233,8 @@ impl Planned<'_> {
         }
         let before = self.faults.n();
         for path in chosen.iter().flat_map(Shot::pictures) {
-            if let Some((w, h)) = self.faults.take(read_size(path).map_err(Error::from)).filter(|found| *found != size)
+            if let Some((w, h)) =
+                self.faults.take(size_for(path, size).map_err(Error::from)).filter(|found| *found != size)
             {
                 let reason = format!("is {w} x {h}, the camera's first image is {} x {}", size.0, size.1);
                 self.faults.add(path, "", reason, "give images and masks of one size");

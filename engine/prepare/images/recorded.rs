@@ -4,7 +4,7 @@ use crate::error::{Error, Result};
 use crate::prepare::fit::Part;
 use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::video::{self, Selection, Video};
-use crate::scene::capture::{decode_image, read_size};
+use crate::scene::capture::{decode_image, size_for};
 
 /// Footage that has been looked at.
 pub(super) struct Recorded {
@@ -33,7 +33,8 @@ impl Recorded {
                     let remedy = "add its images, or remove the camera";
                     return Err(Error::data(&source.calibration, place, "has no image", remedy));
                 };
-                let size = read_size(&shots[0].image).map_err(Error::from)?;
+                let lens = camera.lens.intrinsics;
+                let size = size_for(&shots[0].image, (lens.width, lens.height)).map_err(Error::from)?;
                 Ok(Recorded { size, n_frames: last + 1, fps: None, video: None })
             }
         }

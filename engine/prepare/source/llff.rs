@@ -4,21 +4,24 @@ use std::collections::BTreeMap;
 
 use super::footage::{self, sequence_names, video_names};
 use super::recording::{Place, Source, SourceCamera};
-use crate::scene::capture::{Faults, model_folder, read_npy};
+use crate::scene::capture::{Faults, is_capture, read_npy};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose, rotation_of_rows};
 use glam::DVec3;
 
 const REMEDY: &str = "give the file that came with the videos, and all of them";
 
-/// Whether it is a clip of cameras whose poses `poses_bounds.npy` has. The photographs of LLFF and Mip-NeRF 360 have such a file
-/// beside COLMAP's model, which says more.
+/// Whether it is a clip of cameras whose poses `poses_bounds.npy` has: so many videos, or folders of frames. The photographs of LLFF
+/// and Mip-NeRF 360 have such a file too, the latter beside COLMAP's model, which says more; the film they were taken from may lie
+/// there as well.
 pub(super) fn is_n3v(place: Place) -> bool {
-    let is_clip = || {
-        let sequences = sequence_names(place.footage);
-        !video_names(place.footage).is_empty() || sequences.iter().any(|name| name.starts_with("cam"))
+    let poses = place.folder.join("poses_bounds.npy");
+    let n_clips = || {
+        let sequences = sequence_names(place.footage).into_iter().filter(|name| name.starts_with("cam")).count();
+        video_names(place.footage).len().max(sequences)
     };
-    place.folder.join("poses_bounds.npy").is_file() && (model_folder(place.folder).is_none() || is_clip())
+    let n_rows = || read_npy(&poses).ok().and_then(|array| array.shape.first().copied());
+    poses.is_file() && (n_rows() == Some(n_clips()) || !is_capture(place.folder))
 }
 
 /// A row is three rows of (down, right, back, centre, (height, width, focal length)), then two bounds of depth, which are not

@@ -17,7 +17,7 @@ pub(super) use self::recording::{Clocks, Footage, Source, SourceCamera};
 use crate::error::{Error, Result};
 use crate::prepare::pictures::Pictures;
 use crate::prepare::settings::PrepareSettings;
-use crate::scene::capture::{Faults, check_downscale, check_names, is_capture, is_unfinished};
+use crate::scene::capture::{Faults, check_asked, check_names, is_capture, is_unfinished};
 
 type Recogniser = fn(Place) -> bool;
 type Reader = fn(Place, &mut Faults) -> Source;
@@ -61,8 +61,13 @@ impl Source {
         let found = FORMATS.into_iter().find(|(_, is, _)| !is_unfinished(folder) && is(place));
         let source = match found {
             Some((format, _, read)) => {
-                let source = Source { format, ..read(place, faults) };
-                faults.take(check_downscale(folder, &settings.capture));
+                let mut source = Source { format, ..read(place, faults) };
+                faults.take(check_asked(
+                    folder,
+                    if format == "COLMAP rig" { "COLMAP" } else { format },
+                    &settings.capture,
+                ));
+                source.exclude(&settings.capture.exclude, faults);
                 Some(source)
             }
             None => captures::read(place, faults),
@@ -92,6 +97,17 @@ impl Source {
         check_names("--shift", settings.shifts.keys(), &names, &source.calibration, faults);
         source.choose_test_cameras(settings, faults);
         Ok(source)
+    }
+
+    /// Leaves out the cameras of these names.
+    fn exclude(&mut self, names: &[String], faults: &mut Faults) {
+        if names.is_empty() {
+            return;
+        }
+        let known: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        check_names("--exclude", names, &known, &self.calibration, faults);
+        self.cameras.retain(|camera| !names.contains(&camera.name));
+        self.notes.push(format!("left out with --exclude: {}", names.join(", ")));
     }
 
     fn choose_test_cameras(&mut self, settings: &PrepareSettings, faults: &mut Faults) {

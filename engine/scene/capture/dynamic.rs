@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::builder::{CaptureBuilder, MAX_FRAMES};
 use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
-use super::names::relative;
+use super::named::Named;
+use super::names::spelled;
 use super::npz;
 use super::report::Faults;
 use super::settings::CaptureSettings;
@@ -36,7 +37,8 @@ impl Meta {
     }
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+    let path = named.folder.as_path();
     let calibration = path.join("train_meta.json");
     let mut found = Found { path, settings, cameras: BTreeMap::new(), n_listed: 0 };
     for (name, is_test) in [("train_meta.json", false), ("test_meta.json", true)] {
@@ -50,6 +52,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     }
     let mut builder =
         CaptureBuilder { fps: settings.fps, n_frames: found.n_listed, calibration, ..CaptureBuilder::default() };
+    builder.pose_remedy = Some("give w2c from world to camera, the camera's axes x right, y down, z forward");
     builder.cameras = found.cameras.into_values().collect();
     drop_absent_end(&mut builder);
     let cloud = path.join("init_pt_cld.npz");
@@ -93,7 +96,7 @@ impl Found<'_> {
     }
 
     fn add_shot(&mut self, meta: &Meta, t: usize, c: usize, is_test: bool) -> Result<(), String> {
-        let name = relative(&meta.names[t][c])?;
+        let name = spelled(&meta.names[t][c])?.path;
         let (k, rows, id) = (meta.k[t][c], &meta.w2c[t][c], meta.cam_id[t][c]);
         if k[0][1] != 0.0 || k[1][0] != 0.0 || k[2] != [0.0, 0.0, 1.0] {
             return Err(format!("has the intrinsic matrix {k:?}, which is no pinhole without skew"));

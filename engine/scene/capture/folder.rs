@@ -9,6 +9,7 @@ use super::builder::{CaptureBuilder, MAX_FRAMES, check_names};
 use super::camera::{Camera, Shot};
 use super::colmap::{Posed, read_model};
 use super::frames::Frames;
+use super::named::Named;
 use super::names::with_image_extension;
 use super::points::FramePoints;
 use super::report::Faults;
@@ -105,13 +106,14 @@ pub(crate) fn is_unfinished(path: &Path) -> bool {
 }
 
 /// What is said of an unfinished capture.
-pub(super) fn unfinished(path: &Path, _: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+pub(super) fn unfinished(named: &Named, _: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let remedy = "run the same `ivv prepare` command again to continue it";
-    faults.add(path, "", "is a capture that `ivv prepare` has not finished", remedy);
+    faults.add(&named.folder, "", "is a capture that `ivv prepare` has not finished", remedy);
     CaptureBuilder::default()
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+    let path = named.folder.as_path();
     let manifest = faults.take(Manifest::read(path));
     let model = read_model(&path.join("sparse/0"), faults);
     let Some(manifest) = manifest else { return CaptureBuilder::default() };
@@ -123,6 +125,8 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         n_frames: manifest.frames,
         reference_frame: manifest.reference_frame,
         points: model.points,
+        notes: model.notes,
+        n_sounds: if manifest.audio { n_files(&path.join("audio")) as usize } else { 0 },
         calibration: path.join(FILE),
         ..CaptureBuilder::default()
     };
@@ -199,7 +203,8 @@ fn photos(folder: &Path, faults: &mut Faults) -> Option<CaptureBuilder> {
         faults.add(&folder.join(FILE), "", format!("{found}; photographs are a capture of one frame"), remedy);
         return None;
     }
-    let mut builder = read(folder, &CaptureSettings::default(), faults);
+    let named = Named { folder: folder.to_owned(), ..Named::default() };
+    let mut builder = read(&named, &CaptureSettings::default(), faults);
     builder.cameras.iter_mut().for_each(|camera| (camera.is_photo, camera.is_test) = (true, false));
     Some(builder)
 }
