@@ -23,7 +23,7 @@ const CASES: [(&str, Right); 35] = [
     ("captures/colmap_root", Read(8, &["taken from 000.png"])),
     ("captures/file_named", Read(8, &[])),
     ("captures/file_named/transforms.json", Read(8, &[])),
-    ("captures/file_named/scene_b.json", Read(8, &[])),
+    ("captures/file_named/scene_b.json", Read(4, &[])),
     ("captures/gbk_name", Read(8, &["names that are not UTF-8: 1; they are"])),
     ("captures/good", Read(8, &[])),
     ("captures/good/sparse", Read(8, &[])),
