@@ -157,6 +157,11 @@ pub fn check(path: &Path, settings: &CaptureSettings) -> Report {
     let is_itself = report.n_faults == 0 && report.path == path;
     if let Some((what, fault)) = (!is_itself).then(|| unprepared(path)).flatten() {
         (report.format, report.n_faults, report.faults) = (what, 1, vec![fault]);
+        if report.n_cameras > 0 {
+            // What was read of it is not what is meant.
+            report.n_cameras = 0;
+            report.notes.clear();
+        }
     }
     report
 }
