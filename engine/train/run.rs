@@ -138,7 +138,8 @@ impl Run {
     /// Those of the capture; [`Error::Data`] when it does not hold what it held.
     pub fn open_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
         let path = moved_to.unwrap_or(&self.capture);
-        if !path.is_dir() {
+        // A file of cameras may stand for its folder.
+        if !path.exists() {
             let remedy =
                 "the capture has moved: give its new place (`ivv train --resume -o RUN CAPTURE`, elsewhere --capture)";
             return Err(Error::data(path, "", "no such folder", remedy));

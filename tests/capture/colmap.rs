@@ -86,7 +86,7 @@ fn every_fault_of_the_values_is_told_in_both_formats() {
         (|m| m.cameras[0].5[0] = 0.0, "has fx = 0.0 pixels"),
         (|m| m.cameras[0].5[1] = f64::NAN, "has fy = NaN pixels"),
         (|m| m.cameras[0].5[3] = f64::INFINITY, "has cy = inf pixels"),
-        (|m| m.cameras[1] = (9, 4, "OPENCV", 6, 4, vec![1.0; 8]), "`ivv prepare`"),
+        (|m| m.cameras[1] = (9, 4, "OPENCV", 6, 4, vec![1.0; 8]), "`ivv prepare "),
         (|m| m.images[2].0 = 10, "has the id of an earlier image"),
         (|m| m.images[0].1 = [0.0; 4], "has a quaternion of length 0"),
         (|m| m.images[0].1[1] = f64::NAN, "a number is not finite"),

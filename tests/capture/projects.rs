@@ -79,7 +79,13 @@ fn preparing_reads_the_model_that_is_asked_for_and_leaves_out_cameras() {
     let out = folder.0.join("out");
     for (options, n) in [(&["--model", "0"][..], 1), (&["--exclude", "a,b"][..], 1), (&[], 3)] {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        command.arg("prepare").arg(&folder.0).arg("-o").arg(&out).args(["--triangulate", "none", "--force"]);
+        command.arg("prepare").arg(&folder.0).arg("-o").arg(&out).args([
+            "--triangulate",
+            "none",
+            "--force",
+            "--test-every",
+            "0",
+        ]);
         let output = command.args(options).output().unwrap();
         assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
         assert_eq!(check_capture(&out, &CaptureSettings::default()).n_cameras, n, "{options:?}");

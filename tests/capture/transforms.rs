@@ -106,7 +106,7 @@ fn transparent_images_lie_over_the_background() {
 fn every_fault_of_a_transforms_file_is_told() {
     let folder = Folder::new("transforms-faults");
     let cases: [Case<Value>; 15] = [
-        (|d| d["k1"] = json!(0.01), "`ivv prepare`"),
+        (|d| d["k1"] = json!(0.01), "`ivv prepare "),
         (|d| d["camera_model"] = json!("OPENCV_FISHEYE"), "OPENCV_FISHEYE"),
         (|d| d["w"] = json!(6.5), "has 6.5 x 4 pixels"),
         (|d| d["h"] = json!(1e30), "whole numbers of 1 to 65536"),

@@ -7,6 +7,8 @@ const MAX_TANGENT: f64 = 20.0;
 /// Steps in which the first fold of a lens is looked for.
 const FOLD_STEPS: u32 = 4000;
 const NEWTON_STEPS: usize = 50;
+/// A last step of Newton's method, relative to where it leads.
+const CLOSE: f64 = 4.0 * f64::EPSILON;
 /// Residual of the inverse, on the plane at distance 1.
 const CONVERGED: f64 = 1e-12;
 /// How far the rectangle of a pinhole may reach beyond the size of the image, in multiples of it, from the principal point
@@ -141,17 +143,18 @@ impl Distortion {
         let mut at = value.min(reach);
         for _ in 0..NEWTON_STEPS {
             let (found, slope) = self.radial(at);
+            let newton = at - (found - value) / slope;
+            // Before the bracket is asked: rounding may put the last step just outside of it, and bisection would lead far away.
+            if (newton - at).abs() <= CLOSE * at {
+                break;
+            }
             if found > value {
                 high = at;
             } else {
                 low = at;
             }
-            let next = at - (found - value) / slope;
             // Newton's step where it stays in the bracket, bisection elsewhere.
-            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
-            if (next - at).abs() <= f64::EPSILON * at {
-                break;
-            }
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             at = next;
         }
         at
