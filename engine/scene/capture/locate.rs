@@ -4,7 +4,8 @@ use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::names::{Spelled, is_hidden, is_image, is_picture, with_image_extension};
+use super::marks::is_capture;
+use super::names::{Spelled, by_number, is_hidden, is_image, is_picture, with_image_extension};
 
 /// Folders within folders that are searched.
 const MAX_DEPTH: usize = 4;
@@ -289,7 +290,7 @@ pub(super) fn listed(root: &Path, depth: usize) -> Vec<PathBuf> {
             let (name, path) = (folder.join(entry.file_name()), entry.path());
             if is_picture(&path) && path.is_file() {
                 files.push(name);
-            } else if level < depth && path.is_dir() && !super::is_capture_itself(&path) {
+            } else if level < depth && path.is_dir() && !is_capture(&path) {
                 folders.push((name, level + 1));
             }
         }
@@ -303,6 +304,6 @@ pub(super) fn images_of(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<PathBuf> = entries.map(|entry| PathBuf::from(entry.file_name())).collect();
     names.retain(|name| is_image(name));
-    names.sort_by(|a, b| super::names::by_number(a, b));
+    names.sort_by(|a, b| by_number(a, b));
     names
 }

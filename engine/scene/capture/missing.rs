@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use super::builder::{CaptureBuilder, check_names};
+use super::camera::Camera;
 use super::locate::listed;
 use super::report::Faults;
 use super::settings::CaptureSettings;
@@ -91,7 +92,7 @@ impl CaptureBuilder {
     /// Where all cameras mirror, the world is left-handed: its x is turned around, for cameras and points alike.
     pub(super) fn unmirror(&mut self) {
         let poses = |builder: &Self| {
-            let own = |camera: &super::Camera| {
+            let own = |camera: &Camera| {
                 let moving: Vec<Pose> = camera.shots.iter().filter_map(|shot| shot.world_to_camera).collect();
                 if moving.is_empty() { vec![camera.world_to_camera] } else { moving }
             };
@@ -125,7 +126,7 @@ impl CaptureBuilder {
             let note = "there are no points: the first Gaussians will be where images agree, or at random";
             self.notes.push(note.to_owned());
         }
-        let of = |camera: &super::Camera| (camera.intrinsics.width, camera.intrinsics.height);
+        let of = |camera: &Camera| (camera.intrinsics.width, camera.intrinsics.height);
         let mut sizes: Vec<(u32, u32)> = self.cameras.iter().map(of).collect();
         sizes.sort_unstable();
         sizes.dedup();

@@ -16,6 +16,7 @@ mod frames;
 pub(super) mod header;
 mod llff;
 mod locate;
+mod marks;
 mod masks;
 mod missing;
 mod named;
@@ -109,12 +110,6 @@ const FORMATS: [(&str, Recogniser, Reader); 7] = [
 ];
 /// The format of the project's own captures.
 const OWN: &str = "ivv capture folder";
-
-/// Whether a folder itself is in one of the [`FORMATS`].
-fn is_capture_itself(path: &Path) -> bool {
-    let named = Named { folder: path.to_owned(), ..Named::default() };
-    FORMATS.into_iter().any(|(_, is, _)| is(&named))
-}
 
 /// Whether a path, or the only capture below it, is in one of the [`FORMATS`].
 pub(crate) fn is_capture(path: &Path) -> bool {

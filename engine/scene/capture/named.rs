@@ -3,6 +3,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::marks::{is_capture, is_model, models};
 use super::names::is_hidden;
 
 /// Endings of videos, for telling a recording from a capture.
@@ -40,7 +41,7 @@ impl Named {
         // A model lies in `sparse` of its project.
         match path.parent() {
             Some(parent) if is_sparse(path) && holds_models(path) => folder(&or_here(parent)),
-            Some(parent) if is_sparse(parent) && super::colmap::is_model(path) => {
+            Some(parent) if is_sparse(parent) && is_model(path) => {
                 let project = parent.parent().map(or_here).unwrap_or_default();
                 Named { model: Some(path.to_owned()), ..folder(&project) }
             }
@@ -55,7 +56,7 @@ fn is_of_model(name: &str) -> bool {
 
 /// Whether a folder `sparse` holds models.
 fn holds_models(sparse: &Path) -> bool {
-    super::colmap::is_model(sparse) || !super::colmap::models(sparse).is_empty()
+    is_model(sparse) || !models(sparse).is_empty()
 }
 
 fn or_here(path: &Path) -> PathBuf {
@@ -91,7 +92,7 @@ pub(super) fn captures_below(path: &Path) -> Vec<PathBuf> {
             for folder in folders.into_iter().filter(|folder| !is_hidden(folder)) {
                 // A model in `sparse` is that of the folder above.
                 let is_model = folder.file_name().is_some_and(|name| name == "sparse");
-                if super::is_capture_itself(&folder) {
+                if is_capture(&folder) {
                     found.push(folder);
                 } else if !is_model {
                     next.push(folder);

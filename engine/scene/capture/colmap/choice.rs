@@ -1,40 +1,27 @@
 //! Which of a project's models is read: COLMAP's mapper writes one for each part that it could not join to the others, numbered
 //! by when it began them.
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::bin::n_images as n_in_binary;
 use super::raw::{STEMS, is_there};
-use super::{bin, text};
+use super::text::images as images_in_text;
 use crate::error::{Error, Result};
-use crate::scene::capture::names::by_number;
+use crate::scene::capture::marks::{is_model, models};
 use crate::scene::capture::report::Faults;
 use crate::scene::capture::settings::CaptureSettings;
-
-/// Whether the files of a model lie in a folder.
-pub(in crate::scene::capture) fn is_model(folder: &Path) -> bool {
-    is_there(folder, STEMS[0]).is_some()
-}
-
-/// The models in a folder `sparse`, by their numbers.
-pub(in crate::scene::capture) fn models(sparse: &Path) -> Vec<PathBuf> {
-    let folders = fs::read_dir(sparse).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut models: Vec<PathBuf> = folders.filter(|folder| is_model(folder)).collect();
-    models.sort_by(|a, b| by_number(a, b));
-    models
-}
 
 /// Images of a model; 0 where the file cannot be read.
 fn n_images(folder: &Path) -> usize {
     match is_there(folder, STEMS[1]) {
-        Some((file, true)) => bin::n_images(&file),
-        Some((file, false)) => text::images(&file, &mut Faults::default()).0.len(),
+        Some((file, true)) => n_in_binary(&file),
+        Some((file, false)) => images_in_text(&file, &mut Faults::default()).0.len(),
         None => 0,
     }
 }
 
 /// The folder of a COLMAP model in a project: that of the most images in `sparse`, `sparse` itself or the project itself.
-pub(in crate::scene::capture) fn model_folder(path: &Path) -> Option<PathBuf> {
+pub(crate) fn model_folder(path: &Path) -> Option<PathBuf> {
     chosen_model(path, &CaptureSettings::default()).ok().flatten().map(|(folder, _)| folder)
 }
 

@@ -11,14 +11,14 @@ use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 pub(crate) use self::choice::chosen_model;
-pub(super) use self::choice::{is_model, model_folder, models};
+pub(super) use self::choice::model_folder;
 use self::facing::Facing;
 use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint, STEMS, is_there};
 use crate::scene::Pose;
 use crate::scene::capture::builder::CaptureBuilder;
 use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use crate::scene::capture::locate::{Wanted, listed, locate};
-use crate::scene::capture::masks;
+use crate::scene::capture::masks::find as find_masks;
 use crate::scene::capture::named::Named;
 use crate::scene::capture::names::{flat, spelled};
 use crate::scene::capture::points::read_cloud;
@@ -388,7 +388,7 @@ fn add_cameras(
             first.display()
         ));
     }
-    masks::find(&named.folder, images, builder);
+    find_masks(&named.folder, images, builder);
 }
 
 /// Says which names were read as what.

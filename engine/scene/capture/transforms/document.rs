@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use super::REMEDY;
+use super::entry::REMEDY;
 use crate::error::{self, Error};
 use crate::files::read_bytes;
 use crate::scene::Intrinsics;

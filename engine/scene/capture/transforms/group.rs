@@ -2,7 +2,7 @@
 
 use std::collections::HashMap;
 
-use super::Entry;
+use super::entry::Entry;
 use crate::scene::Intrinsics;
 use crate::scene::capture::builder::CaptureBuilder;
 use crate::scene::capture::camera::Camera;

@@ -2,6 +2,7 @@
 //! `transforms_test.json`. Poses map camera to world, the camera x right, y up, z backward (OpenGL).
 
 mod document;
+mod entry;
 mod group;
 mod pose;
 mod split;
@@ -10,32 +11,23 @@ mod times;
 use std::path::{Path, PathBuf};
 
 use self::document::{Document, Frame, Unfit};
-use super::builder::CaptureBuilder;
-use super::camera::{Camera, Shot};
-use super::header::read_size;
-use super::locate::{Located, Wanted, locate};
-use super::named::Named;
-use super::names::{flat, spelled};
-use super::points::read_cloud;
-use super::report::Faults;
-use super::settings::CaptureSettings;
+use self::entry::{Entry, REMEDY};
 use crate::scene::Pose;
+use crate::scene::capture::builder::CaptureBuilder;
+use crate::scene::capture::camera::{Camera, Shot};
+use crate::scene::capture::header::read_size;
+use crate::scene::capture::locate::{Located, Wanted, locate};
+use crate::scene::capture::named::Named;
+use crate::scene::capture::names::{flat, spelled};
+use crate::scene::capture::points::read_cloud;
+use crate::scene::capture::report::Faults;
+use crate::scene::capture::settings::CaptureSettings;
 use crate::scene::prior::depth_size;
-use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::undistort::Lens;
 
-const REMEDY: &str = "correct the file, or export the capture again";
 const POSE_REMEDY: &str = "give transform_matrix from camera to world, the camera's axes x right, y up, z back";
 /// The files by whose names a folder is recognised, the likelier first.
 const FILES: [&str; 2] = ["transforms_train.json", "transforms.json"];
-
-/// One image.
-struct Entry {
-    camera: Camera,
-    distortion: Distortion,
-    name: PathBuf,
-    shot: Shot,
-    time: Option<f64>,
-}
 
 /// Whether a file was named, or one of [`FILES`] is there.
 pub(super) fn is_transforms(named: &Named) -> bool {

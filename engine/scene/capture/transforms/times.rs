@@ -1,6 +1,6 @@
 //! From times to frames.
 
-use super::Entry;
+use super::entry::Entry;
 use crate::scene::capture::builder::MAX_FRAMES;
 
 /// Two times closer than this are one.
