@@ -2,10 +2,11 @@
 
 use crate::files::write_json;
 use crate::progress::watch;
-use crate::screen::out;
+use crate::screen::{alert, out};
 use crate::verbs::eval::Scorer;
 use ivv::report::statistics::mean;
 use ivv::scene::capture::{Camera, Capture};
+use ivv::stage::OFFSET_BOUND;
 use ivv::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt_offsets};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -61,6 +62,9 @@ pub fn table(
     fits.extend(fitted);
     let rows = rows(scorer.capture, &learns, &fits);
     write_json(&output.join("offsets.json"), &rows)?;
+    if let Some(warning) = warning(&rows) {
+        alert!("warning: {warning}");
+    }
     Ok(rows)
 }
 
@@ -109,6 +113,18 @@ pub fn learnt_error(trainer: &mut Trainer, capture: &Capture) -> ivv::Result<Opt
     Ok(agreement(&rows(capture, &learns, &fits)).map(|agreement| agreement.rms_error))
 }
 
+/// What is to be done where offsets have run into the bound.
+fn warning(rows: &[Row]) -> Option<String> {
+    let at_bound: Vec<&str> = rows.iter().filter(|row| row.at_bound).map(|row| row.camera.as_str()).collect();
+    let names = at_bound.join(", ");
+    (!at_bound.is_empty()).then(|| {
+        format!(
+            "the clocks of {names} are {OFFSET_BOUND} frames or more from the others', which is as far as training looks: prepare the \
+             capture again with --shift CAMERA=FRAMES, or with --shift sound where the videos have sound"
+        )
+    })
+}
+
 /// The table, for people.
 pub fn print(rows: &[Row]) {
     let width = rows.iter().map(|row| row.camera.chars().count()).fold(6, usize::max);
@@ -129,5 +145,23 @@ pub fn print(rows: &[Row]) {
     if let Some(Agreement { rms_error, correlation }) = agreement(rows) {
         let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.3}"));
         out!("offsets learnt to {rms_error:.3} frames (root mean square){correlation}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn offsets_at_the_bound_are_warned_of_by_name() {
+        let row = |camera: &str, offset: f64| {
+            let fit = OffsetFit { offset, standard_error: 0.1 };
+            let (camera, standard_error, truth) = (camera.to_owned(), Some(0.1), None);
+            Row { camera, how: How::Learnt, offset, standard_error, at_bound: fit.is_at_bound(), truth }
+        };
+        assert_eq!(warning(&[row("a", 0.3), row("b", -1.5)]), None);
+        // The mean of all has moved one of them away from the bound.
+        let told = warning(&[row("a", 0.3), row("b", -1.97), row("c", 2.0)]).unwrap_or_default();
+        assert!(told.contains("the clocks of b, c are 2 frames or more") && told.contains("--shift sound"), "{told}");
     }
 }

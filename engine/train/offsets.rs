@@ -20,6 +20,8 @@ const LONGEST: f64 = 0.5;
 const PICTURES: usize = 8;
 /// Longest side of those pictures, pixels: larger ones are reduced. A time shows in how far things are, not in their detail.
 const SIDE: u32 = 192;
+/// The part of the bound from which on an offset is taken to be at it.
+const NEAR_BOUND: f64 = 0.95;
 /// Standard error above which an offset is not identifiable, frames.
 const LARGEST_ERROR: f64 = 0.25;
 
@@ -33,9 +35,10 @@ pub struct OffsetFit {
 }
 
 impl OffsetFit {
-    /// Whether the fit ended where the search does: the offset may lie beyond.
+    /// Whether the fit ended where the search does: the offset may lie beyond. The mean of all offsets, which is kept at 0, moves one that is
+    /// at the bound away from it by a little.
     pub fn is_at_bound(&self) -> bool {
-        self.offset.abs() >= OFFSET_BOUND
+        self.offset.abs() >= NEAR_BOUND * OFFSET_BOUND
     }
 
     /// Whether the pictures say what the offset is.
