@@ -18,9 +18,11 @@ mod pictures;
 mod program;
 mod reconstruct;
 mod settings;
+mod shifts;
 mod sound;
 mod source;
 mod timecodes;
+mod timeline;
 mod track;
 mod triangulate;
 mod video;
@@ -33,7 +35,7 @@ use self::journal::Journal;
 use self::pictures::Pictures;
 use self::program::{FFMPEG, FFPROBE};
 pub use self::reconstruct::Forecast;
-pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, Stage, Triangulate};
+pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate};
 use self::source::{Footage, Source};
 use crate::error::{Error, Result};
 use crate::scene::capture::{
@@ -90,10 +92,19 @@ pub struct Prepared {
 /// a file cannot be read or written.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
     let Some(pictures) = pictures(settings)? else { return prepare_posed(settings, None, Vec::new(), progress) };
-    let journal = Journal::open(settings)?;
-    let (posed, notes) = reconstruct::make(settings, &pictures, &journal, progress)?;
+    let (settings, mut notes) = in_step(settings, &pictures)?;
+    let journal = Journal::open(&settings)?;
+    let (posed, placed) = reconstruct::make(&settings, &pictures, &journal, progress)?;
+    notes.extend(placed);
     let prepared = prepare_posed(&posed, Some(journal), notes, progress)?;
     Ok(Prepared { source_format: pictures.name(), ..prepared })
+}
+
+/// The settings with the shifts that the videos of pictures without cameras tell, and what is worth knowing of them.
+fn in_step(settings: &PrepareSettings, pictures: &Pictures) -> Result<(PrepareSettings, Vec<String>)> {
+    let Pictures::Videos(folder) = pictures else { return Ok((settings.clone(), Vec::new())) };
+    let videos: Vec<_> = reconstruct::videos(folder).map(|(name, path)| (name, Some(path))).collect();
+    shifts::found(settings, &videos)
 }
 
 /// Makes a share of what one stage of [`prepare`] makes, so that several machines with one file system do it together. Stages come in
@@ -117,7 +128,8 @@ pub fn prepare_share(
             if share.part > 0 && stage == Stage::Cameras {
                 return Ok(());
             }
-            Some(reconstruct::make(settings, pictures, &Journal::open(settings)?, progress)?.0)
+            let settings = in_step(settings, pictures)?.0;
+            Some(reconstruct::make(&settings, pictures, &Journal::open(&settings)?, progress)?.0)
         }
         (Some(_), _) => return early("holds no cameras yet".to_owned(), "cameras"),
         (None, _) => None,
@@ -131,7 +143,7 @@ pub fn prepare_share(
     if stage == Stage::Images {
         return images.make(share, &journal, progress);
     }
-    if let Some(image) = images.absent() {
+    if let Some(image) = images.unmade() {
         return early(format!("has no {} yet", image.display()), "images");
     }
     if stage == Stage::Flow {
@@ -155,12 +167,13 @@ struct Begun {
 impl Begun {
     fn new(settings: &PrepareSettings) -> Result<Begun> {
         let mut faults = Faults::default();
-        let source = Source::read(settings, &mut faults)?;
-        let settings = if settings.by_timecode { timecodes::applied(settings, &source)? } else { settings.clone() };
+        let mut source = Source::read(settings, &mut faults)?;
         // Missing programs are reported before a picture is decoded.
         if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
             [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
         }
+        let (settings, notes) = shifts::found(settings, &shifts::videos_of(&source))?;
+        source.notes.extend(notes);
         let images = Images::plan(&source, &settings, &mut faults);
         let photos = photos::settings_of(&settings, &source).map(|of_photos| Begun::new(&of_photos)).transpose()?;
         Ok(Begun { source, images, settings, faults, photos: photos.map(Box::new) })
@@ -255,6 +268,7 @@ fn make(
         depth: exists("depth"),
         audio: exists("audio"),
         photos: n_photos > 0,
+        absent: images.absent(),
     };
     if Manifest::read(output).ok().as_ref() != Some(&manifest) {
         manifest.write(output)?;

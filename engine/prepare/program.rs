@@ -61,17 +61,34 @@ impl Program {
 
     /// Starts the program with its output piped; `about` is the file to blame.
     pub fn start<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Running> {
+        let mut running = self.spawn(arguments, about)?;
+        running.said = running.child.stderr.take().map(listen);
+        Ok(running)
+    }
+
+    /// As [`Program::start`]; lines of standard error come as they are written, too.
+    pub fn start_told<S: AsRef<OsStr>>(
+        self,
+        arguments: impl IntoIterator<Item = S>,
+        about: &Path,
+    ) -> Result<(Running, mpsc::Receiver<String>)> {
+        let mut running = self.spawn(arguments, about)?;
+        let (to, lines) = mpsc::channel();
+        running.said = running.child.stderr.take().map(|pipe| listen_for_lines(pipe, to));
+        Ok((running, lines))
+    }
+
+    fn spawn<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Running> {
         let mut command = Command::new(self.name);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|fault| match fault.kind() {
+        let child = command.spawn().map_err(|fault| match fault.kind() {
             ErrorKind::NotFound => self.missing(about),
             _ => {
                 let reason = format!("needs the program {}, which does not start: {fault}", self.name);
                 Error::data(about, "", reason, self.install)
             }
         })?;
-        let said = child.stderr.take().map(listen);
-        Ok(Running { child, program: self, said })
+        Ok(Running { child, program: self, said: None })
     }
 
     /// Runs the program to its end and returns its output.

@@ -20,10 +20,12 @@ use super::program::{COLMAP, FFMPEG, FFPROBE};
 use super::settings::{PrepareSettings, Progress};
 use super::source::Footage;
 use super::source::footage::{find, video_names};
+use super::timeline::Timeline;
 use super::track::{self, Track};
-use super::video::{self, Selection};
+use super::video::{self, Video};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
+use crate::parallel::in_parallel;
 use crate::scene::capture::{Faults, Frames, PHOTOS, read_images};
 
 /// Most pictures that are taken of a single video, evenly chosen.
@@ -71,7 +73,7 @@ impl fmt::Display for Forecast {
 fn count(pictures: &Pictures, settings: &PrepareSettings) -> Result<usize> {
     let n = match pictures {
         Pictures::Photos(folder) => photos(folder)?.len(),
-        Pictures::Video(path) => selection(settings, video::probe(path)?.n_frames).n as usize,
+        Pictures::Video(path) => of_video(settings, &video::probe(path)?).len(),
         Pictures::Videos(folder) => video_names(folder).len(),
     };
     match settings.photos.as_deref().and_then(Pictures::at) {
@@ -126,10 +128,6 @@ pub(super) fn check_moving(settings: &PrepareSettings, pictures: Option<&Picture
     }
     let bad = |option: &str, reason: String, remedy: &str| Err(Error::data(&settings.source, option, reason, remedy));
     let found = match pictures {
-        Some(Pictures::Videos(_)) if settings.by_timecode => {
-            let reason = "follows cameras whose shifts must be known before".to_owned();
-            return bad("--moving", reason, "give the shifts as --shift CAMERA=FRAMES");
-        }
         Some(Pictures::Videos(_)) => return Ok(()),
         Some(other) => other.name(),
         None => "a source with cameras",
@@ -148,7 +146,7 @@ pub(super) fn make(
 ) -> Result<(PrepareSettings, Vec<String>)> {
     require(settings, pictures)?;
     let project = settings.output.join("reconstruction");
-    let PrepareSettings { frames, shifts, .. } = settings;
+    let (frames, shifts) = (settings.frames, settings.shifts_noted());
     let mut made_from = json!({
         "pictures": stamps(files(pictures)?), "source": settings.source.to_string_lossy(), "frames": frames, "shifts": shifts,
     });
@@ -157,6 +155,9 @@ pub(super) fn make(
     }
     if let Some(step) = settings.moving {
         made_from["moving"] = json!(step);
+    }
+    if let Some(fps) = settings.fps {
+        made_from["fps"] = json!(fps);
     }
     journal.begin("reconstruction", made_from)?;
     make_folder(&project)?;
@@ -202,7 +203,7 @@ pub(super) fn make(
 }
 
 /// The names and paths of the videos of a folder.
-fn videos(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+pub(super) fn videos(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
     video_names(folder).into_iter().filter_map(move |name| match find(folder, &name) {
         Some(Footage::Video(path)) => Some((name, path)),
         _ => None,
@@ -218,12 +219,21 @@ fn files(pictures: &Pictures) -> Result<Vec<PathBuf>> {
     })
 }
 
-/// Which frames of a video are placed: those that are asked for, or evenly chosen ones among them where none is to be left out.
-fn selection(settings: &PrepareSettings, n_frames: u32) -> Selection {
+/// Which pictures of a video are placed: those of the frames that are asked for, or evenly chosen ones among them where none is to be left
+/// out. Frames are its pictures, or what `--fps` makes of them.
+fn of_video(settings: &PrepareSettings, video: &Video) -> Vec<usize> {
+    let timeline = settings.fps.and_then(|_| Timeline::new([("", video)], settings));
+    let n_frames = timeline.as_ref().and_then(|timeline| timeline.n("")).unwrap_or(video.n_frames());
     let asked = settings.frames;
     let n = asked.of(n_frames).len() as u32;
     let every = if asked.every > 1 { asked.every } else { n.div_ceil(OF_VIDEO).max(1) };
-    Selection { start: asked.from, every, n: Frames { every, ..asked }.of(n_frames).len() as u32 }
+    let frames = Frames { every, ..asked }.of(n_frames);
+    let mut pictures: Vec<usize> = match timeline {
+        Some(timeline) => frames.filter_map(|frame| timeline.nearest("", video, frame)).collect(),
+        None => frames.map(|frame| frame as usize).collect(),
+    };
+    pictures.dedup();
+    pictures
 }
 
 struct Reconstruction<'a> {
@@ -251,22 +261,29 @@ impl Reconstruction<'_> {
         match self.pictures {
             Pictures::Photos(_) => Ok(()),
             Pictures::Video(path) => {
-                let n = video::probe(path)?.n_frames;
-                self.take(path, selection(self.settings, n), |frame| format!("{frame:05}.jpg"))
+                let video = video::probe(path)?;
+                let pictures = of_video(self.settings, &video);
+                self.take((path, &video), &pictures, |place| format!("{place:05}.jpg"))
             }
             Pictures::Videos(folder) => {
-                for (name, path) in videos(folder) {
-                    let start = self.settings.frames.from.saturating_add_signed(self.settings.shift(&name));
-                    self.take(&path, Selection { start, every: 1, n: 1 }, |_| format!("{name}.jpg"))?;
+                let (names, paths): (Vec<String>, Vec<PathBuf>) = videos(folder).unzip();
+                let probe = |index: usize| video::probe(&paths[index]);
+                let probed = in_parallel(paths.len(), self.settings.threads, probe, |_| {})?;
+                let named = names.iter().map(String::as_str).zip(&probed);
+                let Some(timeline) = Timeline::new(named.clone(), self.settings) else { return Ok(()) };
+                for ((name, video), path) in named.zip(&paths) {
+                    // The frame may be lost: cameras stand still, and the next will do.
+                    let picture = timeline.nearest(name, video, self.settings.frames.from);
+                    self.take((path, video), picture.as_slice(), |_| format!("{name}.jpg"))?;
                 }
                 Ok(())
             }
         }
     }
 
-    fn take(&self, path: &Path, select: Selection, name: impl Fn(u32) -> String) -> Result<()> {
+    fn take(&self, video: (&Path, &Video), pictures: &[usize], name: impl Fn(u32) -> String) -> Result<()> {
         make_folder(&self.images)?;
-        take(&self.images, path, select, self.settings.threads, name, self.progress)
+        take(&self.images, video, pictures, self.settings.threads, name, self.progress)
     }
 
     /// Features, matches, places.

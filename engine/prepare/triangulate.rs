@@ -256,6 +256,7 @@ impl Triangulation<'_> {
         let work = self.work.join(format!("{:05}", frames[0]));
         let _ = fs::remove_dir_all(&work);
         make_folder(&work)?;
+        // Cameras that have pictures of some of the frames, with those.
         let models = |frames: &[u32]| -> Vec<ModelCamera> {
             let image = |camera: &Camera, frame: u32| {
                 (self.images.image_name(camera, frame), *camera.poses.get(frame as usize).unwrap_or(&camera.poses[0]))
@@ -263,9 +264,9 @@ impl Triangulation<'_> {
             let model = |(index, camera): &(usize, &Camera)| ModelCamera {
                 id: Self::id(*index),
                 lens: camera.pinhole,
-                images: frames.iter().map(|frame| image(camera, *frame)).collect(),
+                images: frames.iter().filter(|frame| camera.has(**frame)).map(|frame| image(camera, *frame)).collect(),
             };
-            cameras.iter().map(model).collect()
+            cameras.iter().map(model).filter(|model| !model.images.is_empty()).collect()
         };
         let colmap = Colmap {
             about: &source.calibration,
@@ -274,11 +275,16 @@ impl Triangulation<'_> {
             threads: (self.threads / self.images.n_frames() as usize).max(1).to_string(),
             on_gpu: if self.on_gpu { ON } else { OFF },
         };
-        let of_all = models(frames);
-        colmap.extract(&by_lens(&of_all), &work, &[])?;
-        match_features(&colmap, &of_all, &work)?;
-        let found =
-            frames.iter().map(|frame| self.triangulated(&colmap, &models(&[*frame]), &work.join(frame.to_string())));
+        let of_frames: Vec<Vec<ModelCamera>> = frames.iter().map(|frame| models(&[*frame])).collect();
+        // Nothing is matched where cameras have lost their frames.
+        if of_frames.iter().any(|models| models.len() > 1) {
+            colmap.extract(&by_lens(&models(frames)), &work, &[])?;
+            match_features(&colmap, &of_frames, &work)?;
+        }
+        let found = frames.iter().zip(&of_frames).map(|(frame, models)| match models.len() {
+            0 | 1 => Ok(Vec::new()),
+            _ => self.triangulated(&colmap, models, &work.join(frame.to_string())),
+        });
         let found = found.collect();
         // What stays is removed with the whole folder at the end.
         let _ = fs::remove_dir_all(&work);
@@ -311,18 +317,19 @@ impl Triangulation<'_> {
     }
 }
 
-/// Matches every pair of images, or of many cameras those that are likely to see the same.
-fn match_features(colmap: &Colmap, models: &[ModelCamera], work: &Path) -> Result<()> {
+/// Matches every pair of images of each frame, or of many cameras those that are likely to see the same.
+fn match_features(colmap: &Colmap, of_frames: &[Vec<ModelCamera>], work: &Path) -> Result<()> {
     // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
     let guided = [("--SiftMatching.guided_matching", OsStr::new(ON))];
-    let n_frames = models.first().map_or(0, |model| model.images.len());
-    if n_frames == 1 && (models.len() <= MATCHED.all || models.iter().any(|model| model.images[0].0.contains(' '))) {
+    if let [models] = of_frames
+        && (models.len() <= MATCHED.all || models.iter().any(|model| model.images[0].0.contains(' ')))
+    {
         return colmap.run("exhaustive_matcher", &[&colmap.matching()[..], &guided].concat());
     }
     let mut text = String::new();
-    for frame in 0..n_frames {
+    for models in of_frames {
         let (names, poses): (Vec<&str>, Vec<Pose>) =
-            models.iter().map(|model| (model.images[frame].0.as_str(), model.images[frame].1)).unzip();
+            models.iter().map(|model| (model.images[0].0.as_str(), model.images[0].1)).unzip();
         for (a, b) in MATCHED.pairs(&poses) {
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{} {}", names[a], names[b]);

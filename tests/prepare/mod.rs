@@ -2,7 +2,11 @@
 
 mod along;
 mod board;
+mod cases_video;
+mod coded;
+mod colours;
 mod hostile;
+mod in_step;
 mod moving;
 mod photos;
 mod pictures;
@@ -12,6 +16,7 @@ pub mod sources;
 mod stale;
 mod tracking;
 mod undistort;
+mod videos;
 
 use std::path::Path;
 use std::sync::Mutex;

@@ -38,6 +38,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         notes: std::mem::take(&mut builder.notes),
         frame_points: builder.frame_points.take(),
         clocks: Clocks::Offsets(std::mem::take(&mut builder.true_offsets)),
+        may_lack: place.folder.join("capture.toml").is_file(),
         photos: builder.photos.take().map(|_| place.folder.join(PHOTOS)),
         ..Source::default()
     };

@@ -71,6 +71,8 @@ pub(in crate::prepare) struct Source {
     pub frame_points: Option<FramePoints>,
     /// A folder of photographs of what rests, which are a capture of their own.
     pub photos: Option<PathBuf>,
+    /// Whether a camera may be without an image of some frames.
+    pub may_lack: bool,
     pub notes: Vec<String>,
 }
 
