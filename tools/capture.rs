@@ -2,7 +2,7 @@
 //! `train`, `render` and `cameras`.
 
 use crate::settings::contradiction;
-use ivv::prepare::recognise;
+use ivv::prepare::{Recognised, recognise};
 use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
 use ivv::train::Run;
 use std::collections::BTreeSet;
@@ -146,12 +146,15 @@ pub fn check(path: &Path, settings: &CaptureSettings) -> Report {
 
 /// What a recording is that is not a capture yet, and what is said of it.
 fn unprepared(path: &Path) -> Option<(String, Fault)> {
-    let what = recognise(path)?;
+    let Recognised { what, source } = recognise(path)?;
     let fault = Fault {
         file: path.to_owned(),
         place: String::new(),
         reason: format!("expected a capture, found {what}"),
-        remedy: format!("run `ivv prepare {} -o CAPTURE`, which makes a capture of it, then use that", path.display()),
+        remedy: format!(
+            "run `ivv prepare {} -o CAPTURE`, which makes a capture of it, then use that",
+            source.display()
+        ),
     };
     Some((what, fault))
 }

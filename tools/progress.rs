@@ -239,6 +239,10 @@ impl Pieces {
     /// After a piece, if a line is due; the first and the last of a stage always are.
     pub fn show(&mut self, progress: &ivv::prepare::Progress) {
         let ivv::prepare::Progress { stage, done, total, piece } = *progress;
+        if total == 0 {
+            say!("{piece}");
+            return;
+        }
         let begins = stage != self.stage;
         if begins {
             (self.stage, self.first) = (stage, (done, Instant::now()));

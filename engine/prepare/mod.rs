@@ -6,9 +6,13 @@
 
 mod clocks;
 mod colmap;
+mod costs;
+mod database;
 mod estimate;
 mod fit;
 mod flow;
+mod forecast;
+mod foreign;
 mod frames;
 mod images;
 mod journal;
@@ -23,26 +27,29 @@ mod source;
 mod timecodes;
 mod track;
 mod triangulate;
+mod unplaced;
 mod video;
 
 use std::path::Path;
 
 pub use self::estimate::{Estimate, StageEstimate, estimate};
+pub use self::forecast::Forecast;
+use self::foreign::{Kind, kind};
 use self::images::Images;
 use self::journal::Journal;
 use self::pictures::Pictures;
 use self::program::{FFMPEG, FFPROBE};
-pub use self::reconstruct::Forecast;
 pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, Stage, Triangulate};
-use self::source::{Footage, Source};
+pub use self::source::Recognised;
+use self::source::{Footage, Source, SourceCamera};
 use crate::error::{Error, Result};
 use crate::scene::capture::{
     CaptureSettings, Faults, Manifest, Report, check_capture, check_downscale, write_true_offsets,
 };
 
-/// What a folder or file holds of which [`prepare`] makes a capture, and which is not a capture itself: an English phrase such as
-/// `a Pose2Sim recording`; nothing where it is a capture or unknown.
-pub fn recognise(path: &Path) -> Option<String> {
+/// What a folder or file holds of which [`prepare`] makes a capture, and which is not a capture itself; nothing where it is a capture
+/// or unknown.
+pub fn recognise(path: &Path) -> Option<Recognised> {
     source::recognise(path)
 }
 
@@ -52,7 +59,7 @@ pub fn recognise(path: &Path) -> Option<String> {
 /// # Errors
 /// [`Error::Data`] when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
 pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
-    pictures(settings)?.map(|pictures| reconstruct::forecast(settings, &pictures)).transpose()
+    pictures(settings)?.map(|pictures| forecast::forecast(settings, &pictures)).transpose()
 }
 
 /// Pictures without cameras, where the source is nothing else.
@@ -158,7 +165,11 @@ impl Begun {
         let source = Source::read(settings, &mut faults)?;
         let settings = if settings.by_timecode { timecodes::applied(settings, &source)? } else { settings.clone() };
         // Missing programs are reported before a picture is decoded.
-        if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
+        let needs_ffmpeg = |camera: &SourceCamera| match &camera.footage {
+            Footage::Video(_) => true,
+            Footage::Images(shots) => shots.iter().any(|shot| kind(&shot.image) == Kind::Converted),
+        };
+        if source.cameras.iter().any(needs_ffmpeg) {
             [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
         }
         let images = Images::plan(&source, &settings, &mut faults);
@@ -220,6 +231,9 @@ fn make(
         None => Journal::open(settings)?,
     };
     let output = &settings.output;
+    if let Some(text) = estimate::announced(&images, &source, settings) {
+        progress(Progress { stage: "all", done: 0, total: 0, piece: &text });
+    }
     images.make(Share::ALL, &journal, progress)?;
     let points = triangulate::make(&images, &source, settings, Share::ALL, &journal, progress)?;
     if settings.flow {

@@ -22,13 +22,22 @@ const ATTEMPTS: usize = 3;
 pub(super) struct Program {
     pub name: &'static str,
     pub install: &'static str,
+    /// What to do when it fails.
+    pub failure: &'static str,
 }
 
-pub(super) const FFMPEG: Program =
-    Program { name: "ffmpeg", install: "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg)" };
-pub(super) const FFPROBE: Program = Program { name: "ffprobe", install: FFMPEG.install };
-pub(super) const COLMAP: Program =
-    Program { name: "colmap", install: "install COLMAP (Debian: apt-get install colmap), or give --triangulate none" };
+pub(super) const FFMPEG: Program = Program {
+    name: "ffmpeg",
+    install: "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg)",
+    failure: "copy the file again, or give one that ffmpeg plays",
+};
+pub(super) const FFPROBE: Program = Program { name: "ffprobe", ..FFMPEG };
+pub(super) const COLMAP: Program = Program {
+    name: "colmap",
+    install: "install COLMAP (Debian: apt-get install colmap), or give --triangulate none",
+    failure: "the program failed, not a file: what is done is kept, so run the command once more; if it fails again, give fewer \
+              --threads (each takes memory), or install another version of COLMAP",
+};
 
 /// All that comes from a pipe until it closes.
 type Heard = JoinHandle<std::io::Result<Vec<u8>>>;
@@ -129,7 +138,7 @@ impl Program {
     pub fn failed(self, about: &Path, status: ExitStatus, last: Option<String>) -> Error {
         let last = last.map_or_else(String::new, |line| format!(": {line}"));
         let reason = format!("{} failed ({status}){last}", self.name);
-        Error::data(about, "", reason, "check the file; what is done is kept, so run the command again to go on")
+        Error::data(about, "", reason, self.failure)
     }
 }
 

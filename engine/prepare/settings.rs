@@ -101,6 +101,9 @@ pub struct PrepareSettings {
     /// Photographs of what rests, taken at another time: without cameras where the source has none, else a capture in the source's
     /// world.
     pub photos: Option<PathBuf>,
+    /// A folder of masks: one for each frame in a folder of each camera's name, or of photographs one of each's name. What is bright
+    /// in them counts.
+    pub masks: Option<PathBuf>,
     /// Estimates optical flow with OpenCV's DIS.
     pub flow: bool,
     /// How a source is read that is a capture; of every source the test cameras (those that it declares where there are
@@ -128,6 +131,7 @@ impl PrepareSettings {
             format: ImageFormat::Png,
             triangulate: None,
             photos: None,
+            masks: None,
             flow: false,
             capture: CaptureSettings::default(),
             force: false,
@@ -171,6 +175,7 @@ impl PrepareSettings {
         let places = [
             ("the source", Some(self.source.clone())),
             ("the folder of --static", self.photos.clone()),
+            ("the folder of --masks", self.masks.clone()),
             ("the folder of --footage", self.footage.clone()),
             // Of a plain COLMAP project both name a folder in the source.
             ("the folder of --footage", self.footage.as_ref().map(|footage| self.source.join(footage))),
@@ -181,7 +186,7 @@ impl PrepareSettings {
     }
 }
 
-/// Something that is done; told from any thread.
+/// Something that is done, or where `total` is 0 what is to be expected; told from any thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress<'a> {
     /// The stage.

@@ -2,7 +2,11 @@
 
 mod along;
 mod board;
+mod calibrations;
+mod cases;
+mod forms;
 mod hostile;
+mod layouts;
 mod moving;
 mod photos;
 mod pictures;

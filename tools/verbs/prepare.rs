@@ -56,6 +56,10 @@ pub struct Args {
     /// the static scene.
     #[arg(long = "static", value_name = "PHOTOS")]
     photos: Option<PathBuf>,
+    /// A folder of masks: of videos and image sequences a folder for each camera, with one mask for each frame; of photographs
+    /// NAME.png for each. What is bright in them counts, what is black is left out.
+    #[arg(long, value_name = "FOLDER")]
+    masks: Option<PathBuf>,
     /// Estimates optical flow. dis: OpenCV's DIS, run in Python.
     #[arg(long, value_parser = ["dis"])]
     flow: Option<String>,
@@ -84,7 +88,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let forecast = forecast(&settings)?;
     if let Some(forecast) = &forecast {
         say!("{forecast}");
+        forecast.notes.iter().for_each(|note| say!("note: {note}"));
     }
+    let before = forecast.as_ref().map(|forecast| forecast.notes.clone()).unwrap_or_default();
     let pieces = Mutex::new(Pieces::new());
     let tell = |progress: Progress| {
         // A thread that panicked while it told of progress is no reason to stop.
@@ -114,7 +120,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     } else {
         let format = if prepared.source_format.is_empty() { "unknown format" } else { prepared.source_format };
         out!("source:  {}, {format}", args.source.display());
-        for note in &prepared.notes {
+        for note in prepared.notes.iter().filter(|note| !before.contains(note)) {
             out!("note:    {note}");
         }
         if !prepared.points.is_empty() {
@@ -204,6 +210,7 @@ fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
         format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
         triangulate: args.triangulate.as_deref().map(triangulate).transpose()?,
         photos: args.photos.clone(),
+        masks: args.masks.clone(),
         flow: args.flow.is_some(),
         capture,
         force: args.force,

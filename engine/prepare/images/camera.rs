@@ -5,11 +5,13 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 
 use crate::prepare::fit::Part;
+use crate::prepare::foreign::{Kind, kind};
 use crate::prepare::journal::stamps;
 use crate::prepare::video::Video;
 use crate::scene::Pose;
 use crate::scene::capture::Shot;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::video::chapters;
 
 /// A camera of the capture.
 pub(in crate::prepare) struct Camera {
@@ -28,6 +30,8 @@ pub(in crate::prepare) struct Camera {
     /// Of that part, scaled.
     pub lens: Lens,
     pub(super) material: Material,
+    /// Of a video, by frame of the capture; none where it has none.
+    pub(super) masks: Vec<PathBuf>,
 }
 
 /// What a camera's pictures are made from.
@@ -48,7 +52,9 @@ impl Camera {
     /// The shot of a frame when its image is taken over as it is.
     pub(super) fn taken_over(&self, frame: u32) -> Option<&Shot> {
         match &self.material {
-            Material::Images(shots) if self.is_as_recorded() => shots.get(frame as usize),
+            Material::Images(shots) if self.is_as_recorded() => {
+                shots.get(frame as usize).filter(|shot| kind(&shot.image) == Kind::Own)
+            }
             _ => None,
         }
     }
@@ -82,9 +88,13 @@ impl Camera {
     /// What the camera's pictures are made from.
     pub(super) fn stamp(&self) -> Value {
         let footage = match &self.material {
-            Material::Video(path, _) => stamps([path]),
+            Material::Video(path, _) => stamps(chapters(path)),
             Material::Images(shots) => stamps(shots.iter().flat_map(Shot::pictures)),
         };
-        json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage })
+        let mut stamp = json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage });
+        if !self.masks.is_empty() {
+            stamp["masks"] = stamps(&self.masks);
+        }
+        stamp
     }
 }

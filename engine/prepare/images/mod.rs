@@ -159,7 +159,7 @@ impl Images {
                     let (pixels, _) = rgb.as_chunks::<3>();
                     self.write(&image(frame), &maker.image(pixels), &camera.pinhole, ExtendedColorType::Rgb8)?;
                 }
-                maker.write_mask(frame, None)?;
+                maker.write_mask(frame, camera.masks.get(frame as usize).map(PathBuf::as_path))?;
                 tell(&self.image_name(camera, frame));
                 Ok(())
             },

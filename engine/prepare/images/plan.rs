@@ -1,20 +1,23 @@
 //! What becomes of a source's cameras: which frames, which part of their pictures, which size. Everything that does not fit is a
 //! fault, so that nothing is written before all of it fits.
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
 use serde_json::{Value, json};
 
 use super::camera::{Camera, Material};
 use super::recorded::Recorded;
-use crate::error::Error;
 use crate::parallel::in_parallel;
 use crate::prepare::fit::{Part, fitted};
+use crate::prepare::foreign::{Kind, kind, read_size};
 use crate::prepare::journal::{PRIORS, stamps};
 use crate::prepare::settings::PrepareSettings;
 use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::timecodes;
 use crate::prepare::video::{RATE_TOLERANCE, Selection};
 use crate::scene::Intrinsics;
-use crate::scene::capture::{Faults, Frames, RATES, Shot, read_size};
+use crate::scene::capture::{Faults, Frames, RATES, Shot};
 use crate::scene::undistort::Lens;
 
 /// What is to be made.
@@ -187,17 +190,40 @@ impl Planned<'_> {
             }
             frames.iter().filter_map(|frame| camera.poses.get(frame).copied()).collect()
         };
-        let material = match (&camera.footage, recorded.video) {
-            (Footage::Video(path), Some(video)) => Material::Video(path.clone(), video),
+        let masks = self.masks(&camera.name, &frames, recorded.size)?;
+        let (material, masks) = match (&camera.footage, recorded.video) {
+            (Footage::Video(path), Some(video)) => (Material::Video(path.clone(), video), masks),
             (Footage::Images(shots), _) => {
                 let mut shots = self.shots(&place, shots, &frames, recorded.size)?;
+                shots.iter_mut().zip(masks).for_each(|(shot, mask)| shot.mask = Some(mask));
                 self.choose_flow(&mut shots);
-                Material::Images(shots)
+                (Material::Images(shots), Vec::new())
             }
             (Footage::Video(_), None) => return None,
         };
         let (name, is_test) = (camera.name.clone(), camera.is_test);
-        Some(Camera { name, is_test, start, pinhole, poses, recorded: recorded.size, part, lens, material })
+        Some(Camera { name, is_test, start, pinhole, poses, recorded: recorded.size, part, lens, material, masks })
+    }
+
+    /// The masks of the chosen frames, where a folder of masks has some of the camera: one of each, of the pictures' size.
+    fn masks(&mut self, camera: &str, frames: &[u32], size: (u32, u32)) -> Option<Vec<PathBuf>> {
+        let Some(all) = self.source.masks.get(camera) else { return Some(Vec::new()) };
+        let folder = self.settings.masks.as_deref().unwrap_or(Path::new("")).join(camera);
+        let absent: Vec<u32> = frames.iter().copied().filter(|frame| !all.contains_key(frame)).collect();
+        if let Some(first) = absent.first() {
+            let reason =
+                format!("has {} masks, and none of {} frames, of which {first} is the first", all.len(), absent.len());
+            self.faults.add(&folder, "--masks", reason, "give one mask for each frame, numbered without gaps");
+            return None;
+        }
+        let chosen: Vec<PathBuf> = frames.iter().filter_map(|frame| all.get(frame).cloned()).collect();
+        let first = self.faults.take(read_size(chosen.first()?))?;
+        if first != size {
+            let reason = format!("has masks of {} x {}, the pictures are {} x {}", first.0, first.1, size.0, size.1);
+            self.faults.add(&folder, "--masks", reason, "give masks of the pictures' size");
+            return None;
+        }
+        Some(chosen)
     }
 
     /// Flow leads to the next frame of the source, which must be the next frame of the capture.
@@ -218,23 +244,26 @@ impl Planned<'_> {
 
     /// The shots of the chosen frames, each compared with the size of the camera's images.
     fn shots(&mut self, place: &str, shots: &[Shot], frames: &[u32], size: (u32, u32)) -> Option<Vec<Shot>> {
-        let mut chosen = Vec::new();
-        for frame in frames {
-            match shots.iter().find(|shot| shot.frame == *frame) {
-                Some(shot) => chosen.push(shot.clone()),
-                None => {
-                    let reason =
-                        format!("has no image of frame {frame}; a capture folder has all frames of every camera");
-                    let remedy =
-                        "add it, number the images without gaps, choose other frames, or train on the source as it is";
-                    self.faults.add(&self.source.calibration, place, reason, remedy);
-                }
-            }
+        let there: BTreeMap<u32, &Shot> = shots.iter().map(|shot| (shot.frame, shot)).collect();
+        let chosen: Vec<Shot> =
+            frames.iter().filter_map(|frame| there.get(frame).map(|shot| (*shot).clone())).collect();
+        let absent: Vec<u32> = frames.iter().copied().filter(|frame| !there.contains_key(frame)).collect();
+        if let Some(first) = absent.first() {
+            let more = if absent.len() > 1 { format!(" and of {} more", absent.len() - 1) } else { String::new() };
+            let reason =
+                format!("has no image of frame {first}{more}; a capture folder has all frames of every camera");
+            let longest = frames.split(|frame| !there.contains_key(frame)).max_by_key(|run| run.len()).unwrap_or(&[]);
+            let take = match (longest.first(), longest.last()) {
+                (Some(first), Some(last)) => format!("take frames that are there with --frames {first}:{}", last + 1),
+                _ => "choose other frames".to_owned(),
+            };
+            let remedy = format!("add what is missing, {take}, or number the images without gaps");
+            self.faults.add(&self.source.calibration, place, reason, remedy);
         }
         let before = self.faults.n();
-        for path in chosen.iter().flat_map(Shot::pictures) {
-            if let Some((w, h)) = self.faults.take(read_size(path).map_err(Error::from)).filter(|found| *found != size)
-            {
+        // Those that ffmpeg reads are compared when they are decoded: it would be started for each.
+        for path in chosen.iter().flat_map(Shot::pictures).filter(|path| kind(path) != Kind::Converted) {
+            if let Some((w, h)) = self.faults.take(read_size(path)).filter(|found| *found != size) {
                 let reason = format!("is {w} x {h}, the camera's first image is {} x {}", size.0, size.1);
                 self.faults.add(path, "", reason, "give images and masks of one size");
             }

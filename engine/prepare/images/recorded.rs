@@ -2,9 +2,9 @@
 
 use crate::error::{Error, Result};
 use crate::prepare::fit::Part;
+use crate::prepare::foreign::{decode_image, read_size};
 use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::video::{self, Selection, Video};
-use crate::scene::capture::{decode_image, read_size};
 
 /// Footage that has been looked at.
 pub(super) struct Recorded {
@@ -33,7 +33,7 @@ impl Recorded {
                     let remedy = "add its images, or remove the camera";
                     return Err(Error::data(&source.calibration, place, "has no image", remedy));
                 };
-                let size = read_size(&shots[0].image).map_err(Error::from)?;
+                let size = read_size(&shots[0].image)?;
                 Ok(Recorded { size, n_frames: last + 1, fps: None, video: None })
             }
         }

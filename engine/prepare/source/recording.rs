@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::masks::Masks;
 use crate::prepare::settings::PrepareSettings;
 use crate::scene::Pose;
 use crate::scene::capture::{FramePoints, Point, Shot};
@@ -71,6 +72,8 @@ pub(in crate::prepare) struct Source {
     pub frame_points: Option<FramePoints>,
     /// A folder of photographs of what rests, which are a capture of their own.
     pub photos: Option<PathBuf>,
+    /// Of a folder that was given for them.
+    pub masks: Masks,
     pub notes: Vec<String>,
 }
 

@@ -31,7 +31,7 @@ pub(super) struct Placed {
     pub predicted: Vec<bool>,
 }
 
-/// The name of a picture. A list of pairs has no way to tell of a name with a space, which a video's may have.
+/// The name by which COLMAP knows a picture: one without spaces, which its lists of pairs cannot hold, and a video's name may have.
 pub(super) fn picture(camera: usize, key: usize) -> String {
     format!("{camera:03}/{key:05}.jpg")
 }
