@@ -93,7 +93,7 @@ impl Database {
         })
     }
 
-    /// The rows of a table: the key and the first `n` columns of each, of which the one that is the key is empty.
+    /// The rows of a table: the key and the first `n` columns of each. The key's own column is empty.
     fn rows(&mut self, root: u32, n: usize) -> Option<Vec<(u64, Vec<Value>)>> {
         let mut rows = Vec::new();
         self.gather(root, n, 0, &mut rows)?;

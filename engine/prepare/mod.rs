@@ -47,8 +47,7 @@ use crate::scene::capture::{
     CaptureSettings, Faults, Manifest, Report, check_capture, check_downscale, write_true_offsets,
 };
 
-/// What a folder or file holds of which [`prepare`] makes a capture, and which is not a capture itself; nothing where it is a capture
-/// or unknown.
+/// What [`prepare`] can make a capture from in a folder or file; nothing where it is a capture already, or unknown.
 pub fn recognise(path: &Path) -> Option<Recognised> {
     source::recognise(path)
 }

@@ -73,7 +73,7 @@ pub(super) struct Photos {
     folder: PathBuf,
     /// Those that are read, sorted by name.
     pub files: Vec<PathBuf>,
-    /// Those that cannot be, and of which there is no other form.
+    /// Those that cannot be read, and that have no other form.
     pub unread: Vec<PathBuf>,
     /// By what name COLMAP knows each.
     pub names: Vec<OsString>,

@@ -28,6 +28,7 @@ use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::capture::{Faults, Frames, PHOTOS, read_images};
 use crate::video::chapters;
+use crate::words::count;
 
 /// Most pictures that are taken of a single video, evenly chosen.
 const OF_VIDEO: u32 = 120;
@@ -115,8 +116,15 @@ pub(super) fn make(
     work.take_pictures()?;
     let names = images(&work.images)?;
     if names.len() < LEAST_PLACED {
-        let reason = format!("has {} pictures, at least {LEAST_PLACED} are needed", names.len());
-        return Err(Error::data(&settings.source, "", reason, "give more pictures that overlap"));
+        let (what, remedy) = match pictures {
+            Pictures::Videos(_) => (
+                "video",
+                "give a video of each of three cameras or more; or a single video of a scene that stands still as a file",
+            ),
+            _ => ("picture", "give more pictures that overlap"),
+        };
+        let reason = format!("has {}, at least {LEAST_PLACED} are needed", count(names.len(), what));
+        return Err(Error::data(&settings.source, "", reason, remedy));
     }
     let model = work.model();
     if !is_whole(&model) {

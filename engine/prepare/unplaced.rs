@@ -8,7 +8,7 @@ use super::pictures::Pictures;
 use crate::error::Error;
 use crate::words::count;
 
-/// Pictures of which each is named with what it shares.
+/// Up to so many pictures, each is named with what it shares.
 const NAMED: usize = 12;
 
 /// The error of pictures that hang together too little, from the database of the attempt.

@@ -29,7 +29,7 @@ fn rows_of_poses_go_to_cameras_in_the_order_of_their_numbers() {
     let prepared = done(&settings);
     let capture = Capture::open(&settings.output).unwrap();
     for (name, x) in xs(&capture) {
-        assert_eq!(name, format!("cam_{x}"), "a camera has the row of another");
+        assert_eq!(name, format!("cam_{}", x as i32), "a camera has the row of another");
     }
     assert_eq!(prepared.notes.iter().filter(|note| note.contains("order of their numbers")).count(), 1);
 
@@ -41,7 +41,7 @@ fn rows_of_poses_go_to_cameras_in_the_order_of_their_numbers() {
     let prepared = done(&some);
     assert!(prepared.notes.iter().any(|note| note.contains("3, 10 are absent")), "{:?}", prepared.notes);
     for (name, x) in xs(&Capture::open(&some.output).unwrap()) {
-        assert_eq!(name, format!("cam_{x}"));
+        assert_eq!(name, format!("cam_{}", x as i32));
     }
     // Without the last nobody knows how they were counted.
     std::fs::remove_dir_all(folder.0.join("source/cam_11")).unwrap();
@@ -58,7 +58,7 @@ fn matrix(key: &str, rows: usize, numbers: &[f64]) -> String {
     format!("{key}: !!opencv-matrix\n   rows: {rows}\n   cols: {cols}\n   dt: d\n   data: {data}\n")
 }
 
-/// EasyMocap's files of two cameras, of which the second is turned by half a turn about y.
+/// EasyMocap's files of two cameras; the second is turned by half a turn about y.
 fn easymocap(folder: &Folder, sizes: &str, turn: [f64; 3]) {
     let names = "%YAML:1.0\n---\nnames:\n   - \"00\"\n   - \"01\"\n";
     let k = [50.0, 0.0, 31.5, 0.0, 51.0, 23.5, 0.0, 0.0, 1.0];
@@ -100,7 +100,7 @@ fn easymocap_arrives() {
     let second = PrepareSettings { output: folder.0.join("out2"), ..first.clone() };
     let notes = done(&second).notes.join("\n");
     assert!(notes.contains("different rotations of 01") && notes.contains("it is scaled"), "{notes}");
-    // What is missing is told.
+    // A missing key is named.
     let text = std::fs::read_to_string(folder.0.join("source/extri.yml")).unwrap();
     folder.write("source/extri.yml", text.replace("T_01", "T_02"));
     let third = PrepareSettings { output: folder.0.join("out3"), ..first };

@@ -133,7 +133,7 @@ fn sequences_that_ffmpeg_reads_are_converted() {
             assert!(off.max().unwrap() <= most, "{kind} {frame}");
         }
     }
-    // What nobody reads is told by what it is.
+    // What nobody reads is named.
     std::fs::remove_dir_all(source.join("dpx")).unwrap();
     (0..3).for_each(|k| drop(folder.write(&format!("source/dpx/{k}.psd"), "")));
     let other = PrepareSettings { output: folder.0.join("other"), ..settings };
@@ -180,7 +180,7 @@ fn masks_of_a_folder_go_with_videos_and_sequences() {
     folder.write("masks/film/0001.png", png(32, 24, 0));
     faulty("has masks of 32 x 24, the pictures are 64 x 48", "small");
     std::fs::remove_file(folder.0.join("masks/film/0003.png")).unwrap();
-    faulty("has 3 masks, and none of 1 frames, of which 3 is the first", "gap");
+    faulty("has 3 masks, but none of frame 3", "gap");
     std::fs::remove_dir_all(folder.0.join("masks")).unwrap();
     faulty("--masks: no such folder", "none");
     // Masks that nobody asked for are named.

@@ -21,7 +21,7 @@ use std::sync::Mutex;
 pub struct Args {
     /// Photos of a scene that stands still, a video of one, or a folder of videos of one moment, whose cameras COLMAP finds; or
     /// a recording with its calibration: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
-    /// transforms.json, plain COLMAP, Pose2Sim, caliscope, or a capture folder.
+    /// transforms.json, plain COLMAP, Pose2Sim, anipose, EasyMocap, caliscope, or a capture folder.
     source: PathBuf,
     /// The capture folder. Run the same command again to continue an interrupted preparation.
     #[arg(short, long)]

@@ -211,8 +211,8 @@ impl Planned<'_> {
         let folder = self.settings.masks.as_deref().unwrap_or(Path::new("")).join(camera);
         let absent: Vec<u32> = frames.iter().copied().filter(|frame| !all.contains_key(frame)).collect();
         if let Some(first) = absent.first() {
-            let reason =
-                format!("has {} masks, and none of {} frames, of which {first} is the first", all.len(), absent.len());
+            let more = if absent.len() > 1 { format!(" and {} more", absent.len() - 1) } else { String::new() };
+            let reason = format!("has {} masks, but none of frame {first}{more}", all.len());
             self.faults.add(&folder, "--masks", reason, "give one mask for each frame, numbered without gaps");
             return None;
         }

@@ -127,7 +127,7 @@ fn rows(numbers: &[f64]) -> Option<[[f64; 3]; 3]> {
     Some([[a, b, c], [d, e, f], [g, h, i]])
 }
 
-/// The numbers of each key of a file that OpenCV wrote, of which a reader of YAML makes nothing: its first line is `%YAML:1.0`. A
+/// The numbers of each key of a file that OpenCV wrote. Readers of YAML refuse its first line, `%YAML:1.0`. A
 /// matrix is `KEY: !!opencv-matrix` with its elements in `data: [..]`, row by row.
 fn values(text: &str) -> Values {
     let mut values = Values::new();

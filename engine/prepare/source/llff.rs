@@ -86,7 +86,7 @@ fn rows(names: &[String], n: usize) -> Result<(Vec<usize>, Option<String>), (Str
     }
     let number = |name: &String| by_number(name).last().and_then(|(_, digits)| digits.parse::<usize>().ok());
     let numbers: Option<Vec<usize>> = names.iter().map(number).collect();
-    // Cameras 0 to n - 1, of which some are absent but not the last.
+    // Cameras 0 to n - 1: some are absent, but not the last.
     if let Some(numbers) =
         numbers.filter(|all| names.len() < n && all.last() == Some(&(n - 1)) && all.is_sorted_by(|a, b| a < b))
     {

@@ -38,7 +38,7 @@ const FORMATS: [(&str, Recogniser, Reader); 7] = [
     ("COLMAP rig", rig::is_rig, rig::read),
 ];
 
-/// What a folder or file holds of which a capture can be made, see [`crate::prepare::recognise`].
+/// A source in a folder or file, see [`crate::prepare::recognise`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recognised {
     /// An English phrase, such as `a Pose2Sim recording`.

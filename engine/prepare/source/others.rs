@@ -4,7 +4,7 @@
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use super::footage::{clips, files, is_video};
+use super::footage::{clips, files};
 use crate::error::Error;
 use crate::files::open_file;
 use crate::prepare::foreign::{Kind, counts, kind};
@@ -109,22 +109,21 @@ fn is_of_photos(folder: &Path) -> bool {
 fn inside(held: &[PathBuf]) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
     for folder in held.iter().filter(|path| path.is_dir()).take(SEARCHED) {
-        let known = |path: &PathBuf| {
-            if is_capture(path) {
-                return Some("a capture".to_owned());
-            }
-            super::recognise(path).map(|known| known.what)
-        };
         let deeper = files(folder).into_iter().filter(|path| path.is_dir()).take(SEARCHED);
-        let of_folder = known(folder).map(|what| (folder.clone(), what));
-        found.extend(
-            of_folder.or_else(|| deeper.into_iter().find_map(|path| Some((path.clone(), known(&path)?)))).or_else(
-                || {
-                    let clip = clips(folder).into_iter().find(|path| is_video(path))?;
-                    Some((clip, "a video".to_owned()))
-                },
-            ),
-        );
+        found.extend(std::iter::once(folder.clone()).chain(deeper).find_map(known));
     }
     found
+}
+
+/// A source, and what it is.
+fn known(folder: PathBuf) -> Option<(PathBuf, String)> {
+    if is_capture(&folder) {
+        return Some((folder, "a capture".to_owned()));
+    }
+    // One clip is that of a scene that stands still.
+    if let [clip] = clips(&folder).as_slice() {
+        return Some((clip.clone(), "a video".to_owned()));
+    }
+    let known = super::recognise(&folder)?;
+    Some((known.source, known.what))
 }

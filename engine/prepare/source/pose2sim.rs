@@ -41,7 +41,7 @@ fn in_folder(folder: &Path) -> Option<PathBuf> {
     let is_toml = |path: &PathBuf| name(path).ends_with(".toml");
     let named = |path: &PathBuf| name(path).ends_with(".qca.txt") || is_toml(path) && name(path).starts_with("calib");
     let folders: Vec<PathBuf> =
-        files(folder).into_iter().filter(|path| path.is_dir() && name(path).contains(CALIBRATION)).collect();
+        files(folder).into_iter().filter(|path| name(path).contains(CALIBRATION) && path.is_dir()).collect();
     let mut found: Vec<PathBuf> = folders.iter().flat_map(|folder| files(folder)).filter(named).collect();
     // What Pose2Sim made of the file of Qualisys comes before that.
     found.sort_by_key(|path| (name(path).ends_with(".qca.txt"), path.clone()));
@@ -51,7 +51,7 @@ fn in_folder(folder: &Path) -> Option<PathBuf> {
     found.into_iter().next().or_else(|| others.find(|path| is_toml(path) && has_cameras(path)))
 }
 
-/// The calibration of a project of several trials, of one of which `place` is the folder.
+/// The calibration of a project with several trials, where `place` is the folder of one.
 fn above(place: Place) -> Option<PathBuf> {
     let folder = std::path::absolute(place.folder).ok().filter(|folder| !is_capture(folder))?;
     let found = in_folder(folder.parent()?)?;

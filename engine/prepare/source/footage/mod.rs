@@ -102,7 +102,7 @@ fn absent(footage: &Path, name: &str) -> (String, String) {
     (format!("{reason}: {} {holds}", folder.display()), remedy)
 }
 
-/// What is worth knowing of which files became a camera's footage.
+/// What is worth knowing about the files that became the cameras' footage.
 pub(super) fn notes(cameras: &[SourceCamera]) -> Vec<String> {
     let mut notes = Vec::new();
     let mut begins: Vec<(String, u64)> = Vec::new();
