@@ -1,8 +1,9 @@
 //! How the verbs that read a capture are told to read it: one set of options for `check`, `prepare`,
 //! `train`, `render` and `cameras`.
 
+use crate::screen::say;
 use crate::settings::contradiction;
-use ivv::prepare::recognise;
+use ivv::prepare::{Recognised, recognise};
 use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
 use ivv::train::Run;
 use std::collections::BTreeSet;
@@ -23,11 +24,17 @@ pub struct CaptureArgs {
     /// of them. `A:` and `:B` work too.
     #[arg(long, visible_alias = "frames", value_name = "N|A:B[:S]", value_parser = Frames::from_str)]
     max_frames: Option<Frames>,
+    /// Names of cameras that are left out, separated by commas.
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    exclude: Vec<String>,
     /// Leaves out images whose file is absent; each is a fault otherwise.
     #[arg(long)]
     skip_missing: bool,
-    /// Folder of the images of a plain COLMAP project, relative to the capture. Without it and without `images`, the largest
-    /// of `images_2`, `images_4` and `images_8` is taken.
+    /// Which of the models in `sparse` of a plain COLMAP project is read, by its number. Without it, that of the most images.
+    #[arg(long, value_name = "N")]
+    model: Option<u32>,
+    /// Folder of the images, relative to the capture, where a COLMAP project, a transforms.json, LLFF or OpenSfM does not say where
+    /// they are. Without it and without `images`, the largest of `images_2`, `images_4` and `images_8` is taken.
     #[arg(long, default_value = "images")]
     images: PathBuf,
     /// Takes the folder with `_N` behind its name instead, as `images_4`: pictures of 1/N of the size.
@@ -61,6 +68,8 @@ impl CaptureArgs {
             test_cameras: self.test_cameras.clone(),
             test_every: self.test_every,
             frames: self.max_frames.unwrap_or_default(),
+            exclude: self.exclude.clone(),
+            model: self.model,
             skip_missing: self.skip_missing,
             images: self.images.clone(),
             downscale: self.downscale,
@@ -79,6 +88,8 @@ impl CaptureArgs {
             test_cameras: _,
             frames: _,
             test_every,
+            exclude,
+            model,
             skip_missing,
             foreground_masks,
             images,
@@ -95,6 +106,8 @@ impl CaptureArgs {
             }
         };
         word(*test_every != default.test_every, "--test-every", test_every.to_string().as_ref());
+        word(!exclude.is_empty(), "--exclude", exclude.join(",").as_ref());
+        word(model.is_some(), "--model", model.unwrap_or_default().to_string().as_ref());
         word(*images != default.images, "--images", images.as_os_str());
         word(downscale.is_some(), "--downscale", downscale.unwrap_or_default().to_string().as_ref());
         word(*alpha == Alpha::Mask, "--alpha", "mask".as_ref());
@@ -127,31 +140,43 @@ impl CaptureArgs {
     }
 }
 
-/// Opens a capture. A source that `ivv prepare` can make a capture of is named in the fault.
+/// Opens a capture, and says what was done to read it. A source that `ivv prepare` can make a capture of is named in the fault.
 pub fn open(path: &Path, settings: &CaptureSettings) -> ivv::Result<Capture> {
-    Capture::open_with(path, settings).map_err(|error| match unprepared(path) {
-        Some((_, fault)) => fault.into(),
-        None => error,
-    })
+    let capture = match Capture::open_with(path, settings) {
+        Ok(capture) if capture.path == path => capture,
+        // A recording may hold a capture, as of one of its frames.
+        opened => unprepared(path).map_or(opened, |(_, fault)| Err(fault.into()))?,
+    };
+    capture.notes.iter().for_each(|note| say!("note: {note}"));
+    Ok(capture)
 }
 
 /// The report of a capture. A source that `ivv prepare` can make a capture of is named in it.
 pub fn check(path: &Path, settings: &CaptureSettings) -> Report {
     let mut report = check_capture(path, settings);
-    if let Some((what, fault)) = unprepared(path).filter(|_| report.n_faults > 0) {
+    let is_itself = report.n_faults == 0 && report.path == path;
+    if let Some((what, fault)) = (!is_itself).then(|| unprepared(path)).flatten() {
         (report.format, report.n_faults, report.faults) = (what, 1, vec![fault]);
+        if report.n_cameras > 0 {
+            // What was read of it is not what is meant.
+            report.n_cameras = 0;
+            report.notes.clear();
+        }
     }
     report
 }
 
 /// What a recording is that is not a capture yet, and what is said of it.
 fn unprepared(path: &Path) -> Option<(String, Fault)> {
-    let what = recognise(path)?;
+    let Recognised { what, source } = recognise(path)?;
     let fault = Fault {
         file: path.to_owned(),
         place: String::new(),
         reason: format!("expected a capture, found {what}"),
-        remedy: format!("run `ivv prepare {} -o CAPTURE`, which makes a capture of it, then use that", path.display()),
+        remedy: format!(
+            "run `ivv prepare {} -o CAPTURE`, which makes a capture of it, then use that",
+            source.display()
+        ),
     };
     Some((what, fault))
 }

@@ -2,9 +2,10 @@
 
 use crate::device::DeviceArgs;
 use crate::files::read_json;
+use crate::look::{Look, own};
 use crate::progress::Progress;
 use crate::screen::say;
-use crate::shown::{Source, is_run, of_own, own};
+use crate::shown::{Source, is_run};
 use anyhow::ensure;
 use glam::DVec3;
 use ivv::Constants;
@@ -312,7 +313,7 @@ impl ClipArgs {
             let views = given.map_or_else(|| of_training_cameras(source.path, &run), Ok)?;
             let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
             let background = views.first().map_or([0.0; 3], |view| view.background);
-            let (sounds, constants) = (Sounds::default(), run.constants_of_capture());
+            let (sounds, constants) = (Sounds::default(), source.look.constants);
             return Ok(Setting { clock, start: start_of(&run), views, sounds, constants, background });
         }
         let file = source.clip.as_ref();
@@ -329,7 +330,7 @@ impl ClipArgs {
             _ => Vec::new(),
         };
         let views = given.unwrap_or(kept);
-        let (constants, background) = file.and_then(FourDgs::own).map_or_else(Default::default, of_own);
+        let Look { constants, background } = source.look;
         let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
         let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
         let is_as_long = |run: &Run| {

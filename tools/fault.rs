@@ -42,6 +42,7 @@ fn end(code: u8) -> u8 {
     match screen::finish() {
         Err(fault) if code == 0 => {
             alert!("ivv: {fault}");
+            screen::flush();
             fault.exit_code()
         }
         _ => code,

@@ -1,7 +1,7 @@
 //! Folders, JSON files and scenes of the verbs.
 
 use ivv::files::{read_file, write_atomic};
-use ivv::formats::write_ply;
+use ivv::formats::{Own, write_ply_with};
 use ivv::scene::{Similarity, Splats};
 use std::path::Path;
 
@@ -24,8 +24,8 @@ pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> i
 }
 
 /// Writes the Gaussians of a run in the capture's own frame, and returns them; `world` led from there to the frame of
-/// training.
-pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity) -> ivv::Result<Splats> {
+/// training, and `own` is how they are rendered.
+pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity, own: &Own) -> ivv::Result<Splats> {
     if !world.is_exact_in_f32() {
         tracing::warn!(
             "{}: the capture lies so far from its origin that single precision rounds positions there visibly; the \
@@ -34,6 +34,6 @@ pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity) -> ivv::Res
         );
     }
     let splats = world.inverse().splats(splats);
-    write_ply(path, &splats)?;
+    write_ply_with(path, &splats, own)?;
     Ok(splats)
 }

@@ -18,6 +18,7 @@ mod interrupt;
 mod kept;
 mod kernels;
 mod line;
+mod look;
 #[cfg(feature = "mpi")]
 mod message;
 mod offsets;
@@ -34,6 +35,7 @@ mod screen;
 mod settings;
 mod shown;
 mod start;
+mod stderr;
 mod totals;
 mod trace;
 mod verbs;

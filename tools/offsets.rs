@@ -2,10 +2,11 @@
 
 use crate::files::write_json;
 use crate::progress::watch;
-use crate::screen::out;
+use crate::screen::{alert, out};
 use crate::verbs::eval::Scorer;
 use ivv::report::statistics::mean;
 use ivv::scene::capture::{Camera, Capture};
+use ivv::stage::OFFSET_BOUND;
 use ivv::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt_offsets};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -19,7 +20,7 @@ pub struct Row {
     pub how: How,
     /// Frames.
     pub offset: f64,
-    /// Frames, with the scene held fixed; none where the pictures do not say.
+    /// Frames, with the scene held fixed, so that an offset may be off by more; none where the pictures do not say.
     pub standard_error: Option<f64>,
     /// Whether the fit ended at the edge of the search, 2 frames: the offset may lie beyond.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -61,6 +62,9 @@ pub fn table(
     fits.extend(fitted);
     let rows = rows(scorer.capture, &learns, &fits);
     write_json(&output.join("offsets.json"), &rows)?;
+    if let Some(warning) = warning(&rows) {
+        alert!("warning: {warning}");
+    }
     Ok(rows)
 }
 
@@ -84,7 +88,7 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
             },
             offset: fit.map_or(0.0, |fit| fit.offset),
             at_bound: fit.is_some_and(OffsetFit::is_at_bound),
-            standard_error: fit.map(|fit| fit.standard_error).filter(|error| error.is_finite()),
+            standard_error: fit.map(OffsetFit::error).filter(|error| error.is_finite()),
             truth: truth.get(&camera.name).map(|offset| offset - mean),
         }
     };
@@ -105,8 +109,24 @@ pub fn agreement(rows: &[Row]) -> Option<Agreement> {
 /// Root mean square of what is wrong with the time offsets that `trainer` is learning, frames; none without truth.
 pub fn learnt_error(trainer: &mut Trainer, capture: &Capture) -> ivv::Result<Option<f64>> {
     let (offsets, learns) = trainer.offsets()?;
-    let fits = offsets.into_iter().map(|offset| OffsetFit { offset, standard_error: f64::NAN }).enumerate().collect();
+    let fits = offsets
+        .into_iter()
+        .map(|offset| OffsetFit { offset, standard_error: f64::NAN, rest: 0.0 })
+        .enumerate()
+        .collect();
     Ok(agreement(&rows(capture, &learns, &fits)).map(|agreement| agreement.rms_error))
+}
+
+/// What is to be done where offsets have run into the bound.
+fn warning(rows: &[Row]) -> Option<String> {
+    let at_bound: Vec<&str> = rows.iter().filter(|row| row.at_bound).map(|row| row.camera.as_str()).collect();
+    let names = at_bound.join(", ");
+    (!at_bound.is_empty()).then(|| {
+        format!(
+            "the clocks of {names} are {OFFSET_BOUND} frames or more from the others', which is as far as training looks: prepare the \
+             capture again with --shift CAMERA=FRAMES, or with --shift sound where the videos have sound"
+        )
+    })
 }
 
 /// The table, for people.
@@ -126,8 +146,29 @@ pub fn print(rows: &[Row]) {
         let how = if row.at_bound { "at the edge of the search: the true offset may be larger" } else { how };
         out!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
     }
+    out!(
+        "+-: of what the camera's pictures say and how far their own best value is; doubled, for what the scene takes up of a clock"
+    );
     if let Some(Agreement { rms_error, correlation }) = agreement(rows) {
         let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.3}"));
         out!("offsets learnt to {rms_error:.3} frames (root mean square){correlation}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn offsets_at_the_bound_are_warned_of_by_name() {
+        let row = |camera: &str, offset: f64| {
+            let fit = OffsetFit { offset, standard_error: 0.1, rest: 0.0 };
+            let (camera, standard_error, truth) = (camera.to_owned(), Some(0.1), None);
+            Row { camera, how: How::Learnt, offset, standard_error, at_bound: fit.is_at_bound(), truth }
+        };
+        assert_eq!(warning(&[row("a", 0.3), row("b", -1.5)]), None);
+        // The mean of all has moved one of them away from the bound.
+        let told = warning(&[row("a", 0.3), row("b", -1.97), row("c", 2.0)]).unwrap_or_default();
+        assert!(told.contains("the clocks of b, c are 2 frames or more") && told.contains("--shift sound"), "{told}");
     }
 }

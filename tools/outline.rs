@@ -28,7 +28,8 @@ pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> 
     let times = f64::from(frames) / f64::from(capture.n_frames.max(1));
     let images = (capture.training_frames().len() as f64 * times).round() as u64;
     let cache_bytes = args.cache_bytes.unwrap_or_else(share_of_memory);
-    let (work, limits) = work(&capture, &config, &gpu, cache_bytes);
+    config.check_on(&gpu, config.total(images))?;
+    let (work, limits) = work(&capture, &config, &gpu, cache_bytes)?;
     let limits = Limits { memory_bytes: card.map_or(limits.memory_bytes, |card| card.memory.value as u64), ..limits };
     let decoded = (work.image_bytes as f64 * times) as u64;
     let work = Workload {
@@ -83,14 +84,17 @@ pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> 
 
 /// A training on `capture` with as many Gaussians as are allowed, which all move where it is a clip, and with so many bytes of decoded
 /// images in the host's memory; and what the device has.
-pub fn work(capture: &Capture, config: &Config, gpu: &Gpu, cache_bytes: u64) -> (Workload, Limits) {
+///
+/// # Errors
+/// Those of the weights of LPIPS.
+pub fn work(capture: &Capture, config: &Config, gpu: &Gpu, cache_bytes: u64) -> ivv::Result<(Workload, Limits)> {
     let n = config.max_gaussians as u64;
     let n_dynamic = if capture.n_frames > 1 { n } else { 0 };
     let memory = ImageMemory { cache_bytes, device_bytes: None };
-    let work = Workload::of(capture, config, &Setup::new(capture, config), (n, n_dynamic), gpu, memory);
+    let work = Workload::of(capture, config, &Setup::new(capture, config), (n, n_dynamic), gpu, memory)?;
     let caps = gpu.caps();
     let is_host = caps.kind == DeviceKind::Cpu;
-    (work, Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host })
+    Ok((work, Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host }))
 }
 
 /// Bytes of an image file of the training cameras, with its priors, in the mean.

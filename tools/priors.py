@@ -143,17 +143,19 @@ def finish_flow(target, forward, backward, mask):
 
 
 def camera_flow(args, capture, camera, images, estimate):
-    for frame in range(len(images) - 1):
+    frames = {int(image.stem): image for image in images}
+    # A camera may have lost frames.
+    for frame in sorted(frame for frame in frames if frame + 1 in frames):
         target = capture / "flow" / camera / f"{frame:05}.npy"
         if not target.is_file() and not target.with_suffix(".flo").is_file():
             mask = capture / "masks" / camera / f"{frame:05}.png"
             if args.flow == "videoflow":
                 # The frame is the second of five; beyond the clip its ends are repeated.
-                window = [picture(images[min(max(frame + k, 0), len(images) - 1)]) for k in range(-1, 4)]
+                window = [picture(min(frames.items(), key=lambda it: abs(it[0] - frame - k))[1]) for k in range(-1, 4)]
                 forward, backward = estimate(window)
                 finish_flow(target, forward[0], backward[1], mask)
             else:
-                first, second = picture(images[frame]), picture(images[frame + 1])
+                first, second = picture(frames[frame]), picture(frames[frame + 1])
                 finish_flow(target, estimate(first, second), estimate(second, first), mask)
         print(f"{camera}/{frame:05}.npy", flush=True)
 

@@ -55,7 +55,7 @@ impl Pace {
     fn show(&mut self, done: u64, total: u64, text: &str) {
         self.last = Some(Instant::now());
         if !screen::is_terminal() {
-            screen::message(text);
+            screen::passing_line(text);
         } else if self.passes {
             screen::passing_bar(done, total, text);
         } else {
@@ -239,6 +239,10 @@ impl Pieces {
     /// After a piece, if a line is due; the first and the last of a stage always are.
     pub fn show(&mut self, progress: &ivv::prepare::Progress) {
         let ivv::prepare::Progress { stage, done, total, piece } = *progress;
+        if total == 0 {
+            say!("{piece}");
+            return;
+        }
         let begins = stage != self.stage;
         if begins {
             (self.stage, self.first) = (stage, (done, Instant::now()));

@@ -1,9 +1,10 @@
 //! All that `ivv` writes: results on standard output; messages, logs and progress on standard error.
 //!
-//! Output that cannot be written never ends the work. Messages are then lost. Results are too, and [`finish`] tells at the
+//! Output that cannot be written never ends the work, and messages that nobody reads do not hold it up. Messages are then lost. Results are too, and [`finish`] tells at the
 //! end: a reader that went away has seen what it wanted; any other failure is an error.
 
 use crate::line;
+use crate::stderr::{self, put, put_progress};
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -43,21 +44,15 @@ fn screen() -> MutexGuard<'static, Screen> {
     SCREEN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Writes on standard error, which may be closed, full or gone.
-fn put(text: &str) {
-    let mut to = io::stderr().lock();
-    let _ = to.write_all(text.as_bytes()).and_then(|()| to.flush());
-}
-
 impl Screen {
     /// Runs `write` with the bar out of the way.
     fn above_the_bar<T>(&mut self, write: impl FnOnce(&mut Self) -> T) -> T {
         if self.bar.is_some() {
-            put(CLEAR);
+            put(CLEAR.to_owned());
         }
         let written = write(self);
         if let Some(bar) = &self.bar {
-            put(bar);
+            put(bar.clone());
         }
         written
     }
@@ -81,6 +76,8 @@ pub fn result(text: &str) {
         return;
     }
     let written = screen.above_the_bar(|_| {
+        // Both may be the same terminal.
+        stderr::finish();
         let mut to = io::stdout().lock();
         writeln!(to, "{text}").and_then(|()| to.flush())
     });
@@ -101,7 +98,15 @@ pub fn message(text: &str) {
 
 /// A line that is always told.
 pub fn warning(text: &str) {
-    screen().above_the_bar(|_| put(&format!("{text}\n")));
+    screen().above_the_bar(|_| put(format!("{text}\n")));
+}
+
+/// A line of progress where a terminal rewrites none; a later one says more.
+pub fn passing_line(text: &str) {
+    let screen = screen();
+    if !screen.is_quiet {
+        put_progress(format!("{text}\n"));
+    }
 }
 
 /// A line of progress that the next one replaces, a bar before it; on a terminal alone. The last one stays.
@@ -120,14 +125,14 @@ pub fn passing_bar(done: u64, total: u64, text: &str) {
     }
     let columns = terminal_size::terminal_size_of(io::stderr()).map_or(80, |(width, _)| usize::from(width.0));
     let bar = line::fit(done, total, text, columns);
-    put(&format!("{CLEAR}{bar}"));
+    put_progress(format!("{CLEAR}{bar}"));
     screen.bar = Some(bar);
 }
 
 /// Leaves the bar as it is, with the cursor behind it.
 pub fn leave_bar() {
     if screen().bar.take().is_some() {
-        put("\n");
+        put("\n".to_owned());
     }
 }
 
@@ -149,6 +154,7 @@ pub fn has_colours() -> bool {
 /// [`ivv::Error::Data`] when results are missing from standard output for another reason.
 pub fn finish() -> ivv::Result<()> {
     leave_bar();
+    stderr::finish();
     let fault = screen().fault.take().filter(|fault| fault.kind() != ErrorKind::BrokenPipe);
     fault.map_or(Ok(()), |fault| {
         let reason = format!("cannot be written: {fault}");
@@ -156,12 +162,17 @@ pub fn finish() -> ivv::Result<()> {
     })
 }
 
+/// Waits until what was told on standard error is written, as far as somebody reads it.
+pub fn flush() {
+    stderr::finish();
+}
+
 /// Where logs go. It never fails.
 pub struct Log;
 
 impl Write for Log {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
-        screen().above_the_bar(|_| put(&String::from_utf8_lossy(text)));
+        screen().above_the_bar(|_| put(String::from_utf8_lossy(text).into_owned()));
         Ok(text.len())
     }
 

@@ -1,15 +1,15 @@
 //! What a verb is given to look at: a scene file, the folder of a run, or that of a run that has not ended.
 
 use crate::files::read_json;
+use crate::look::Look;
 use crate::screen::say;
-use ivv::formats::{FourDgs, FourDgsParts, PlyParts, read_scene};
+use ivv::formats::{FourDgs, FourDgsParts, Imported, PlyParts, import_scene};
 use ivv::gpu::Gpu;
 use ivv::scene::{Parts, Splats};
 use ivv::stage::Renderer;
 use ivv::train::{Checkpoint, Config, Run};
 use ivv::{Constants, Error};
 use serde_json::Value;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -68,13 +68,13 @@ pub struct Shown<G = Splats> {
     pub splats: G,
     /// The step that it is of, where the run has not ended.
     pub unfinished: Option<u64>,
-    /// How it is rendered, where its file says that.
-    pub constants: Option<Constants>,
+    /// The notes of the reader, already printed.
+    pub notes: Vec<String>,
 }
 
 impl From<Shown> for Shown<Gaussians> {
-    fn from(Shown { file, splats, unfinished, constants }: Shown) -> Self {
-        Shown { file, splats: Gaussians::Whole(Box::new(splats)), unfinished, constants }
+    fn from(Shown { file, splats, unfinished, notes }: Shown) -> Self {
+        Shown { file, splats: Gaussians::Whole(Box::new(splats)), unfinished, notes }
     }
 }
 
@@ -115,16 +115,19 @@ pub struct Source<'a> {
     pub path: &'a Path,
     /// Where it is a `.4dgs`: what is in it beside Gaussians is asked for first.
     pub clip: Option<FourDgs>,
+    /// How it is rendered.
+    pub look: Look,
 }
 
 impl<'a> Source<'a> {
-    /// Reads of a `.4dgs` all but its Gaussians, and nothing of any other.
+    /// Reads how a scene is rendered, and all of a `.4dgs` but its Gaussians.
     ///
     /// # Errors
-    /// Those of the file.
+    /// Those of the file, or of the run that it is of.
     pub fn open(path: &'a Path) -> ivv::Result<Self> {
         let clip = if FourDgs::is(path) { Some(FourDgs::open(path)?) } else { None };
-        Ok(Source { path, clip })
+        let look = Look::of(path, clip.as_ref())?;
+        Ok(Source { path, clip, look })
     }
 
     /// Its Gaussians, of which only those are read that are seen where the file is a clip in parts.
@@ -133,8 +136,7 @@ impl<'a> Source<'a> {
     /// As [`open`].
     pub fn seen(&self) -> ivv::Result<Shown<Gaussians>> {
         if let Some((file, clip)) = self.parts()? {
-            let constants = self.clip.as_ref().and_then(FourDgs::own).map(|own| of_own(own).0);
-            return Ok(Shown { file, splats: Gaussians::Parts(clip), unfinished: None, constants });
+            return Ok(Shown { file, splats: Gaussians::Parts(clip), unfinished: None, notes: Vec::new() });
         }
         self.scene().map(Into::into)
     }
@@ -154,26 +156,13 @@ impl<'a> Source<'a> {
         Ok(clip.map(|clip| (file, clip)))
     }
 
-    /// The background that it was made over: that of a run, or what its file says; else black.
-    ///
-    /// # Errors
-    /// Those of the run's settings.
-    pub fn background(&self) -> anyhow::Result<[f32; 3]> {
-        if is_run(self.path) {
-            let config: Config = read_json(&self.path.join("config.json"), "give the folder of a run of `ivv train`")?;
-            return Ok(config.background);
-        }
-        let stated = self.clip.as_ref().and_then(FourDgs::own).and_then(|own| of_own(own).1);
-        Ok(stated.unwrap_or_default())
-    }
-
     /// Its Gaussians, as [`open`].
     ///
     /// # Errors
     /// As [`open`].
     pub fn scene(&self) -> ivv::Result<Shown> {
         let Some(clip) = &self.clip else { return of_path(self.path) };
-        Ok(of_file(self.path, clip.splats()?, clip.own().map(|own| of_own(own).0)))
+        Ok(told(self.path, Imported { splats: clip.splats()?, notes: clip.notes(), own: None }))
     }
 }
 
@@ -189,7 +178,7 @@ pub fn open(path: &Path) -> ivv::Result<Shown> {
 /// The scene of anything but a `.4dgs`.
 fn of_path(path: &Path) -> ivv::Result<Shown> {
     if let Some(scene) = scene_of_end(path) {
-        return Ok(of_file(&scene, read_scene(&scene)?, None));
+        return Ok(told(&scene, import_scene(&scene)?));
     }
     if is_run(path) {
         return newest(path);
@@ -198,11 +187,13 @@ fn of_path(path: &Path) -> ivv::Result<Shown> {
         let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
         return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
     }
-    Ok(of_file(path, read_scene(path)?, None))
+    Ok(told(path, import_scene(path)?))
 }
 
-fn of_file(path: &Path, splats: Splats, constants: Option<Constants>) -> Shown {
-    Shown { splats, file: path.to_owned(), unfinished: None, constants }
+/// Prints the notes of the reader.
+fn told(file: &Path, Imported { splats, notes, .. }: Imported) -> Shown {
+    notes.iter().for_each(|note| say!("{}: {note}", file.display()));
+    Shown { splats, file: file.to_owned(), unfinished: None, notes }
 }
 
 /// The newest checkpoint of the run in `folder`.
@@ -215,40 +206,5 @@ fn newest(folder: &Path) -> ivv::Result<Shown> {
     let Checkpoint { step, total, .. } = checkpoint;
     say!("{}: the run has not ended; this is its newest checkpoint, of step {step} of {total}", folder.display());
     let file = Checkpoint::file(&checkpoints, step);
-    Ok(Shown { splats: checkpoint.splats(), file, unfinished: Some(step), constants: None })
-}
-
-/// What a `.4dgs` says of how it is rendered.
-pub fn own(constants: &Constants, background: [f32; 3]) -> BTreeMap<String, String> {
-    let numbers = [
-        ("alpha_max", constants.alpha_max),
-        ("alpha_min", constants.alpha_min),
-        ("blur", constants.blur),
-        ("near", constants.near),
-        ("t_min", constants.t_min),
-    ];
-    let mut own: BTreeMap<String, String> = numbers.map(|(name, value)| (name.to_owned(), value.to_string())).into();
-    own.insert("background".to_owned(), background.map(|part| part.to_string()).join(" "));
-    own
-}
-
-/// The other way: the default of each value that is absent or meaningless.
-pub fn of_own(own: &BTreeMap<String, String>) -> (Constants, Option<[f32; 3]>) {
-    let usual = Constants::default();
-    let number = |name: &str, usual: f32, is_one: &dyn Fn(f32) -> bool| {
-        own.get(name).and_then(|text| text.parse().ok()).filter(|value| is_one(*value)).unwrap_or(usual)
-    };
-    let is_part = |value: f32| value > 0.0 && value < 1.0;
-    let is_length = |value: f32| value > 0.0 && value.is_finite();
-    let constants = Constants {
-        alpha_max: number("alpha_max", usual.alpha_max, &|value| is_part(value) && value > 0.5),
-        alpha_min: number("alpha_min", usual.alpha_min, &|value| is_part(value) && value < 0.5),
-        blur: number("blur", usual.blur, &is_length),
-        near: number("near", usual.near, &is_length),
-        t_min: number("t_min", usual.t_min, &|value| value == 0.0 || is_part(value)),
-        ..usual
-    };
-    let parts = own.get("background").map(|text| text.split(' ').filter_map(|part| part.parse().ok()));
-    let background = parts.and_then(|parts| <[f32; 3]>::try_from(parts.collect::<Vec<f32>>()).ok());
-    (constants, background.filter(|parts| parts.iter().all(|part| part.is_finite())))
+    Ok(Shown { splats: checkpoint.splats(), file, unfinished: Some(step), notes: Vec::new() })
 }

@@ -5,6 +5,7 @@ use crate::progress::watch;
 use crate::ranks::local_rank;
 use crate::replace::{holds_a_run, remove_run};
 use crate::screen::{alert, say};
+use crate::verbs::eval::warn_of_shared_pictures;
 use crate::verbs::train::Args;
 use anyhow::{Context, bail, ensure};
 use ivv::Error;
@@ -65,6 +66,9 @@ impl Start {
         }
         let capture = shown(capture, &config);
         let mut run = Run::new(&capture, Constants::default())?;
+        if leads {
+            warn_of_shared_pictures(&run);
+        }
         let capture = capture.transformed(&run.world);
         run.constants = args.constants.checked_over(constants_of(&capture))?;
         let total = config.total(n_training(&capture)?);
@@ -80,6 +84,7 @@ impl Start {
             return Err(Error::data(&args.output, "", "already holds a run", remedy).into());
         }
         let gpu = args.device.open_nth(local_rank())?;
+        config.check_on(&gpu, total)?;
         let begin = |base: Base| {
             let (mut looked, phase) = (watch(), Phase::Initialisation);
             let found = initialise(&capture, &config, &mut |done, total| looked(Notice::Work { phase, done, total }))?;
@@ -87,13 +92,6 @@ impl Start {
             ivv::Result::Ok(base.checkpoint((&capture, &run), found.splats, config.clone(), total))
         };
         let resumed = base.map(begin).transpose()?;
-        if let Some(n) = resumed.as_ref().map(|base| base.params.len()).filter(|n| 10 * n > 9 * config.max_gaussians) {
-            alert!(
-                "the base and the first Gaussians of what moves are {n} of the {} that max_gaussians allows, so that few can be \
-                 added; give a larger --max-gaussians",
-                config.max_gaussians
-            );
-        }
         let start = Start { lock, gpu, run, capture, config, total, checkpoints, resumed, replaces };
         if leads && !replaces {
             start.write_settings(&args.output)?;
@@ -138,7 +136,15 @@ impl Start {
                  have one method throughout, train anew"
             );
         }
-        let capture = shown(run.open_capture(args.capture.as_deref())?, &planned);
+        let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
+        if leads && !changes.is_empty() {
+            alert!(
+                "warning: {} is not what the run has learnt from so far: {changes}. It goes on with what is there now; to have one \
+                 capture throughout, restore it, or train anew",
+                capture.path.display()
+            );
+        }
+        let capture = shown(capture, &planned);
         if let Some(path) = &args.capture {
             let now = std::path::absolute(path).unwrap_or_else(|_| path.clone());
             if leads && now != run.capture {
@@ -161,6 +167,7 @@ impl Start {
         let is_extended = total != planned_total;
         let config = if is_extended { asked } else { planned };
         let gpu = args.device.open_nth(local_rank())?;
+        config.check_on(&gpu, total)?;
         if checkpoint.is_none() {
             say!("no checkpoint was written yet: the run begins again with its own settings");
         }
@@ -170,6 +177,22 @@ impl Start {
             write_json(&file, &config)?;
         }
         Ok(Start { lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint, replaces: false })
+    }
+
+    /// Says of `session`, which begins, what is worth a warning.
+    pub fn warn(&self, session: &mut Session) {
+        if let n @ 1.. = session.n_left_out() {
+            alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
+        }
+        let n = session.trainer().n_gaussians();
+        if let Some(room) = session.trainer().room_to_grow().filter(|room| 20 * u64::from(*room) < u64::from(n)) {
+            alert!(
+                "warning: density control has no room: it may add {} to the {n} that there are, of the {} that max_gaussians allows. \
+                 Give a larger --max-gaussians",
+                count(room, "Gaussian"),
+                self.config.max_gaussians
+            );
+        }
     }
 
     /// Makes `session`, which goes on from [`Start::resumed`], go on for as long as is asked, and keeps that.

@@ -3,6 +3,7 @@
 use std::path::Path;
 
 use super::decode::{complete_quaternion, logit_of_byte};
+use super::ply_known::{compensation, judge};
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header, Scalar};
 use crate::files::ply_rows::{Column, Rows};
@@ -39,8 +40,14 @@ struct Packed {
     rest: Vec<u8>,
 }
 
-/// Reads the elements that follow the header of a compressed PLY. Every Gaussian is static.
-pub(super) fn read_compressed(path: &Path, header: &Header, mut rows: Rows) -> Result<Splats> {
+/// Reads the elements that follow the header of a compressed PLY; with notes on what it leaves out. Every Gaussian is static.
+pub(super) fn read_compressed(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats, Vec<String>)> {
+    let mut notes = Vec::new();
+    if let Some(vertex) = header.element("vertex") {
+        let read = (vertex, &["vertex", "chunk", "sh"][..]);
+        notes.extend(judge(path, header, read, |name| PACKED.contains(&name))?);
+    }
+    notes.extend(compensation(header));
     let mut packed = Packed::default();
     let mut n_rest = 0;
     for element in &header.elements {
@@ -68,7 +75,7 @@ pub(super) fn read_compressed(path: &Path, header: &Header, mut rows: Rows) -> R
             return Err(Error::data(path, what, reason, REMEDY));
         }
     }
-    Ok(packed.unpack(n_rest))
+    Ok((packed.unpack(n_rest), notes))
 }
 
 fn columns<const N: usize>(path: &Path, element: &Element, names: [&str; N], scalar: Scalar) -> Result<[Column; N]> {

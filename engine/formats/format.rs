@@ -5,6 +5,7 @@ use std::path::Path;
 
 use super::clock::Clock;
 use super::four_dgs::World;
+use super::imported::{Imported, Own};
 use crate::error::Result;
 use crate::scene::{Splats, View};
 
@@ -18,7 +19,7 @@ pub(super) struct Reader {
     /// Whether a file, or a folder, is of this format.
     pub knows: fn(&Start) -> bool,
     /// Reads it.
-    pub read: fn(&Path) -> Result<Splats>,
+    pub read: fn(&Path) -> Result<Imported>,
 }
 
 /// What tells the formats of files apart.
@@ -44,6 +45,8 @@ pub struct Writer {
     pub ending: Option<&'static str>,
     /// What it is, in a line.
     pub about: &'static str,
+    /// Whether it keeps how the scene is rendered.
+    pub keeps_constants: bool,
     /// How it is written.
     pub write: WriteScene,
 }
@@ -53,8 +56,13 @@ pub struct Writer {
 pub enum WriteScene {
     /// From the Gaussians alone.
     Alone(fn(&Path, &Splats) -> Result<()>),
+    /// With what is this project's own.
+    WithOwn(fn(&Path, &Splats, &Own) -> Result<()>),
     /// With which way is up and how large it is, where something tells that.
     InWorld(fn(&Path, &Splats, Option<World>) -> Result<()>),
-    /// With the clock of the clip, where something tells it, and views to start from.
-    WithClip(fn(&Path, &Splats, Option<Clock>, &[View]) -> Result<()>),
+    /// With the clock of the clip, where something tells it, views to start from, and what is this project's own.
+    WithClip(WriteClip),
 }
+
+/// As in [`WriteScene::WithClip`].
+pub type WriteClip = fn(&Path, &Splats, Option<Clock>, &[View], &Own) -> Result<()>;

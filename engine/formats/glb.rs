@@ -18,6 +18,7 @@ pub(super) const WRITER: Writer = Writer {
     name: "glb",
     ending: Some(".glb"),
     about: "glTF with KHR_gaussian_splatting; one moment",
+    keeps_constants: false,
     write: WriteScene::InWorld(write_glb),
 };
 

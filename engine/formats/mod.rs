@@ -7,7 +7,10 @@ mod format;
 mod four_dgs;
 mod glb;
 mod import;
+mod imported;
 mod ply;
+mod ply_known;
+mod ply_layout;
 mod ply_parts;
 mod ply_time;
 mod sog;
@@ -22,7 +25,8 @@ pub use four_dgs::{
     Contents, Ears, Encoded, FourDgs, FourDgsParts, FourDgsSummary, Grades, Measure, Sound, Sounds, World,
 };
 pub use glb::write_glb;
-pub use ply::{read_ply, write_ftgs, write_ply};
+pub use imported::{Imported, Own};
+pub use ply::{ply_own, read_ply, write_ftgs, write_ply, write_ply_with};
 pub use ply_parts::{PlyParts, write_parts};
 pub use sog::read_sog;
 pub use splat::{read_splat, write_splat};
@@ -63,5 +67,13 @@ pub fn count_written(splats: &Splats, writer: Option<&Writer>) -> [usize; 2] {
 /// # Errors
 /// [`crate::error::Error::Data`] of the format's reader; for another format, one that lists what is supported.
 pub fn read_scene(path: &Path) -> Result<Splats> {
+    import_scene(path).map(|imported| imported.splats)
+}
+
+/// As [`read_scene`], with what the file says beside its Gaussians, and what is to be said of what it holds.
+///
+/// # Errors
+/// As [`read_scene`].
+pub fn import_scene(path: &Path) -> Result<Imported> {
     import::read(path, READERS)
 }

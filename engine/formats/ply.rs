@@ -1,22 +1,25 @@
 //! Scenes as 3DGS PLY files (SPEC 9): reader of every variant, writer of the canonical one.
 
-use std::io::{self, Write};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 use super::clock::Clock;
 use super::compressed_ply::{is_compressed, read_compressed};
-use super::decode::logit_of_byte;
 use super::format::{ELSEWHERE, Reader, WriteScene, Writer};
-use super::ply_time::{FREE_TIME, MOTION, SPAN, Temporal, free_time, free_time_comments};
+use super::imported::{Imported, Own};
+use super::ply_known::network_beside;
+use super::ply_layout::Layout;
+use super::ply_time::{FREE_TIME, MOTION, SPAN, free_time, free_time_comments};
 use crate::error::{Error, Result};
-use crate::files::ply_header::{Element, Header};
-use crate::files::ply_rows::{Column, Rows};
-use crate::files::write_atomic;
-use crate::scene::dc_of_color;
+use crate::files::ply_header::Header;
+use crate::files::ply_rows::Rows;
+use crate::files::{cannot_read, open_file, write_atomic};
 use crate::scene::{ALWAYS, Motion, Splats};
 
 /// Reads a scene from a 3DGS PLY file: ascii or binary of either byte order, properties by name in any order and of
-/// any scalar type (rounded to f32), other properties and elements skipped.
+/// any scalar type (rounded to f32). Properties and elements that change no picture are skipped, and so are harmonics of degree 4 and
+/// above; [`import_scene`](crate::formats::import_scene) says which. The discs of 2DGS become thin, and the 3D filter of mip-splatting is
+/// worked in.
 ///
 /// Temporal properties are this project's, those of a `.ftgs.ply` (version 1) or those of Spacetime Gaussians whose motion is
 /// along lines. A Gaussian is static when the file has none or when it rests and never fades (`t_scale` +infinity, a
@@ -25,25 +28,36 @@ use crate::scene::{ALWAYS, Motion, Splats};
 /// renderer culls and counts them.
 ///
 /// # Errors
-/// [`Error::Data`] when the file cannot be read, its header is malformed, a property is missing or declared twice,
-/// `f_rest` has other than 0, 9, 24 or 45 entries, or the file is shorter or longer than its header says.
+/// [`Error::Data`] when the file cannot be read, its header is malformed, a property is missing or declared twice, one that is not
+/// read moves Gaussians or has a part in how they look, `f_rest` has a number of entries that no degree has, or the file is shorter or
+/// longer than its header says.
 pub fn read_ply(path: &Path) -> Result<Splats> {
-    let (header, rows) = Rows::open(path)?;
-    if is_compressed(&header) { read_compressed(path, &header, rows) } else { read_vertices(path, &header, rows) }
+    import(path).map(|imported| imported.splats)
 }
 
-fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<Splats> {
+fn import(path: &Path) -> Result<Imported> {
+    let (header, rows) = Rows::open(path)?;
+    let own = own(&header);
+    let read = if is_compressed(&header) { read_compressed } else { read_vertices };
+    let (splats, mut notes) = read(path, &header, rows)?;
+    notes.extend(network_beside(path));
+    Ok(Imported { splats, notes, own })
+}
+
+/// The Gaussians, and the notes on the file.
+fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats, Vec<String>)> {
     let Some(vertex) = header.element("vertex") else {
         let remedy = "give a Gaussian splatting scene";
         return Err(Error::data(path, "header", "has no element `vertex`", remedy));
     };
-    let layout = Layout::new(path, header, vertex)?;
+    let mut layout = Layout::new(path, header, vertex)?;
     let mut still = Splats::new(layout.sh_degree);
     let mut moving = Splats::new(layout.sh_degree);
-    let mut refused = None;
+    let (mut refused, mut n_cut) = (None, 0);
     for element in &header.elements {
         if element.name == "vertex" {
             rows.read(element, |row, bytes| {
+                n_cut += usize::from(layout.is_cut(bytes));
                 if let Err(reason) = layout.push(row, bytes, &mut still, &mut moving) {
                     refused.get_or_insert((row, reason));
                 }
@@ -59,110 +73,67 @@ fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<Splats>
     }
     still.n_static = still.len();
     still.append(moving);
-    Ok(still)
+    let mut notes = std::mem::take(&mut layout.notes);
+    notes.extend(layout.notes_of_rows(n_cut, still.len()));
+    Ok((still, notes))
 }
 
-/// Columns of the properties that make a Gaussian.
-pub(super) struct Layout {
-    pub(super) sh_degree: u32,
-    position: [Column; 3],
-    dc: [Column; 3],
-    /// Channel-major: `rest[channel * (K - 1) + coefficient - 1]`.
-    rest: Vec<Column>,
-    opacity: Column,
-    scale: [Column; 3],
-    rotation: [Column; 4],
-    temporal: Option<Temporal>,
+/// What a header says of how the scene is rendered; none in a file of another program.
+fn own(header: &Header) -> Option<Own> {
+    let said = header.comments.iter().filter_map(|line| line.strip_prefix(OWN)?.split_once(' '));
+    let own: Own = said.map(|(name, value)| (name.to_owned(), value.to_owned())).collect();
+    (!own.is_empty()).then_some(own)
 }
 
-impl Layout {
-    pub(super) fn new(path: &Path, header: &Header, vertex: &Element) -> Result<Self> {
-        let place = |name: &str| format!("element `vertex`, property `{name}`");
-        if let Some(list) = vertex.properties.iter().find(|p| p.list_length.is_some()) {
-            let remedy = "export it with plain properties only";
-            return Err(Error::data(path, place(&list.name), "is a list", remedy));
-        }
-        let column = |name: &str| {
-            let remedy = "give a Gaussian splatting scene, not a point cloud or a mesh";
-            Column::find(vertex, name).ok_or_else(|| Error::data(path, place(name), "is missing", remedy))
-        };
-        let n_rest = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
-        let sh_degree = match n_rest {
-            0 => 0,
-            9 => 1,
-            24 => 2,
-            45 => 3,
-            _ => {
-                let reason = format!("{n_rest} properties; degrees 0 to 3 have 0, 9, 24 or 45");
-                return Err(Error::data(path, place("f_rest_*"), reason, "export the scene with degree 3 or less"));
-            }
-        };
-        Ok(Layout {
-            sh_degree,
-            position: [column("x")?, column("y")?, column("z")?],
-            dc: [column("f_dc_0")?, column("f_dc_1")?, column("f_dc_2")?],
-            rest: (0..n_rest).map(|i| column(&format!("f_rest_{i}"))).collect::<Result<_>>()?,
-            opacity: column("opacity")?,
-            scale: [column("scale_0")?, column("scale_1")?, column("scale_2")?],
-            rotation: [column("rot_0")?, column("rot_1")?, column("rot_2")?, column("rot_3")?],
-            temporal: Temporal::find(path, header, vertex)?,
-        })
+/// The comments that [`own`] reads.
+pub(super) fn own_comments(own: &Own) -> Vec<String> {
+    let plain = |text: &str| text.split_ascii_whitespace().collect::<Vec<_>>().join(" ");
+    own.iter().map(|(name, value)| format!("{OWN}{} {}", plain(name), plain(value))).collect()
+}
+
+/// What the header of a PLY says of how the scene is rendered; none in a file of another program or format.
+///
+/// # Errors
+/// [`Error::Data`] when the file cannot be read, or is a PLY whose header is malformed or promises another length.
+pub fn ply_own(path: &Path) -> Result<Option<Own>> {
+    if !is_ply(path)? {
+        return Ok(None);
     }
-
-    /// Appends the Gaussian of a row to those that it belongs to.
-    ///
-    /// # Errors
-    /// Why it cannot be held.
-    pub(super) fn push(
-        &self,
-        row: u32,
-        bytes: &[u8],
-        still: &mut Splats,
-        moving: &mut Splats,
-    ) -> std::result::Result<(), &'static str> {
-        let motion = self.temporal.as_ref().map_or(Ok(None), |temporal| temporal.motion(bytes))?;
-        let to = if motion.is_some() { moving } else { still };
-        let span = self.temporal.as_ref().and_then(|temporal| temporal.span(bytes));
-        to.span.extend(span.filter(|_| motion.is_some()));
-        to.motion.extend(motion);
-        to.source_row.push(row);
-        to.position.push(self.position.map(|c| c.f32(bytes)));
-        to.rotation.push(self.rotation.map(|c| c.f32(bytes)));
-        to.scale.push(self.scale.map(|c| c.f32(bytes)));
-        to.opacity.push(within(self.opacity.f32(bytes)));
-        let color = self.dc.map(|c| c.f32(bytes));
-        let is_plain = self.temporal.as_ref().is_some_and(Temporal::has_plain_colors);
-        to.sh.push(if is_plain { color.map(|c| dc_of_color(f64::from(c))) } else { color });
-        let per_channel = self.rest.len() / 3;
-        for k in 0..per_channel {
-            to.sh.push(std::array::from_fn(|channel| self.rest[channel * per_channel + k].f32(bytes)));
-        }
-        Ok(())
-    }
+    Rows::open(path).map(|(header, _)| own(&header))
 }
 
-/// The logit, made finite: programs that turn bytes into logits write infinite ones for what is opaque or invisible.
-fn within(logit: f32) -> f32 {
-    if logit.is_infinite() { logit_of_byte(if logit > 0.0 { 255 } else { 0 }) } else { logit }
+/// Whether a file begins as a PLY does.
+pub(super) fn is_ply(path: &Path) -> Result<bool> {
+    let mut start = Vec::new();
+    let read = open_file(path).and_then(|file| file.take(STARTS[0].len() as u64).read_to_end(&mut start));
+    read.map_err(|fault| cannot_read(path, &fault))?;
+    Ok(STARTS.iter().any(|known| **known == start[..]))
 }
+
+/// What a PLY begins with.
+const STARTS: [&[u8]; 2] = [b"ply\n", b"ply\r"];
+/// What comments begin with that are this project's own: a name and a value follow.
+const OWN: &str = "ivv ";
 
 pub(super) const READER: Reader = Reader {
     what: "a 3DGS, FreeTimeGS, Spacetime Gaussians or PlayCanvas compressed PLY",
-    knows: |start| start.bytes == b"ply\n" || start.bytes == b"ply\r",
-    read: read_ply,
+    knows: |start| STARTS.contains(&start.bytes),
+    read: import,
 };
 
 pub(super) const WRITER: Writer = Writer {
     name: "ply",
     ending: Some(".ply"),
     about: "3DGS's, with the motion of dynamic Gaussians",
-    write: WriteScene::Alone(write_ply),
+    keeps_constants: true,
+    write: WriteScene::WithOwn(write_ply_with),
 };
 pub(super) const FTGS_WRITER: Writer = Writer {
     name: "ftgs",
     ending: Some(".ftgs.ply"),
     about: "FreeTimeGS's PLY",
-    write: WriteScene::WithClip(|path, splats, clock, _| write_ftgs(path, splats, clock)),
+    keeps_constants: true,
+    write: WriteScene::WithClip(|path, splats, clock, _, own| write_free_time(path, splats, clock, own)),
 };
 
 /// Writes a scene as a binary little-endian PLY in 3DGS's property order, rows in the order of `source_row` (ties: the
@@ -173,12 +144,20 @@ pub(super) const FTGS_WRITER: Writer = Writer {
 /// # Errors
 /// [`Error::Data`] when the file cannot be written or the scene's arrays disagree in length.
 pub fn write_ply(path: &Path, splats: &Splats) -> Result<()> {
+    write_ply_with(path, splats, &Own::new())
+}
+
+/// As [`write_ply`], with how the scene is rendered in comments of the header.
+///
+/// # Errors
+/// As [`write_ply`].
+pub fn write_ply_with(path: &Path, splats: &Splats, own: &Own) -> Result<()> {
     let names: Vec<&str> = match (splats.motion.is_empty(), splats.span.is_empty()) {
         (true, _) => Vec::new(),
         (false, true) => MOTION.to_vec(),
         (false, false) => MOTION.into_iter().chain(SPAN).collect(),
     };
-    write_rows(path, splats, &[], &names, |dynamic| own_time(splats, dynamic), |_| true)
+    write_rows(path, splats, &own_comments(own), &names, |dynamic| own_time(splats, dynamic), |_| true)
 }
 
 /// The values of [`MOTION`] and [`SPAN`] of a Gaussian by its place among the dynamic ones; none for a static one.
@@ -196,11 +175,16 @@ pub(super) fn own_time(splats: &Splats, dynamic: Option<usize>) -> [f32; 7] {
 /// # Errors
 /// [`Error::Data`] when no Gaussian is left, the file cannot be written or the scene's arrays disagree in length.
 pub fn write_ftgs(path: &Path, splats: &Splats, clock: Option<Clock>) -> Result<()> {
+    write_free_time(path, splats, clock, &Own::new())
+}
+
+fn write_free_time(path: &Path, splats: &Splats, clock: Option<Clock>, own: &Own) -> Result<()> {
     if !(0..splats.len()).any(|i| splats.is_finite(i)) {
         return Err(Error::data(path, "", "there is no Gaussian to write", "a .ftgs.ply needs at least one"));
     }
     splats.refuse_spans(path, "this format", ELSEWHERE)?;
-    let comments = free_time_comments(splats.sh_degree, clock);
+    let mut comments = free_time_comments(splats.sh_degree, clock);
+    comments.extend(own_comments(own));
     let temporal = |dynamic: Option<usize>| free_time(dynamic.map(|at| splats.motion[at]), clock);
     write_rows(path, splats, &comments, &FREE_TIME, temporal, |i| splats.is_finite(i))
 }

@@ -3,7 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use super::ply::{Layout, own_time, push_row, write_header};
+use super::imported::Own;
+use super::ply::{is_ply, own_comments, own_time, push_row, write_header};
+use super::ply_layout::Layout;
 use super::ply_time::{MOTION, SPAN};
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Encoding, Header};
@@ -35,10 +37,7 @@ impl PlyParts {
     /// [`Error::Data`] when the header is malformed, the file is shorter or longer than its header says, or the parts that it tells
     /// of are not what it holds.
     pub fn open(path: &Path) -> Result<Option<Self>> {
-        let mut start = Vec::new();
-        let file = crate::files::open_file(path).map_err(|fault| crate::files::cannot_read(path, &fault))?;
-        let read = std::io::Read::read_to_end(&mut std::io::Read::take(file, 4), &mut start);
-        if read.is_err() || !matches!(&start[..], b"ply\n" | b"ply\r") {
+        if !is_ply(path)? {
             return Ok(None);
         }
         let (header, _) = Rows::open(path)?;
@@ -134,15 +133,16 @@ impl Parts for PlyParts {
     }
 }
 
-/// Writes a clip as a PLY of parts, of which one at a time is in memory.
+/// Writes a clip as a PLY of parts, of which one at a time is in memory, with how it is rendered.
 ///
 /// # Errors
 /// [`Error::Data`] when the file cannot be written; those of the clip.
-pub fn write_parts(path: &Path, clip: &mut dyn Parts) -> Result<()> {
+pub fn write_parts(path: &Path, clip: &mut dyn Parts, own: &Own) -> Result<()> {
     let still = clip.still()?;
     let parts = clip.parts().to_vec();
     let comments: Vec<String> = std::iter::once(format!("{STILL} {}", still.len()))
         .chain(parts.iter().map(|part| format!("{PART} {} {} {}", part.n, part.from, part.to)))
+        .chain(own_comments(own))
         .collect();
     let names: Vec<&str> = MOTION.into_iter().chain(SPAN).collect();
     let n = still.len() + parts.iter().map(|part| part.n).sum::<usize>();

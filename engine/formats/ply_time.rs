@@ -47,6 +47,13 @@ pub(super) fn rate(frames: u32) -> f64 {
     if frames > 1 { f64::from(frames - 1) / f64::from(frames) } else { 1.0 }
 }
 
+/// Whether a property of Spacetime Gaussians is of a higher order than a velocity, or a turn.
+fn is_higher(name: &str) -> bool {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
+    let of = |prefix: &str| name.strip_prefix(prefix).is_some_and(is_number) && !SPACETIME.contains(&name);
+    of("motion_") || of("omega_")
+}
+
 impl Temporal {
     /// The temporal properties of `vertex`, if it has any.
     ///
@@ -55,8 +62,8 @@ impl Temporal {
     pub fn find(path: &Path, header: &Header, vertex: &Element) -> Result<Option<Self>> {
         let has = |name: &str| Column::find(vertex, name).is_some();
         let (names, form) = if has("trbf_center") || has("trbf_scale") {
-            let higher = (3..9).map(|k| format!("motion_{k}")).chain((0..4).map(|k| format!("omega_{k}")));
-            let columns = higher.filter_map(|name| Column::find(vertex, &name)).collect();
+            let higher = vertex.properties.iter().filter(|property| is_higher(&property.name));
+            let columns = higher.filter_map(|property| Column::find(vertex, &property.name)).collect();
             (SPACETIME, Form::Spacetime(columns))
         } else if has("time") && has("log_duration") {
             (FREE_TIME, Form::FreeTime(FreeTime::of(path, header)?))
@@ -81,6 +88,15 @@ impl Temporal {
             _ => None,
         };
         Ok(columns.try_into().ok().map(|columns| Temporal { columns, form, span }))
+    }
+
+    /// Whether the property `name` is one of these.
+    pub fn reads(&self, name: &str) -> bool {
+        match self.form {
+            Form::Own => MOTION.contains(&name) || SPAN.contains(&name),
+            Form::FreeTime(_) => FREE_TIME.contains(&name),
+            Form::Spacetime(_) => SPACETIME.contains(&name) || is_higher(name),
+        }
     }
 
     /// From when up to when the Gaussian of a row is there; `None` where the file does not say.

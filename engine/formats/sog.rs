@@ -10,6 +10,7 @@ use serde::Deserialize;
 
 use super::decode::{complete_quaternion, logit_of_byte};
 use super::format::{Reader, Start};
+use super::imported::{Imported, compensated};
 use crate::error::{Error, Result};
 use crate::files::archive::Archive;
 use crate::files::{cannot_read, open_file, read_bytes};
@@ -32,6 +33,10 @@ const REMEDY: &str = "the scene is damaged: copy or export it again";
 struct Meta {
     version: u32,
     count: u32,
+    #[serde(default)]
+    antialias: bool,
+    /// How the scene is drawn, by splat-transform: `antialiased`, `2dgs`; none of 3DGS.
+    model: Option<String>,
     means: Means,
     scales: Coded,
     quats: Single,
@@ -70,8 +75,20 @@ fn is_sog(start: &Start) -> bool {
     start.bytes == ZIP || start.path.is_dir() || start.ends_in("json")
 }
 
-fn read_any(path: &Path) -> Result<Splats> {
-    if path.is_dir() { read_sog(&path.join("meta.json")) } else { read_sog(path) }
+fn read_any(path: &Path) -> Result<Imported> {
+    if path.is_dir() { import(&path.join("meta.json")) } else { import(path) }
+}
+
+fn import(path: &Path) -> Result<Imported> {
+    let files = Files::open(path)?;
+    let meta = Meta::read(&files)?;
+    let notes = match meta.model.as_deref() {
+        _ if meta.antialias => vec![compensated("`antialias`")],
+        Some("antialiased") => vec![compensated("model `antialiased`")],
+        None | Some("default") => Vec::new(),
+        Some(model) => vec![format!("it is of the model `{}`, and is read as one of 3DGS", model.escape_debug())],
+    };
+    Ok(Imported { notes, ..gaussians(&files, &meta)?.into() })
 }
 
 /// Reads a SOG scene of version 2 from its `meta.json`, beside which the images lie, or from a bundle of them, a zip archive
@@ -81,10 +98,13 @@ fn read_any(path: &Path) -> Result<Splats> {
 /// [`Error::Data`] naming the file and the entry when one cannot be read or decoded, is not lossless, has another size
 /// than the count needs (checked before it is decoded), or holds an index that leads nowhere.
 pub fn read_sog(path: &Path) -> Result<Splats> {
-    let files = Files::open(path)?;
-    let meta = Meta::read(&files)?;
+    import(path).map(|imported| imported.splats)
+}
+
+fn gaussians(files: &Files, meta: &Meta) -> Result<Splats> {
+    let path = files.path;
     let n = meta.count as usize;
-    let attribute = |name: &str| Pixels::read(&files, name, n as u64);
+    let attribute = |name: &str| Pixels::read(files, name, n as u64);
     let mut splats = Splats::new(meta.rest.as_ref().map_or(0, |palette| palette.bands));
     splats.n_static = n;
     let [low, high] = &meta.means.files;
@@ -103,7 +123,7 @@ pub fn read_sog(path: &Path) -> Result<Splats> {
         splats.sh = (0..n).map(dc).collect();
         return Ok(splats);
     };
-    let entries = palette.read(&files)?;
+    let entries = palette.read(files)?;
     let labels = attribute(&palette.files[1])?;
     for i in 0..n {
         let [low, high, ..] = labels.at(i);

@@ -41,12 +41,14 @@ pub fn read_splat(path: &Path) -> Result<Splats> {
     Ok(splats)
 }
 
-pub(super) const READER: Reader = Reader { what: "a .splat", knows: |start| start.ends_in("splat"), read: read_splat };
+pub(super) const READER: Reader =
+    Reader { what: "a .splat", knows: |start| start.ends_in("splat"), read: |path| read_splat(path).map(Into::into) };
 
 pub(super) const WRITER: Writer = Writer {
     name: "splat",
     ending: Some(".splat"),
     about: "antimatter15's, without view dependence; one moment",
+    keeps_constants: false,
     write: WriteScene::Alone(write_splat),
 };
 

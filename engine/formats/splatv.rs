@@ -17,7 +17,8 @@ pub(super) const WRITER: Writer = Writer {
     name: "splatv",
     ending: Some(".splatv"),
     about: "antimatter15's of dynamic scenes, without view dependence",
-    write: WriteScene::WithClip(|path, splats, _, views| write_splatv(path, splats, views)),
+    keeps_constants: false,
+    write: WriteScene::WithClip(|path, splats, _, views, _| write_splatv(path, splats, views)),
 };
 
 /// First word of a file.

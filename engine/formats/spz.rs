@@ -10,6 +10,7 @@ use ruzstd::decoding::StreamingDecoder;
 
 use super::decode::{complete_quaternion, logit_of_byte};
 use super::format::Reader;
+use super::imported::{Imported, compensated, cut_harmonics};
 use crate::error::{Error, Result};
 use crate::files::read_bytes;
 use crate::scene::Splats;
@@ -22,12 +23,14 @@ pub(super) const READER: Reader = Reader {
     what: "an SPZ (version 2 to 4)",
     // Two bytes tell little: the first coordinate of a .splat may begin with them.
     knows: |start| start.bytes == MAGIC || (start.bytes.starts_with(&GZIP) && !start.ends_in("splat")),
-    read: read_spz,
+    read: import,
 };
 
+/// Harmonics of the last degree are cut.
+const MOST_DEGREE: u8 = 4;
 const HEADER_BYTES: usize = 16;
 pub(super) const HEADER_BYTES_V4: usize = 32;
-/// Trained with opacity compensation; it does not change how the file is read.
+/// Trained with opacity compensation, which is said.
 const FLAG_ANTIALIASED: u8 = 1;
 /// Vendor records are present: behind the attributes, or in front of the table of streams.
 const FLAG_EXTENSIONS: u8 = 2;
@@ -75,7 +78,7 @@ impl Header {
         if !(2..=4).contains(&version) {
             return unsupported(4, format!("version {version}"), "save it as version 2, 3 or 4");
         }
-        if sh_degree > 3 {
+        if sh_degree > MOST_DEGREE {
             return unsupported(12, format!("degree {sh_degree}"), "save it with degree 3 or less");
         }
         if fractional_bits > 23 {
@@ -103,14 +106,33 @@ impl Header {
     }
 }
 
-/// Reads an SPZ file: static Gaussians, turned from SPZ's axes (right, up, back) to those of PLY (right, down, front).
+/// Reads an SPZ file: static Gaussians, turned from SPZ's axes (right, up, back) to those of PLY (right, down, front). Harmonics of
+/// degree 4 are left out.
 ///
 /// # Errors
-/// [`Error::Data`] when the file cannot be read, is of version 1 or of an unknown one, has a degree above 3 or vendor
+/// [`Error::Data`] when the file cannot be read, is of version 1 or of an unknown one, has a degree above 4 or vendor
 /// extensions that may change its meaning, or when a stream does not inflate to exactly the size that the header's
 /// count needs; no stream is inflated beyond it.
 pub fn read_spz(path: &Path) -> Result<Splats> {
-    let bytes = read_bytes(path)?;
+    import(path).map(|imported| imported.splats)
+}
+
+fn import(path: &Path) -> Result<Imported> {
+    let (header, payload) = attributes(path)?;
+    let mut notes = Vec::new();
+    if header.flags & FLAG_ANTIALIASED != 0 {
+        notes.push(compensated("flag `antialiased`"));
+    }
+    let (splats, n_cut) = decode(path, &header, &payload)?;
+    if n_cut > 0 {
+        notes.push(cut_harmonics(header.sh_degree, n_cut, header.count));
+    }
+    Ok(Imported { notes, ..splats.into() })
+}
+
+/// The header and the attributes behind each other, with what vendors added to versions 2 and 3.
+fn attributes(path: &Path) -> Result<(Header, Vec<u8>)> {
+    let mut bytes = read_bytes(path)?;
     if bytes.starts_with(&GZIP) {
         let mut stream = GzDecoder::new(&bytes[..]);
         let mut start = Vec::new();
@@ -128,14 +150,14 @@ pub fn read_spz(path: &Path) -> Result<Splats> {
             let read = stream.take(MOST_RECORD_BYTES).read_to_end(&mut payload);
             read.map_err(|fault| Error::data(path, "gzip stream", format!("does not inflate: {fault}"), REMEDY))?;
         }
-        return decode(path, &header, &payload);
+        return Ok((header, payload));
     }
     let header = Header::parse(path, &bytes)?;
     if header.version == 4 {
         let payload = inflate_streams(path, &header, &bytes)?;
-        return decode(path, &header, &payload);
+        return Ok((header, payload));
     }
-    decode(path, &header, &bytes[HEADER_BYTES..])
+    Ok((header, bytes.split_off(HEADER_BYTES)))
 }
 
 /// Exactly `size` bytes of `stream`; with `surplus` more may follow, which is left in the stream.
@@ -233,7 +255,8 @@ fn check_records(path: &Path, header: &Header, mut records: &[u8]) -> Result<()>
     Ok(())
 }
 
-fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<Splats> {
+/// The Gaussians, and how many of them had numbers in harmonics that are cut.
+fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<(Splats, usize)> {
     let sizes = header.sizes();
     let size: usize = sizes.iter().sum();
     if payload.len() < size || (payload.len() > size && !header.has_records()) {
@@ -247,7 +270,7 @@ fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<Splats> {
         rest = after;
         attribute
     });
-    let mut splats = Splats::new(header.sh_degree);
+    let mut splats = Splats::new(header.sh_degree.min(3));
     splats.n_static = header.count;
     splats.source_row = (0..header.count as u32).collect();
     let unit = 1.0 / f64::from(1_u32 << header.fractional_bits);
@@ -264,15 +287,16 @@ fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<Splats> {
         rotation.as_chunks().0.iter().map(|&b| smallest_three(u32::from_le_bytes(b))).collect()
     };
     let dc = |byte: u8| ((f64::from(byte) / 255.0 - 0.5) / COLOR_SCALE) as f32;
-    let n_rest = header.n_rest();
+    let (n_rest, mut n_cut) = (header.n_rest(), 0);
     for i in 0..header.count {
         splats.sh.push(std::array::from_fn(|channel| dc(color[3 * i + channel])));
         let coefficients = sh[i * n_rest..(i + 1) * n_rest].as_chunks::<3>().0;
         for (bytes, sign) in coefficients.iter().zip(SH_SIGNS) {
             splats.sh.push(bytes.map(|byte| sign * (f32::from(byte) - 128.0) / 128.0));
         }
+        n_cut += usize::from(coefficients.iter().skip(SH_SIGNS.len()).flatten().any(|byte| *byte != 128));
     }
-    Ok(splats)
+    Ok((splats, n_cut))
 }
 
 /// Signs of the coefficients 1 to 15 under y -> -y, z -> -z: that of y^a z^b is (-1)^(a + b).

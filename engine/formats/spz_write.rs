@@ -18,12 +18,14 @@ pub(super) const VERSION_3: Writer = Writer {
     name: "spz",
     ending: Some(".spz"),
     about: "Niantic's, version 3; one moment",
+    keeps_constants: false,
     write: WriteScene::InWorld(|path, splats, world| write_spz(path, splats, SpzVersion::V3, world)),
 };
 pub(super) const VERSION_4: Writer = Writer {
     name: "spz4",
     ending: None,
     about: "Niantic's, version 4; one moment",
+    keeps_constants: false,
     write: WriteScene::InWorld(|path, splats, world| write_spz(path, splats, SpzVersion::V4, world)),
 };
 

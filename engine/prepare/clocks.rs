@@ -7,12 +7,13 @@ use super::images::Images;
 use super::source::{Clocks, Source};
 
 /// By camera, the frames of the capture by which its pictures show a later time than their number says. Measured times have no
-/// zero of their own: the mean camera's are taken. A camera whose clock is not known at a chosen frame is left out.
+/// zero of their own: the mean camera's are taken. A camera whose clock is not known at a chosen frame is left out. Where sound told the
+/// shifts, it is what of them is less than a frame.
 pub(super) fn true_offsets(source: &Source, images: &Images) -> BTreeMap<String, f64> {
     let select = images.select();
     let every = f64::from(select.every);
     match &source.clocks {
-        Clocks::Unknown => BTreeMap::new(),
+        Clocks::Unknown => images.rests.clone(),
         Clocks::Offsets(offsets) => {
             let shifted = images.cameras.iter().filter_map(|camera| {
                 let shift = f64::from(camera.start) - f64::from(select.start);
@@ -21,14 +22,15 @@ pub(super) fn true_offsets(source: &Source, images: &Images) -> BTreeMap<String,
             shifted.collect()
         }
         Clocks::Times(times) => {
-            let at = |start: u32, i: u32| start as usize + (i * select.every) as usize;
-            let mean_time = |times: &Vec<Option<f64>>, start: u32| -> Option<f64> {
-                let sum: Option<f64> = (0..select.n).map(|i| times.get(at(start, i)).copied().flatten()).sum();
-                Some(sum? / f64::from(select.n))
-            };
             let known = images.cameras.iter().filter_map(|camera| {
-                let frames = mean_time(times.get(&camera.name)?, camera.start)? * images.fps;
-                Some((camera.name.clone(), frames))
+                let times = times.get(&camera.name)?;
+                let frames = (0..select.n).filter(|frame| camera.has(*frame));
+                let late = |frame: u32| {
+                    let time = times.get(camera.source_frame(frame, select.every)? as usize).copied().flatten()?;
+                    Some(time * images.fps - f64::from(frame))
+                };
+                let late: Vec<f64> = frames.map(late).collect::<Option<_>>()?;
+                Some((camera.name.clone(), late.iter().sum::<f64>() / late.len().max(1) as f64))
             });
             let mut offsets: BTreeMap<String, f64> = known.collect();
             let mean = offsets.values().sum::<f64>() / offsets.len().max(1) as f64;

@@ -1,7 +1,6 @@
 //! Optical flow of the finished images, by `tools/priors.py`.
 
 use std::io::{BufRead, BufReader, Write};
-use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -30,9 +29,9 @@ fn at_once(threads: usize, pixels: u64, memory: u64) -> usize {
     threads.min(usize::try_from(fit).unwrap_or(usize::MAX)).max(1)
 }
 
-/// The frames that have a next one.
-fn frames(images: &Images) -> Range<u32> {
-    0..images.n_frames().saturating_sub(1)
+/// The frames of which a camera has a picture, and of the next one too.
+fn frames<'a>(images: &Images, camera: &'a Camera) -> impl Iterator<Item = u32> + use<'a> {
+    (0..images.n_frames().saturating_sub(1)).filter(|frame| camera.has(*frame) && camera.has(frame + 1))
 }
 
 /// The cameras that do not bring all of their flow along.
@@ -40,14 +39,14 @@ fn frames(images: &Images) -> Range<u32> {
 /// # Errors
 /// [`Error::Data`] that names flow to which none can be added.
 fn estimated(images: &Images) -> Result<Vec<&Camera>> {
-    let lacks = |camera: &&Camera| frames(images).any(|frame| camera.flow(frame).is_none());
+    let lacks = |camera: &&Camera| frames(images, camera).any(|frame| camera.flow(frame).is_none());
     let cameras: Vec<&Camera> = images.cameras.iter().filter(lacks).collect();
     // A folder holds flow of one kind; that of pictures which change becomes .npy.
     let other = cameras
         .iter()
         .copied()
         .filter(|camera| camera.is_as_recorded())
-        .flat_map(|camera| frames(images).filter_map(move |frame| camera.flow(frame)))
+        .flat_map(|camera| frames(images, camera).filter_map(move |frame| camera.flow(frame)))
         .find(|flow| flow.extension().is_none_or(|ending| ending != "npy"));
     match other {
         Some(flow) => {
@@ -74,20 +73,20 @@ pub(super) fn make(
     if estimated.is_empty() {
         return Ok(());
     }
-    let carries = |camera: &&Camera| frames(images).any(|frame| camera.flow(frame).is_some());
+    let carries = |camera: &&Camera| frames(images, camera).any(|frame| camera.flow(frame).is_some());
     let kept = images.cameras.iter().filter(carries).map(|camera| output.join("flow").join(&camera.name));
     let kept: Vec<PathBuf> = kept.collect();
     journal.begin_beside("flow", json!({ "method": "dis at full resolution" }), &kept)?;
-    let n = frames(images).len();
     let own = (0..).zip(estimated).filter(|(number, _)| share.has(*number)).map(|(_, camera)| camera);
     let own: Vec<&Camera> = own.collect();
-    let left: Vec<&str> =
-        own.iter().filter(|camera| is_left(images, camera)).map(|camera| camera.name.as_str()).collect();
+    let (left, done): (Vec<&Camera>, Vec<&Camera>) = own.iter().partition(|camera| is_left(images, camera));
+    let left: Vec<&str> = left.into_iter().map(|camera| camera.name.as_str()).collect();
+    let count = |cameras: &[&Camera]| cameras.iter().map(|camera| frames(images, camera).count()).sum::<usize>();
     if left.is_empty() {
         return Ok(());
     }
     let python = python(output)?;
-    let (done, total) = (AtomicUsize::new((own.len() - left.len()) * n), own.len() * n);
+    let (done, total) = (AtomicUsize::new(count(&done)), count(&own));
     let tell = |piece: &str| {
         let done = done.fetch_add(1, Ordering::Relaxed) + 1;
         progress(Progress { stage: "flow", done, total, piece });
@@ -100,7 +99,8 @@ pub(super) fn make(
 /// Whether some of the flow of a camera is not estimated yet.
 fn is_left(images: &Images, camera: &Camera) -> bool {
     let folder = images.output.join("flow").join(&camera.name);
-    frames(images).any(|frame| camera.flow(frame).is_none() && !folder.join(format!("{frame:05}.npy")).is_file())
+    frames(images, camera)
+        .any(|frame| camera.flow(frame).is_none() && !folder.join(format!("{frame:05}.npy")).is_file())
 }
 
 /// What the script will need, unless there is nothing to estimate.

@@ -7,32 +7,34 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use super::fit::Part;
 use super::settings::{JPEG_QUALITY, Progress};
-use super::video::{self, Selection};
+use super::video::{self, Video};
 use crate::error::Result;
 use crate::files::write_atomic;
 
-/// Writes frames of a video to `folder`, by their names, unless they are there.
+/// Writes pictures of a video, by their numbers in it, to `folder`, each by the name of its place among them, unless they are there.
+///
+/// # Errors
+/// Those of decoding and writing.
 pub(super) fn take(
     folder: &Path,
-    path: &Path,
-    select: Selection,
+    (path, video): (&Path, &Video),
+    pictures: &[usize],
     threads: usize,
     name: impl Fn(u32) -> String,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<()> {
-    let file = |frame: u32| folder.join(name(frame));
-    if (0..select.n).all(|frame| file(frame).is_file()) {
+    let n = pictures.len();
+    let file = |place: u32| folder.join(name(place));
+    if (0..n as u32).all(|place| file(place).is_file()) {
         return Ok(());
     }
-    let video = video::probe(path)?;
     let size @ (width, height) = (video.width, video.height);
-    video::decode((path, &video), select, Part::whole(size), size, threads, |frame, rgb| {
-        write_atomic(&file(frame), |to| {
+    video::decode((path, video), pictures, Part::whole(size), size, threads, |place, rgb| {
+        write_atomic(&file(place as u32), |to| {
             let encoder = JpegEncoder::new_with_quality(to, JPEG_QUALITY);
             encoder.write_image(rgb, width, height, ExtendedColorType::Rgb8).map_err(std::io::Error::other)
         })?;
-        let (done, total) = (frame as usize + 1, select.n as usize);
-        progress(Progress { stage: "frames", done, total, piece: &name(frame) });
+        progress(Progress { stage: "frames", done: place + 1, total: n, piece: &name(place as u32) });
         Ok(())
     })
 }

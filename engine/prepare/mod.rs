@@ -4,11 +4,16 @@
 //! Every stage continues where an earlier, interrupted run stopped: each file is written whole and renamed, and `prepare.json`
 //! in the folder says from what the files of a stage were made. `capture.toml` comes last.
 
+mod announce;
 mod clocks;
 mod colmap;
+mod costs;
+mod database;
 mod estimate;
 mod fit;
 mod flow;
+mod forecast;
+mod foreign;
 mod frames;
 mod images;
 mod journal;
@@ -18,31 +23,35 @@ mod pictures;
 mod program;
 mod reconstruct;
 mod settings;
+mod shifts;
 mod sound;
 mod source;
 mod timecodes;
+mod timeline;
 mod track;
 mod triangulate;
+mod unplaced;
 mod video;
 
 use std::path::Path;
 
 pub use self::estimate::{Estimate, StageEstimate, estimate};
+pub use self::forecast::Forecast;
+use self::foreign::{Kind, kind};
 use self::images::Images;
 use self::journal::Journal;
 use self::pictures::Pictures;
 use self::program::{FFMPEG, FFPROBE};
-pub use self::reconstruct::Forecast;
-pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, Stage, Triangulate};
-use self::source::{Footage, Source};
+pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate};
+pub use self::source::Recognised;
+use self::source::{Footage, Source, SourceCamera};
 use crate::error::{Error, Result};
 use crate::scene::capture::{
-    CaptureSettings, Faults, Manifest, Report, check_capture, check_downscale, write_true_offsets,
+    CaptureSettings, Faults, Manifest, Report, check_asked, check_capture, write_true_offsets,
 };
 
-/// What a folder or file holds of which [`prepare`] makes a capture, and which is not a capture itself: an English phrase such as
-/// `a Pose2Sim recording`; nothing where it is a capture or unknown.
-pub fn recognise(path: &Path) -> Option<String> {
+/// What [`prepare`] can make a capture from in a folder or file; nothing where it is a capture already, or unknown.
+pub fn recognise(path: &Path) -> Option<Recognised> {
     source::recognise(path)
 }
 
@@ -52,7 +61,7 @@ pub fn recognise(path: &Path) -> Option<String> {
 /// # Errors
 /// [`Error::Data`] when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
 pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
-    pictures(settings)?.map(|pictures| reconstruct::forecast(settings, &pictures)).transpose()
+    pictures(settings)?.map(|pictures| forecast::forecast(settings, &pictures)).transpose()
 }
 
 /// Pictures without cameras, where the source is nothing else.
@@ -60,7 +69,7 @@ fn pictures(settings: &PrepareSettings) -> Result<Option<Pictures>> {
     settings.check()?;
     let pictures = source::pictures(settings);
     if pictures.is_some() {
-        check_downscale(&settings.source, &settings.capture)?;
+        check_asked(&settings.source, "", &settings.capture)?;
     }
     reconstruct::check_moving(settings, pictures.as_ref())?;
     photos::check(settings, pictures.as_ref())?;
@@ -90,10 +99,19 @@ pub struct Prepared {
 /// a file cannot be read or written.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
     let Some(pictures) = pictures(settings)? else { return prepare_posed(settings, None, Vec::new(), progress) };
-    let journal = Journal::open(settings)?;
-    let (posed, notes) = reconstruct::make(settings, &pictures, &journal, progress)?;
+    let (settings, mut notes) = in_step(settings, &pictures)?;
+    let journal = Journal::open(&settings)?;
+    let (posed, placed) = reconstruct::make(&settings, &pictures, &journal, progress)?;
+    notes.extend(placed);
     let prepared = prepare_posed(&posed, Some(journal), notes, progress)?;
     Ok(Prepared { source_format: pictures.name(), ..prepared })
+}
+
+/// The settings with the shifts that the videos of pictures without cameras tell, and what is worth knowing of them.
+fn in_step(settings: &PrepareSettings, pictures: &Pictures) -> Result<(PrepareSettings, Vec<String>)> {
+    let Pictures::Videos(folder) = pictures else { return Ok((settings.clone(), Vec::new())) };
+    let videos: Vec<_> = reconstruct::videos(folder).map(|(name, path)| (name, Some(path))).collect();
+    shifts::found(settings, &videos)
 }
 
 /// Makes a share of what one stage of [`prepare`] makes, so that several machines with one file system do it together. Stages come in
@@ -117,7 +135,8 @@ pub fn prepare_share(
             if share.part > 0 && stage == Stage::Cameras {
                 return Ok(());
             }
-            Some(reconstruct::make(settings, pictures, &Journal::open(settings)?, progress)?.0)
+            let settings = in_step(settings, pictures)?.0;
+            Some(reconstruct::make(&settings, pictures, &Journal::open(&settings)?, progress)?.0)
         }
         (Some(_), _) => return early("holds no cameras yet".to_owned(), "cameras"),
         (None, _) => None,
@@ -131,7 +150,7 @@ pub fn prepare_share(
     if stage == Stage::Images {
         return images.make(share, &journal, progress);
     }
-    if let Some(image) = images.absent() {
+    if let Some(image) = images.unmade() {
         return early(format!("has no {} yet", image.display()), "images");
     }
     if stage == Stage::Flow {
@@ -155,12 +174,17 @@ struct Begun {
 impl Begun {
     fn new(settings: &PrepareSettings) -> Result<Begun> {
         let mut faults = Faults::default();
-        let source = Source::read(settings, &mut faults)?;
-        let settings = if settings.by_timecode { timecodes::applied(settings, &source)? } else { settings.clone() };
+        let mut source = Source::read(settings, &mut faults)?;
         // Missing programs are reported before a picture is decoded.
-        if source.cameras.iter().any(|camera| matches!(camera.footage, Footage::Video(_))) {
+        let needs_ffmpeg = |camera: &SourceCamera| match &camera.footage {
+            Footage::Video(_) => true,
+            Footage::Images(shots) => shots.iter().any(|shot| kind(&shot.image) == Kind::Converted),
+        };
+        if source.cameras.iter().any(needs_ffmpeg) {
             [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
         }
+        let (settings, notes) = shifts::found(settings, &shifts::videos_of(&source))?;
+        source.notes.extend(notes);
         let images = Images::plan(&source, &settings, &mut faults);
         let photos = photos::settings_of(&settings, &source).map(|of_photos| Begun::new(&of_photos)).transpose()?;
         Ok(Begun { source, images, settings, faults, photos: photos.map(Box::new) })
@@ -220,6 +244,9 @@ fn make(
         None => Journal::open(settings)?,
     };
     let output = &settings.output;
+    if let Some(text) = announce::announced(&images, &source, settings) {
+        progress(Progress { stage: "all", done: 0, total: 0, piece: &text });
+    }
     images.make(Share::ALL, &journal, progress)?;
     let points = triangulate::make(&images, &source, settings, Share::ALL, &journal, progress)?;
     if settings.flow {
@@ -255,6 +282,7 @@ fn make(
         depth: exists("depth"),
         audio: exists("audio"),
         photos: n_photos > 0,
+        absent: images.absent(),
     };
     if Manifest::read(output).ok().as_ref() != Some(&manifest) {
         manifest.write(output)?;

@@ -97,6 +97,9 @@ pub(super) fn parameters(lens: &Lens) -> (&'static str, Vec<f64>) {
             ("FULL_OPENCV", vec![k1, k2, p1, p2, k3, k4, k5, k6])
         }
         Distortion::Fisheye(k) => ("OPENCV_FISHEYE", k.to_vec()),
+        Distortion::Division(k) => ("DIVISION", vec![k]),
+        Distortion::Unified { alpha, beta } => ("EUCM", vec![alpha, beta]),
+        Distortion::FieldOfView(omega) => ("FOV", vec![omega]),
     };
     (kind, [vec![fx, fy, cx, cy], more].concat())
 }

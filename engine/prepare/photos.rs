@@ -7,9 +7,8 @@
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
-use super::images::take_over;
 use super::journal::make_folder;
-use super::pictures::{Pictures, photos};
+use super::pictures::{Photos, Pictures};
 use super::program::COLMAP;
 use super::settings::{PrepareSettings, Triangulate};
 use super::source::Source;
@@ -21,6 +20,8 @@ use crate::scene::capture::{CaptureSettings, Frames, PHOTOS, is_capture};
 pub(super) struct Together {
     /// Below the folder of all pictures, with its name, as COLMAP knows them.
     pub names: Vec<OsString>,
+    /// What is worth knowing of them.
+    pub notes: Vec<String>,
 }
 
 /// Whether the photographs of the settings are what the source needs.
@@ -56,15 +57,15 @@ impl Together {
     /// [`Error::Data`] when a file cannot be read or written.
     pub fn take(settings: &PrepareSettings, images: &Path) -> Result<Together> {
         let Some(Pictures::Photos(from)) = settings.photos.as_deref().and_then(Pictures::at) else {
-            return Ok(Together { names: Vec::new() });
+            return Ok(Together { names: Vec::new(), notes: Vec::new() });
         };
-        let to = images.join(PHOTOS);
-        make_folder(&to)?;
-        let files = photos(&from)?;
-        for name in files.iter().filter(|name| !to.join(name).is_file()) {
-            take_over(&from.join(name), &to.join(name))?;
-        }
-        Ok(Together { names: files.iter().map(|name| Path::new(PHOTOS).join(name).into_os_string()).collect() })
+        let photos = Photos::of(&from)?;
+        photos.copy(&images.join(PHOTOS), settings.threads, &|_, _| {})?;
+        let notes = photos.notes();
+        Ok(Together {
+            names: photos.names.iter().map(|name| Path::new(PHOTOS).join(name).into_os_string()).collect(),
+            notes,
+        })
     }
 
     /// Whether an image of COLMAP's model is one of them.

@@ -1,12 +1,21 @@
 //! Pictures without cameras: what a source holds of them.
 
+use std::collections::HashSet;
 use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::journal::cannot_list;
+use image::{DynamicImage, ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+
+use super::foreign::{Kind, counts, decode_image, is_deep, kind, read_size, readable, remedy};
+use super::images::take_over;
+use super::journal::{cannot_list, make_folder};
+use super::program::{FFMPEG, FFPROBE};
 use super::source::footage::{has_video, is_video};
-use crate::error::Result;
+use super::source::others::poses;
+use crate::error::{Error, Result};
+use crate::files::write_atomic;
+use crate::parallel::in_parallel;
 use crate::scene::capture::is_image;
 
 /// Pictures without cameras.
@@ -30,7 +39,7 @@ impl Pictures {
         }
         let holds_photos = |folder: &Path| {
             let files = fs::read_dir(folder).into_iter().flatten().flatten();
-            files.map(|file| file.path()).filter(|file| is_image(file) && file.is_file()).nth(1).is_some()
+            files.map(|file| file.path()).filter(|file| kind(file) != Kind::Other && file.is_file()).nth(1).is_some()
         };
         [path.to_owned(), path.join("images")].into_iter().find(|folder| holds_photos(folder)).map(Pictures::Photos)
     }
@@ -43,13 +52,154 @@ impl Pictures {
             Pictures::Videos(_) => "a folder of videos",
         }
     }
+
+    /// What is worth knowing of the pictures of `source` before any is placed.
+    ///
+    /// # Errors
+    /// As [`Photos::of`].
+    pub fn notes(&self, source: &Path) -> Result<Vec<String>> {
+        let mut notes = Vec::from_iter(poses(source));
+        if let Pictures::Photos(folder) = self {
+            notes.extend(Photos::of(folder)?.notes());
+        }
+        Ok(notes)
+    }
 }
 
-/// Names of the pictures of a folder, sorted.
-pub(super) fn photos(folder: &Path) -> Result<Vec<OsString>> {
+/// Names of the pictures of a folder that are read as they are, sorted.
+pub(super) fn images(folder: &Path) -> Result<Vec<OsString>> {
+    let mut files = listed(folder)?;
+    files.retain(|file| is_image(file));
+    Ok(files.iter().filter_map(|file| file.file_name().map(OsStr::to_owned)).collect())
+}
+
+/// The files of a folder, sorted by name.
+fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
     let files = fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?.flatten();
-    let photos = files.map(|file| file.path()).filter(|file| is_image(file) && file.is_file());
-    let mut names: Vec<OsString> = photos.filter_map(|file| file.file_name().map(OsStr::to_owned)).collect();
-    names.sort();
-    Ok(names)
+    let mut files: Vec<PathBuf> = files.map(|file| file.path()).filter(|file| file.is_file()).collect();
+    files.sort();
+    Ok(files)
+}
+
+/// The photos of a folder.
+pub(super) struct Photos {
+    folder: PathBuf,
+    /// Those that are read, sorted by name.
+    pub files: Vec<PathBuf>,
+    /// Those that cannot be read, and that have no other form.
+    pub unread: Vec<PathBuf>,
+    /// By what name COLMAP knows each.
+    pub names: Vec<OsString>,
+    /// Whether COLMAP could not read some of them, or their names, as they are: then it is given copies of all.
+    pub are_copied: bool,
+}
+
+impl Photos {
+    /// # Errors
+    /// [`Error::Data`] when the folder cannot be listed, or ffmpeg is needed and missing.
+    pub fn of(folder: &Path) -> Result<Photos> {
+        let mut all = listed(folder)?;
+        all.retain(|file| kind(file) != Kind::Other);
+        if all.iter().any(|file| kind(file) == Kind::Converted) {
+            [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(folder))?;
+        }
+        // Cameras write some pictures in two forms.
+        let own: HashSet<OsString> = all
+            .iter()
+            .filter(|file| kind(file) == Kind::Own)
+            .filter_map(|file| file.file_stem().map(OsStr::to_owned))
+            .collect();
+        let is_form =
+            |file: &PathBuf| kind(file) != Kind::Own && file.file_stem().is_some_and(|stem| own.contains(stem));
+        all.retain(|file| !is_form(file));
+        let (files, unread) = readable(all);
+        let are_copied = files.iter().any(|file| kind(file) != Kind::Own || is_deep(file) || !is_plain(file));
+        let mut names: Vec<OsString> = Vec::new();
+        for file in &files {
+            let mut name =
+                if are_copied { plain(file).into() } else { file.file_name().unwrap_or_default().to_owned() };
+            while names.contains(&name) {
+                name = format!("_{}", name.to_string_lossy()).into();
+            }
+            names.push(name);
+        }
+        Ok(Photos { folder: folder.to_owned(), files, unread, names, are_copied })
+    }
+
+    /// Whether they are `least` or more.
+    ///
+    /// # Errors
+    /// [`Error::Data`] that says which are there.
+    pub fn require(&self, least: usize) -> Result<()> {
+        if self.files.len() >= least {
+            return Ok(());
+        }
+        let bad = |reason: String, remedy: String| Err(Error::data(&self.folder, "", reason, remedy));
+        if !self.unread.is_empty() {
+            return bad(format!("holds {}, which are not read here", counts(&self.unread)), remedy(&self.unread));
+        }
+        let reason = format!("has {} pictures, at least {least} are needed", self.files.len());
+        bad(reason, "give more pictures that overlap".to_owned())
+    }
+
+    /// What is worth knowing.
+    pub fn notes(&self) -> Vec<String> {
+        let unread = (!self.unread.is_empty()).then(|| {
+            format!(
+                "{} are left out, since the installed ffmpeg does not read them: {}",
+                counts(&self.unread),
+                remedy(&self.unread)
+            )
+        });
+        let foreign: Vec<PathBuf> = self.files.iter().filter(|file| kind(file) == Kind::Converted).cloned().collect();
+        let deep = self.files.iter().filter(|file| is_deep(file)).count();
+        let deep = (deep > 0)
+            .then(|| format!("{deep} pictures of 16 bits a colour are kept with 8, since COLMAP reads no others"));
+        unread.into_iter().chain(super::foreign::converted(&foreign)).chain(deep).collect()
+    }
+
+    /// Copies them to a folder where COLMAP can read all of them.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when a file cannot be read or written.
+    pub fn copy(&self, to: &Path, threads: usize, tell: &(dyn Fn(usize, &str) + Sync)) -> Result<()> {
+        make_folder(to)?;
+        let one = |index: usize| {
+            let (from, to) = (&self.files[index], to.join(&self.names[index]));
+            if to.is_file() {
+                return Ok(());
+            }
+            if kind(from) == Kind::Own && !is_deep(from) {
+                take_over(from, &to)?;
+            } else {
+                let (width, height) = read_size(from)?;
+                write_png(&decode_image(from, width, height)?, &to)?;
+            }
+            tell(self.files.len(), &self.names[index].to_string_lossy());
+            Ok(())
+        };
+        in_parallel(self.files.len(), threads, one, |_| {}).map(|_| ())
+    }
+}
+
+fn write_png(image: &DynamicImage, to: &Path) -> Result<()> {
+    let (width, height) = (image.width(), image.height());
+    let (bytes, kind) = if image.color().has_alpha() {
+        (image.to_rgba8().into_raw(), ExtendedColorType::Rgba8)
+    } else {
+        (image.to_rgb8().into_raw(), ExtendedColorType::Rgb8)
+    };
+    write_atomic(to, |to| PngEncoder::new(to).write_image(&bytes, width, height, kind).map_err(std::io::Error::other))
+}
+
+/// Whether COLMAP's lists of names, which have a line for each, can hold a file's name.
+fn is_plain(file: &Path) -> bool {
+    file.file_name().and_then(OsStr::to_str).is_some_and(|name| name == name.trim() && !name.contains(char::is_control))
+}
+
+/// A name that such lists hold, and that ends as what [`Photos::copy`] writes.
+fn plain(file: &Path) -> String {
+    let file = if kind(file) == Kind::Converted { file.with_extension("png") } else { file.to_owned() };
+    let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+    name.trim().replace(char::is_control, "_")
 }

@@ -22,13 +22,22 @@ const ATTEMPTS: usize = 3;
 pub(super) struct Program {
     pub name: &'static str,
     pub install: &'static str,
+    /// What to do when it fails.
+    pub failure: &'static str,
 }
 
-pub(super) const FFMPEG: Program =
-    Program { name: "ffmpeg", install: "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg)" };
-pub(super) const FFPROBE: Program = Program { name: "ffprobe", install: FFMPEG.install };
-pub(super) const COLMAP: Program =
-    Program { name: "colmap", install: "install COLMAP (Debian: apt-get install colmap), or give --triangulate none" };
+pub(super) const FFMPEG: Program = Program {
+    name: "ffmpeg",
+    install: "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg)",
+    failure: "copy the file again, or give one that ffmpeg plays",
+};
+pub(super) const FFPROBE: Program = Program { name: "ffprobe", ..FFMPEG };
+pub(super) const COLMAP: Program = Program {
+    name: "colmap",
+    install: "install COLMAP (Debian: apt-get install colmap), or give --triangulate none",
+    failure: "the program failed, not a file: what is done is kept, so run the command once more; if it fails again, give fewer \
+              --threads (each takes memory), or install another version of COLMAP",
+};
 
 /// All that comes from a pipe until it closes.
 type Heard = JoinHandle<std::io::Result<Vec<u8>>>;
@@ -61,17 +70,34 @@ impl Program {
 
     /// Starts the program with its output piped; `about` is the file to blame.
     pub fn start<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Running> {
+        let mut running = self.spawn(arguments, about)?;
+        running.said = running.child.stderr.take().map(listen);
+        Ok(running)
+    }
+
+    /// As [`Program::start`]; lines of standard error come as they are written, too.
+    pub fn start_told<S: AsRef<OsStr>>(
+        self,
+        arguments: impl IntoIterator<Item = S>,
+        about: &Path,
+    ) -> Result<(Running, mpsc::Receiver<String>)> {
+        let mut running = self.spawn(arguments, about)?;
+        let (to, lines) = mpsc::channel();
+        running.said = running.child.stderr.take().map(|pipe| listen_for_lines(pipe, to));
+        Ok((running, lines))
+    }
+
+    fn spawn<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Running> {
         let mut command = Command::new(self.name);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().map_err(|fault| match fault.kind() {
+        let child = command.spawn().map_err(|fault| match fault.kind() {
             ErrorKind::NotFound => self.missing(about),
             _ => {
                 let reason = format!("needs the program {}, which does not start: {fault}", self.name);
                 Error::data(about, "", reason, self.install)
             }
         })?;
-        let said = child.stderr.take().map(listen);
-        Ok(Running { child, program: self, said })
+        Ok(Running { child, program: self, said: None })
     }
 
     /// Runs the program to its end and returns its output.
@@ -129,7 +155,7 @@ impl Program {
     pub fn failed(self, about: &Path, status: ExitStatus, last: Option<String>) -> Error {
         let last = last.map_or_else(String::new, |line| format!(": {line}"));
         let reason = format!("{} failed ({status}){last}", self.name);
-        Error::data(about, "", reason, "check the file; what is done is kept, so run the command again to go on")
+        Error::data(about, "", reason, self.failure)
     }
 }
 

@@ -5,9 +5,9 @@
 use std::cell::Cell;
 use std::collections::HashSet;
 use std::ffi::{OsStr, OsString};
-use std::fmt;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::json;
 
@@ -15,96 +15,40 @@ use super::colmap::{self, Arguments};
 use super::frames::take;
 use super::journal::{Journal, cannot_list, make_folder, stamps};
 use super::photos::Together;
-use super::pictures::{Pictures, photos};
+use super::pictures::{Photos, Pictures, images};
 use super::program::{COLMAP, FFMPEG, FFPROBE};
 use super::settings::{PrepareSettings, Progress};
 use super::source::Footage;
 use super::source::footage::{find, video_names};
-use super::track::{self, Track};
-use super::video::{self, Selection};
+use super::timeline::Timeline;
+use super::track::Track;
+use super::unplaced;
+use super::video::{self, Video};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
+use crate::parallel::in_parallel;
 use crate::scene::capture::{Faults, Frames, PHOTOS, read_images};
+use crate::video::chapters;
+use crate::words::count;
 
 /// Most pictures that are taken of a single video, evenly chosen.
 const OF_VIDEO: u32 = 120;
 /// Pictures of a video that each is matched with, after it.
-const OVERLAP: usize = 10;
+pub(super) const OVERLAP: usize = 10;
 /// Fewer placed pictures are no capture.
 const LEAST_PLACED: usize = 3;
 /// Pictures are searched for features in this size at most: larger ones take long on a CPU and hardly place better.
-const MAX_SIDE: &str = "1600";
+pub(super) const MAX_SIDE: u32 = 1600;
+/// How COLMAP's mapper ends where it placed none.
+const NOTHING_PLACED: &str = "failed to create sparse model";
 /// Pictures of a block of pairs; progress is reported after each block.
 const BLOCK: usize = 10;
-/// Seconds of one core, measured on pictures of 1280 x 720 with 7,000 features: to find the features of a picture, to match a
-/// pair, to place a picture.
-const SECONDS: [f64; 3] = [1.2, 0.45, 0.5];
-
-/// What is to be expected of COLMAP.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Forecast {
-    /// What the source holds, as `photos`.
-    pub what: &'static str,
-    /// Pictures that are to be placed.
-    pub pictures: usize,
-    /// Pairs of them that are matched.
-    pub pairs: usize,
-    /// A rough estimate, from the number of pictures alone.
-    pub seconds: f64,
-    /// Cores that are used.
-    pub threads: usize,
-}
-
-impl fmt::Display for Forecast {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Forecast { what, pictures, pairs, seconds, threads } = self;
-        let time = if *seconds < 90.0 { format!("{seconds:.0} s") } else { format!("{:.0} minutes", seconds / 60.0) };
-        write!(
-            f,
-            "{what} without cameras: COLMAP places {pictures} pictures, matching {pairs} pairs, in about {time} (CPU, threads: \
-             {threads}); an interrupted run goes on where it stopped"
-        )
-    }
-}
-
-/// How many pictures COLMAP will be given, photographs of the same place among them.
-fn count(pictures: &Pictures, settings: &PrepareSettings) -> Result<usize> {
-    let n = match pictures {
-        Pictures::Photos(folder) => photos(folder)?.len(),
-        Pictures::Video(path) => selection(settings, video::probe(path)?.n_frames).n as usize,
-        Pictures::Videos(folder) => video_names(folder).len(),
-    };
-    match settings.photos.as_deref().and_then(Pictures::at) {
-        Some(Pictures::Photos(folder)) => Ok(n + photos(&folder)?.len()),
-        _ => Ok(n),
-    }
-}
-
-/// How long COLMAP will take; nothing where the source needs none to place its pictures.
-pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Result<Forecast> {
-    require(settings, pictures)?;
-    let n = count(pictures, settings)?;
-    let pairs = match pictures {
-        Pictures::Video(_) => (0..n).map(|later| OVERLAP.min(later)).sum(),
-        _ => n * n.saturating_sub(1) / 2,
-    };
-    let (n, pairs) = match (settings.moving, pictures) {
-        (Some(step), Pictures::Videos(folder)) => {
-            let later = track::load(settings, folder, step)?;
-            (n + later.0, pairs + later.1)
-        }
-        _ => (n, pairs),
-    };
-    let threads = settings.threads.max(1);
-    let [find, pair, place] = SECONDS;
-    let seconds = (n as f64 * find + pairs as f64 * pair) / threads as f64 + n as f64 * place;
-    Ok(Forecast { what: pictures.name(), pictures: n, pairs, seconds, threads })
-}
 
 /// The programs that will be needed.
-fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result<()> {
-    if !matches!(pictures, Pictures::Photos(_)) {
-        [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
+pub(super) fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result<()> {
+    match pictures {
+        Pictures::Photos(folder) => Photos::of(folder)?.require(LEAST_PLACED)?,
+        _ => [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?,
     }
     COLMAP.require(&settings.source)
 }
@@ -126,10 +70,6 @@ pub(super) fn check_moving(settings: &PrepareSettings, pictures: Option<&Picture
     }
     let bad = |option: &str, reason: String, remedy: &str| Err(Error::data(&settings.source, option, reason, remedy));
     let found = match pictures {
-        Some(Pictures::Videos(_)) if settings.by_timecode => {
-            let reason = "follows cameras whose shifts must be known before".to_owned();
-            return bad("--moving", reason, "give the shifts as --shift CAMERA=FRAMES");
-        }
         Some(Pictures::Videos(_)) => return Ok(()),
         Some(other) => other.name(),
         None => "a source with cameras",
@@ -148,7 +88,7 @@ pub(super) fn make(
 ) -> Result<(PrepareSettings, Vec<String>)> {
     require(settings, pictures)?;
     let project = settings.output.join("reconstruction");
-    let PrepareSettings { frames, shifts, .. } = settings;
+    let (frames, shifts) = (settings.frames, settings.shifts_noted());
     let mut made_from = json!({
         "pictures": stamps(files(pictures)?), "source": settings.source.to_string_lossy(), "frames": frames, "shifts": shifts,
     });
@@ -158,27 +98,40 @@ pub(super) fn make(
     if let Some(step) = settings.moving {
         made_from["moving"] = json!(step);
     }
+    if let Some(fps) = settings.fps {
+        made_from["fps"] = json!(fps);
+    }
     journal.begin("reconstruction", made_from)?;
     make_folder(&project)?;
-    let images = match pictures {
-        Pictures::Photos(folder) => folder.clone(),
+    let mut before = pictures.notes(&settings.source)?;
+    let folder = match pictures {
+        Pictures::Photos(folder) if !Photos::of(folder)?.are_copied => folder.clone(),
         _ => project.join("images"),
     };
     // Absolute, since the project is read as a capture, whose images are looked for in its own folder.
-    let images = std::path::absolute(&images).unwrap_or(images);
-    let together = Together::take(settings, &images)?;
-    let work = Reconstruction { settings, pictures, project, images, together, progress };
+    let images_folder = std::path::absolute(&folder).unwrap_or(folder);
+    let together = Together::take(settings, &images_folder)?;
+    before.extend(together.notes.iter().cloned());
+    let work = Reconstruction { settings, pictures, project, images: images_folder, together, progress };
     work.take_pictures()?;
-    let names = photos(&work.images)?;
+    let names = images(&work.images)?;
     if names.len() < LEAST_PLACED {
-        let reason = format!("has {} pictures, at least {LEAST_PLACED} are needed", names.len());
-        return Err(Error::data(&settings.source, "", reason, "give more pictures that overlap"));
+        let (what, remedy) = match pictures {
+            Pictures::Videos(_) => (
+                "video",
+                "give a video of each of three cameras or more; or a single video of a scene that stands still as a file",
+            ),
+            _ => ("picture", "give more pictures that overlap"),
+        };
+        let reason = format!("has {}, at least {LEAST_PLACED} are needed", count(names.len(), what));
+        return Err(Error::data(&settings.source, "", reason, remedy));
     }
     let model = work.model();
     if !is_whole(&model) {
         work.place(&names)?;
     }
-    let mut notes = work.notes(&names)?;
+    let mut notes = before;
+    notes.extend(work.notes(&names)?);
     if let (Some(step), Pictures::Videos(folder)) = (settings.moving, pictures) {
         let track = Track::new(settings, (folder, &model, &work.project), step, progress)?;
         if !is_placed(&settings.output) {
@@ -202,7 +155,7 @@ pub(super) fn make(
 }
 
 /// The names and paths of the videos of a folder.
-fn videos(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
+pub(super) fn videos(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
     video_names(folder).into_iter().filter_map(move |name| match find(folder, &name) {
         Some(Footage::Video(path)) => Some((name, path)),
         _ => None,
@@ -212,18 +165,27 @@ fn videos(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
 /// The pictures that are placed, or the videos that they are taken of.
 fn files(pictures: &Pictures) -> Result<Vec<PathBuf>> {
     Ok(match pictures {
-        Pictures::Photos(folder) => photos(folder)?.iter().map(|name| folder.join(name)).collect(),
-        Pictures::Video(path) => vec![path.clone()],
-        Pictures::Videos(folder) => videos(folder).map(|(_, path)| path).collect(),
+        Pictures::Photos(folder) => Photos::of(folder)?.files,
+        Pictures::Video(path) => chapters(path),
+        Pictures::Videos(folder) => videos(folder).flat_map(|(_, path)| chapters(&path)).collect(),
     })
 }
 
-/// Which frames of a video are placed: those that are asked for, or evenly chosen ones among them where none is to be left out.
-fn selection(settings: &PrepareSettings, n_frames: u32) -> Selection {
+/// Which pictures of a video are placed: those of the frames that are asked for, or evenly chosen ones among them where none is to be left
+/// out. Frames are its pictures, or what `--fps` makes of them.
+pub(super) fn of_video(settings: &PrepareSettings, video: &Video) -> Vec<usize> {
+    let timeline = settings.fps.and_then(|_| Timeline::new([("", video)], settings));
+    let n_frames = timeline.as_ref().and_then(|timeline| timeline.n("")).unwrap_or(video.n_frames());
     let asked = settings.frames;
     let n = asked.of(n_frames).len() as u32;
     let every = if asked.every > 1 { asked.every } else { n.div_ceil(OF_VIDEO).max(1) };
-    Selection { start: asked.from, every, n: Frames { every, ..asked }.of(n_frames).len() as u32 }
+    let frames = Frames { every, ..asked }.of(n_frames);
+    let mut pictures: Vec<usize> = match timeline {
+        Some(timeline) => frames.filter_map(|frame| timeline.nearest("", video, frame)).collect(),
+        None => frames.map(|frame| frame as usize).collect(),
+    };
+    pictures.dedup();
+    pictures
 }
 
 struct Reconstruction<'a> {
@@ -249,31 +211,48 @@ impl Reconstruction<'_> {
     /// Frames of videos as pictures.
     fn take_pictures(&self) -> Result<()> {
         match self.pictures {
-            Pictures::Photos(_) => Ok(()),
+            Pictures::Photos(folder) => {
+                let photos = Photos::of(folder)?;
+                // Where nothing is copied, the images are those of the folder, spelled absolutely.
+                if !photos.are_copied {
+                    return Ok(());
+                }
+                let done = AtomicUsize::new(0);
+                photos.copy(&self.images, self.settings.threads, &|n, piece| {
+                    self.tell("pictures", done.fetch_add(1, Ordering::Relaxed) + 1, n, piece);
+                })
+            }
             Pictures::Video(path) => {
-                let n = video::probe(path)?.n_frames;
-                self.take(path, selection(self.settings, n), |frame| format!("{frame:05}.jpg"))
+                let video = video::probe(path)?;
+                let pictures = of_video(self.settings, &video);
+                self.take((path, &video), &pictures, |place| format!("{place:05}.jpg"))
             }
             Pictures::Videos(folder) => {
-                for (name, path) in videos(folder) {
-                    let start = self.settings.frames.from.saturating_add_signed(self.settings.shift(&name));
-                    self.take(&path, Selection { start, every: 1, n: 1 }, |_| format!("{name}.jpg"))?;
+                let (names, paths): (Vec<String>, Vec<PathBuf>) = videos(folder).unzip();
+                let probe = |index: usize| video::probe(&paths[index]);
+                let probed = in_parallel(paths.len(), self.settings.threads, probe, |_| {})?;
+                let named = names.iter().map(String::as_str).zip(&probed);
+                let Some(timeline) = Timeline::new(named.clone(), self.settings) else { return Ok(()) };
+                for ((name, video), path) in named.zip(&paths) {
+                    // The frame may be lost: cameras stand still, and the next will do.
+                    let picture = timeline.nearest(name, video, self.settings.frames.from);
+                    self.take((path, video), picture.as_slice(), |_| format!("{name}.jpg"))?;
                 }
                 Ok(())
             }
         }
     }
 
-    fn take(&self, path: &Path, select: Selection, name: impl Fn(u32) -> String) -> Result<()> {
+    fn take(&self, video: (&Path, &Video), pictures: &[usize], name: impl Fn(u32) -> String) -> Result<()> {
         make_folder(&self.images)?;
-        take(&self.images, path, select, self.settings.threads, name, self.progress)
+        take(&self.images, video, pictures, self.settings.threads, name, self.progress)
     }
 
     /// Features, matches, places.
     fn place(&self, names: &[OsString]) -> Result<()> {
         let n = names.len() + self.together.names.len();
         let (database, models) = (self.project.join("database.db"), self.project.join("models"));
-        let threads = self.settings.threads.max(1).to_string();
+        let (threads, side) = (self.settings.threads.max(1).to_string(), MAX_SIDE.to_string());
         let place = [("--database_path", database.as_os_str()), ("--image_path", self.images.as_os_str())];
         let word = OsStr::new;
         // Cameras of a rig are different ones; other pictures of one size are taken to be of one camera.
@@ -286,13 +265,12 @@ impl Reconstruction<'_> {
             let sizes = names.iter().filter_map(|name| crate::scene::capture::read_size(&self.images.join(name)).ok());
             let is_single = !is_rig && sizes.collect::<HashSet<_>>().len() == 1;
             let list = self.project.join(list);
-            let text = names.iter().map(|name| name.to_string_lossy() + "\n").collect::<String>();
-            write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
+            write_atomic(&list, |to| names.iter().try_for_each(|name| writeln!(to, "{}", name.to_string_lossy())))?;
             let find = [
                 ("--image_list_path", list.as_os_str()),
                 ("--ImageReader.single_camera", word(if is_single { "1" } else { "0" })),
                 ("--SiftExtraction.use_gpu", word("0")),
-                ("--SiftExtraction.max_image_size", word(MAX_SIDE)),
+                ("--SiftExtraction.max_image_size", word(&side)),
                 ("--SiftExtraction.num_threads", word(&threads)),
             ];
             self.run("feature_extractor", &[&place[..], &find].concat(), &|line| {
@@ -319,12 +297,16 @@ impl Reconstruction<'_> {
         let _ = fs::remove_dir_all(&models);
         make_folder(&models)?;
         let to = [("--output_path", models.as_os_str()), ("--Mapper.num_threads", word(&threads))];
-        self.run("mapper", &[&place[..], &to].concat(), &|line| {
+        let placed = self.run("mapper", &[&place[..], &to].concat(), &|line| {
             let placed = line.strip_prefix("Registering image #")?.split_once('(')?.1.strip_suffix(')')?;
             self.tell("cameras", placed.parse().ok()?, n, "COLMAP");
             Some(())
-        })?;
-        self.keep_largest(&models, names)
+        });
+        match placed {
+            Err(fault) if fault.to_string().contains(NOTHING_PLACED) => Err(self.unplaced()),
+            Err(fault) => Err(fault),
+            Ok(()) => self.keep_largest(&models, names),
+        }
     }
 
     /// COLMAP makes several models of pictures that do not hang together; the one with most pictures is kept.
@@ -337,9 +319,7 @@ impl Reconstruction<'_> {
         };
         let counted = found.map(|folder| (n_placed(&folder), folder));
         let Some((n, model)) = counted.max().filter(|(n, _)| *n >= LEAST_PLACED) else {
-            let reason = "holds pictures that COLMAP cannot place: it finds too little that several of them share";
-            let remedy = "take more pictures with much overlap, sharp, of a scene with texture, from different places";
-            return Err(Error::data(&self.settings.source, "", reason, remedy));
+            return Err(self.unplaced());
         };
         let (of_cameras, of_photos) = self.together.split(&model, cameras, &self.settings.source)?;
         let of_photos = of_photos.filter(|model| !read_images(model, &mut Faults::default()).images.is_empty());
@@ -358,6 +338,10 @@ impl Reconstruction<'_> {
         }
         let _ = fs::remove_dir_all(models);
         Ok(())
+    }
+
+    fn unplaced(&self) -> Error {
+        unplaced::error(&self.settings.source, self.pictures, &self.project.join("database.db"))
     }
 
     /// The project of the photographs.

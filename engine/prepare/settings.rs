@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use serde_json::{Value, json};
+
 use crate::error::{Error, Result};
 use crate::scene::capture::{CaptureSettings, Frames, RATES};
 
@@ -37,6 +39,18 @@ pub enum Triangulate {
     Reference,
     /// Of every n-th, beginning with the first; the other frames get a file without points.
     Every(u32),
+}
+
+/// Where shifts of cameras come from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ShiftBy {
+    /// They are given.
+    #[default]
+    Given,
+    /// From the time codes of the videos.
+    Timecode,
+    /// From what the videos' microphones hear.
+    Sound,
 }
 
 /// What others made, one after the other: each needs all of what comes before it.
@@ -83,12 +97,14 @@ pub struct PrepareSettings {
     pub footage: Option<PathBuf>,
     /// The frames of the source that are taken.
     pub frames: Frames,
-    /// By name, frames of the source by which the clip begins later in a camera's footage, or earlier where negative: for
-    /// cameras that did not begin to record at one time. The source's points of single frames lie at other times then, and are
-    /// not kept.
-    pub shifts: BTreeMap<String, i32>,
-    /// Takes the shifts from the time codes of the videos.
-    pub by_timecode: bool,
+    /// By name, frames of the clip (before any are left out) by which it begins later in a camera's footage, or earlier where negative:
+    /// for cameras that did not begin to record at one time. Parts of frames choose the nearest picture. The source's points of single
+    /// frames lie at other times then, and are not kept.
+    pub shifts: BTreeMap<String, f64>,
+    /// Where the shifts come from.
+    pub shift_by: ShiftBy,
+    /// Frames per second of the clip, which videos are paired by. `None`: the lowest of theirs.
+    pub fps: Option<f64>,
     /// The cameras of a folder of videos move, as one: those of every n-th frame and the last are placed, and what lies between is
     /// interpolated. `None`: they stand still. Sources of other kinds are refused with this.
     pub moving: Option<u32>,
@@ -101,6 +117,9 @@ pub struct PrepareSettings {
     /// Photographs of what rests, taken at another time: without cameras where the source has none, else a capture in the source's
     /// world.
     pub photos: Option<PathBuf>,
+    /// A folder of masks: one for each frame in a folder of each camera's name, or of photographs one of each's name. What is bright
+    /// in them counts.
+    pub masks: Option<PathBuf>,
     /// Estimates optical flow with OpenCV's DIS.
     pub flow: bool,
     /// How a source is read that is a capture; of every source the test cameras (those that it declares where there are
@@ -122,12 +141,14 @@ impl PrepareSettings {
             footage: None,
             frames: Frames::default(),
             shifts: BTreeMap::new(),
-            by_timecode: false,
+            shift_by: ShiftBy::Given,
+            fps: None,
             moving: None,
             scale: 1.0,
             format: ImageFormat::Png,
             triangulate: None,
             photos: None,
+            masks: None,
             flow: false,
             capture: CaptureSettings::default(),
             force: false,
@@ -136,8 +157,23 @@ impl PrepareSettings {
     }
 
     /// See [`PrepareSettings::shifts`].
-    pub(super) fn shift(&self, camera: &str) -> i32 {
-        self.shifts.get(camera).copied().unwrap_or(0)
+    pub(super) fn shift(&self, camera: &str) -> f64 {
+        self.shifts.get(camera).copied().unwrap_or(0.0)
+    }
+
+    /// As [`PrepareSettings::shift`], of footage whose frames are known by their numbers.
+    pub(super) fn whole_shift(&self, camera: &str) -> i32 {
+        self.shift(camera).round() as i32
+    }
+
+    /// The shifts for the journal, where a whole number is one.
+    pub(super) fn shifts_noted(&self) -> Value {
+        let noted = |frames: f64| if frames.fract() == 0.0 { json!(frames as i64) } else { json!(frames) };
+        self.shifts
+            .iter()
+            .map(|(name, frames)| (name.clone(), noted(*frames)))
+            .collect::<serde_json::Map<_, _>>()
+            .into()
     }
 
     pub(super) fn check(&self) -> Result<()> {
@@ -145,7 +181,7 @@ impl PrepareSettings {
         if !(self.scale > 0.0 && self.scale <= 1.0) {
             return bad("--scale", format!("is {}", self.scale), "give a number above 0, at most 1");
         }
-        let fps = self.capture.fps;
+        let fps = self.fps.unwrap_or(self.capture.fps);
         if !RATES.contains(&fps) {
             let reason = format!("is {fps}, {} to {} are allowed", RATES.start(), RATES.end());
             return bad("--fps", reason, "give the rate at which the pictures were taken");
@@ -171,6 +207,7 @@ impl PrepareSettings {
         let places = [
             ("the source", Some(self.source.clone())),
             ("the folder of --static", self.photos.clone()),
+            ("the folder of --masks", self.masks.clone()),
             ("the folder of --footage", self.footage.clone()),
             // Of a plain COLMAP project both name a folder in the source.
             ("the folder of --footage", self.footage.as_ref().map(|footage| self.source.join(footage))),
@@ -181,7 +218,7 @@ impl PrepareSettings {
     }
 }
 
-/// Something that is done; told from any thread.
+/// Something that is done, or where `total` is 0 what is to be expected; told from any thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress<'a> {
     /// The stage.

@@ -2,37 +2,46 @@
 
 use std::collections::BTreeMap;
 
-use super::settings::PrepareSettings;
-use super::source::{Footage, Source};
-use super::video::{self, RATE_TOLERANCE, Video};
-use crate::error::{Error, Result};
-use crate::parallel::in_parallel;
+use super::timeline::is_same;
+use super::video::Video;
 
 /// Cameras that were told the time together begin within so many seconds; others' codes say nothing.
-const LONGEST: f64 = 600.0;
+pub(super) const LONGEST: f64 = 600.0;
+
+/// The number since midnight of the frame with a time code, HH:MM:SS:FF; with a semicolon before the frames two numbers are left out
+/// at the beginning of every minute but each tenth, so that the code keeps up with the clock at 29.97 and 59.94 frames a second.
+pub(super) fn frame_of_day(code: &str, fps: f64) -> Option<u32> {
+    let fields: Vec<u32> = code.split([':', ';']).map(|field| field.parse().ok()).collect::<Option<_>>()?;
+    let [hours, minutes, seconds, frames] = fields[..] else { return None };
+    let base = fps.round() as u32;
+    if hours > 23 || minutes > 59 || seconds > 59 || frames >= base || base > 1000 {
+        return None;
+    }
+    let minutes = 60 * hours + minutes;
+    let left_out = if code.contains(';') { (base / 30 * 2) * (minutes - minutes / 10) } else { 0 };
+    ((60 * minutes + seconds) * base + frames).checked_sub(left_out)
+}
 
 /// By name, frames by which the clip begins later in a camera's video, so that all begin with the last one. `None` where one has no
 /// time code, or they are too far apart or of different rates.
-fn shifts(videos: &[(&str, Option<&Video>)]) -> Option<BTreeMap<String, i32>> {
+pub(super) fn shifts(videos: &[(&str, Option<&Video>)]) -> Option<BTreeMap<String, f64>> {
     let told: Vec<(&str, u32, f64)> = videos
         .iter()
         .map(|(name, video)| Some((*name, video.as_ref()?.timecode?, video.as_ref()?.fps)))
         .collect::<Option<_>>()?;
     let last = told.iter().map(|(_, code, _)| *code).max()?;
     let fps = told.first()?.2;
-    let agrees = |(_, code, rate): &(&str, u32, f64)| {
-        (rate / fps - 1.0).abs() < RATE_TOLERANCE && f64::from(last - code) <= LONGEST * fps
-    };
+    let agrees = |(_, code, rate): &(&str, u32, f64)| is_same(*rate, fps) && f64::from(last - code) <= LONGEST * fps;
     told.iter()
         .all(agrees)
-        .then(|| told.iter().map(|(name, code, _)| ((*name).to_owned(), (last - code) as i32)).collect())
+        .then(|| told.iter().map(|(name, code, _)| ((*name).to_owned(), f64::from(last - code))).collect())
 }
 
 /// What time codes say, where nobody asked for them and they say that cameras did not begin together.
 pub(super) fn note(videos: &[(&str, Option<&Video>)]) -> Option<String> {
     let shifts = shifts(videos)?;
     let told: Vec<String> =
-        shifts.iter().filter(|(_, shift)| **shift != 0).map(|(name, shift)| format!("{name}={shift}")).collect();
+        shifts.iter().filter(|(_, shift)| **shift != 0.0).map(|(name, shift)| format!("{name}={shift}")).collect();
     (!told.is_empty()).then(|| {
         format!(
             "the videos' time codes say that the cameras did not begin together; if their clocks were set together, give --shift \
@@ -42,34 +51,22 @@ pub(super) fn note(videos: &[(&str, Option<&Video>)]) -> Option<String> {
     })
 }
 
-/// `settings` with the shifts that the time codes of the videos of `source` say.
-///
-/// # Errors
-/// [`Error::Data`] where they do not say any.
-pub(super) fn applied(settings: &PrepareSettings, source: &Source) -> Result<PrepareSettings> {
-    let probe = |index: usize| match &source.cameras[index].footage {
-        Footage::Video(path) => video::probe(path).map(Some),
-        Footage::Images(_) => Ok(None),
-    };
-    let videos = in_parallel(source.cameras.len(), settings.threads, probe, |_| {})?;
-    let named = source.cameras.iter().map(|camera| camera.name.as_str());
-    let videos: Vec<_> = named.zip(videos.iter().map(Option::as_ref)).collect();
-    let Some(shifts) = shifts(&videos) else {
-        let without: Vec<&str> = videos
-            .iter()
-            .filter(|(_, video)| video.is_none_or(|video| video.timecode.is_none()))
-            .map(|(name, _)| *name)
-            .collect();
-        let reason = match without.is_empty() {
-            true => format!("has videos whose time codes are more than {LONGEST} seconds apart, or whose rates differ"),
-            false => format!("has cameras without a time code: {}", without.join(", ")),
-        };
-        return Err(Error::data(
-            &settings.source,
-            "--shift timecode",
-            reason,
-            "give the shifts as --shift CAMERA=FRAMES",
-        ));
-    };
-    Ok(PrepareSettings { shifts, by_timecode: false, ..settings.clone() })
+#[cfg(test)]
+mod tests {
+    use super::frame_of_day;
+
+    #[test]
+    fn time_codes_count_frames_since_midnight() {
+        assert_eq!(frame_of_day("00:00:01:05", 30.0), Some(35));
+        assert_eq!(frame_of_day("01:00:00:00", 60.0), Some(216_000));
+        // 29.97 frames a second: an hour has 107,892 frames, and ten minutes 17,982.
+        let ntsc = 30_000.0 / 1001.0;
+        assert_eq!(frame_of_day("01:00:00;00", ntsc), Some(107_892));
+        assert_eq!(frame_of_day("00:10:00;00", ntsc), Some(17_982));
+        assert_eq!((frame_of_day("00:00:59;29", ntsc), frame_of_day("00:01:00;02", ntsc)), (Some(1799), Some(1800)));
+        assert_eq!(frame_of_day("00:01:00;04", 2.0 * ntsc), Some(3600));
+        for bad in ["", "00:00:00", "24:00:00:00", "00:00:00:30", "a:b:c:d", "00:00:00:00:00", "-1:00:00:00"] {
+            assert_eq!(frame_of_day(bad, 30.0), None, "{bad}");
+        }
+    }
 }

@@ -144,6 +144,20 @@ pub(super) fn asked(source: &Source, settings: &PrepareSettings) -> (Triangulate
     (settings.triangulate.unwrap_or(if keeps { Triangulate::None } else { Triangulate::Every(1) }), keeps)
 }
 
+/// Of how many of `n` frames points are triangulated.
+pub(super) fn of_frames(what: Triangulate, n: usize) -> usize {
+    match what {
+        Triangulate::None => 0,
+        Triangulate::Reference => 1,
+        Triangulate::Every(every) => n.div_ceil(every.max(1) as usize),
+    }
+}
+
+/// Pairs of cameras that are matched in a frame.
+pub(super) fn n_pairs(cameras: usize) -> usize {
+    MATCHED.count(cameras)
+}
+
 /// What COLMAP will need, unless all points that are asked for are there from an earlier run: itself, and two cameras.
 ///
 /// # Errors
@@ -242,11 +256,13 @@ impl Triangulation<'_> {
 
     /// How many of `n` frames are given to one program: all cores have some.
     fn at_once(&self, n: usize) -> usize {
-        // A list of pairs has no way to tell of a name with a space.
-        if self.images.cameras.iter().any(|camera| camera.name.contains(' ')) {
-            return 1;
-        }
         n.div_ceil(self.programs().max(1)).clamp(1, FRAMES_AT_ONCE)
+    }
+
+    /// The name by which COLMAP knows an image: one without spaces, which neither its lists of pairs nor its models of text can hold.
+    fn name(&self, camera: usize, frame: u32) -> String {
+        let own = PathBuf::from(self.images.image_name(&self.images.cameras[camera], frame));
+        format!("{camera:03}/{}", own.file_name().unwrap_or_default().to_string_lossy())
     }
 
     /// Has COLMAP triangulate the points that the training cameras see in each of `frames`.
@@ -256,29 +272,43 @@ impl Triangulation<'_> {
         let work = self.work.join(format!("{:05}", frames[0]));
         let _ = fs::remove_dir_all(&work);
         make_folder(&work)?;
+        // Cameras that have pictures of some of the frames, with those.
         let models = |frames: &[u32]| -> Vec<ModelCamera> {
-            let image = |camera: &Camera, frame: u32| {
-                (self.images.image_name(camera, frame), *camera.poses.get(frame as usize).unwrap_or(&camera.poses[0]))
+            let image = |(index, camera): &(usize, &Camera), frame: u32| {
+                (self.name(*index, frame), *camera.poses.get(frame as usize).unwrap_or(&camera.poses[0]))
             };
-            let model = |(index, camera): &(usize, &Camera)| ModelCamera {
-                id: Self::id(*index),
-                lens: camera.pinhole,
-                images: frames.iter().map(|frame| image(camera, *frame)).collect(),
+            let model = |camera: &(usize, &Camera)| {
+                let frames = frames.iter().filter(|frame| camera.1.has(**frame));
+                let images = frames.map(|frame| image(camera, *frame)).collect();
+                ModelCamera { id: Self::id(camera.0), lens: camera.1.pinhole, images }
             };
-            cameras.iter().map(model).collect()
+            cameras.iter().map(model).filter(|model| !model.images.is_empty()).collect()
         };
+        let folder = work.join("images");
+        for (index, camera) in &cameras {
+            make_folder(&folder.join(format!("{index:03}")))?;
+            for frame in frames.iter().filter(|frame| camera.has(**frame)) {
+                let from = self.images.output.join("images").join(self.images.image_name(camera, *frame));
+                lend(&from, &folder.join(self.name(*index, *frame)))?;
+            }
+        }
         let colmap = Colmap {
             about: &source.calibration,
-            folder: self.images.output.join("images"),
+            folder,
             database: work.join("database.db"),
             threads: (self.threads / self.images.n_frames() as usize).max(1).to_string(),
             on_gpu: if self.on_gpu { ON } else { OFF },
         };
-        let of_all = models(frames);
-        colmap.extract(&by_lens(&of_all), &work, &[])?;
-        match_features(&colmap, &of_all, &work)?;
-        let found =
-            frames.iter().map(|frame| self.triangulated(&colmap, &models(&[*frame]), &work.join(frame.to_string())));
+        let of_frames: Vec<Vec<ModelCamera>> = frames.iter().map(|frame| models(&[*frame])).collect();
+        // Nothing is matched where cameras have lost their frames.
+        if of_frames.iter().any(|models| models.len() > 1) {
+            colmap.extract(&by_lens(&models(frames)), &work, &[])?;
+            match_features(&colmap, &of_frames, &work)?;
+        }
+        let found = frames.iter().zip(&of_frames).map(|(frame, models)| match models.len() {
+            0 | 1 => Ok(Vec::new()),
+            _ => self.triangulated(&colmap, models, &work.join(frame.to_string())),
+        });
         let found = found.collect();
         // What stays is removed with the whole folder at the end.
         let _ = fs::remove_dir_all(&work);
@@ -311,18 +341,31 @@ impl Triangulation<'_> {
     }
 }
 
-/// Matches every pair of images, or of many cameras those that are likely to see the same.
-fn match_features(colmap: &Colmap, models: &[ModelCamera], work: &Path) -> Result<()> {
+/// Puts a picture where COLMAP finds it by a name of ours, without a copy where the file system can.
+fn lend(from: &Path, to: &Path) -> Result<()> {
+    fs::hard_link(from, to).or_else(|_| fs::copy(from, to).map(|_| ())).map_err(|fault| {
+        Error::data(
+            from,
+            "",
+            format!("cannot be copied to {}: {fault}", to.display()),
+            "check permissions and free space",
+        )
+    })
+}
+
+/// Matches every pair of images of each frame, or of many cameras those that are likely to see the same.
+fn match_features(colmap: &Colmap, of_frames: &[Vec<ModelCamera>], work: &Path) -> Result<()> {
     // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
     let guided = [("--SiftMatching.guided_matching", OsStr::new(ON))];
-    let n_frames = models.first().map_or(0, |model| model.images.len());
-    if n_frames == 1 && (models.len() <= MATCHED.all || models.iter().any(|model| model.images[0].0.contains(' '))) {
+    if let [models] = of_frames
+        && models.len() <= MATCHED.all
+    {
         return colmap.run("exhaustive_matcher", &[&colmap.matching()[..], &guided].concat());
     }
     let mut text = String::new();
-    for frame in 0..n_frames {
+    for models in of_frames {
         let (names, poses): (Vec<&str>, Vec<Pose>) =
-            models.iter().map(|model| (model.images[frame].0.as_str(), model.images[frame].1)).unzip();
+            models.iter().map(|model| (model.images[0].0.as_str(), model.images[0].1)).unzip();
         for (a, b) in MATCHED.pairs(&poses) {
             // Writing to a string cannot fail.
             let _ = writeln!(text, "{} {}", names[a], names[b]);

@@ -65,9 +65,10 @@ impl Pose {
         self.rotation * world + self.translation
     }
 
-    /// Where the camera is, world: `-R^T t`.
+    /// Where the camera is, world: what `R x + t` puts at the origin, `-R^-1 t`. The transpose would do for a rotation that is exact;
+    /// one of six decimals it moves by a millionth of the way to the world's origin.
     pub fn center(&self) -> DVec3 {
-        -(self.rotation.transpose() * self.translation)
+        -(self.rotation.inverse() * self.translation)
     }
 
     /// The world's direction to the right of the picture.

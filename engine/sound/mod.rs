@@ -14,6 +14,7 @@ pub mod geometry;
 pub mod hrtf;
 pub mod hull;
 pub mod keypoints;
+pub mod lag;
 pub mod live;
 pub mod localize;
 pub mod loudness;

@@ -109,6 +109,9 @@ pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) ->
     }
 }
 
+/// Bytes of a step of [`lazy_sums`].
+pub const LAZY_BYTES: u64 = 3 * size_of::<[f32; 4]>() as u64;
+
 /// For every step s from 0 to `total` the endless sum over j of lr sqrt(c2) / c1 (b1 / sqrt(b2))^j of step s + j, by kind of
 /// parameter: what a Gaussian last updated at s still has to go, in units of m / sqrt(v). Three rows a step.
 pub fn lazy_sums(rates: impl Fn(u64) -> Rates, total: u64) -> Vec<[f32; 4]> {

@@ -62,8 +62,8 @@ pub struct DensityRound {
     pub extent: f32,
     /// Opacity, the largest over the training times, below which a Gaussian is removed or counts as dead.
     pub prune_opacity: f32,
-    /// Floaters before the camera: standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian
-    /// is removed or counts as dead.
+    /// Floaters before the camera: standard deviation towards a lens that sees it, as a part of its depth before that, above which a
+    /// Gaussian is removed or counts as dead; infinite for none.
     pub prune_veil: f32,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,
@@ -127,7 +127,7 @@ struct Scratch {
 impl DensityRound {
     /// One round on `scene`, with the moments and the state of [`super::Optimiser`], before `lenses`, relative to the scene's
     /// origin. The Gaussians come out by population, time and place (Morton's order); whatever is not as it was has moments
-    /// zero, and all statistics begin anew.
+    /// zero, and so has every opacity after a reset; all statistics begin anew.
     ///
     /// # Errors
     /// [`Error::Data`] when no Gaussian is left, [`Error::OutOfMemory`] naming the buffer that does not fit.
@@ -335,14 +335,25 @@ impl DensityRound {
                 let way = Way { sources, old: source, new: group };
                 let params = source.params.buffers().zip(group.params.buffers()).zip(group.params.plane_counts());
                 for ((old, new), planes) in params.skip(1) {
-                    way.record(&mut rec, old, new, planes, [1.0; 4], [1.0; 4]);
+                    way.record(&mut rec, old, new, planes, 0, [[1.0; 4], [1.0; 4]]);
                 }
+                // What is known of opacities tells nothing of those that they are reset to. They are in the first plane of the geometry,
+                // which comes first.
+                let resets = self.opacity_ceiling < f32::MAX && !scene.holds(group);
                 let pairs = old.moments.groups[from].buffers().zip(moments.groups[index].buffers());
-                for ((old, new), planes) in pairs.zip(group.params.plane_counts()) {
-                    way.record(&mut rec, old, new, moments.planes(planes), [1.0; 4], [0.0; 4]);
+                for (at, ((old, new), planes)) in pairs.zip(group.params.plane_counts()).enumerate() {
+                    let faded = if resets && at == 0 { moments.planes(1) } else { 0 };
+                    way.record(&mut rec, old, new, moments.planes(planes), faded, [[1.0; 4], [0.0; 4]]);
                 }
                 // The statistics begin anew; a child has no residual.
-                way.record(&mut rec, &old.state[from], &state[index], 1, [0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]);
+                way.record(
+                    &mut rec,
+                    &old.state[from],
+                    &state[index],
+                    1,
+                    0,
+                    [[0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]],
+                );
             }
         }
         // Whatever could not be drawn was pruned or relocated.
@@ -374,15 +385,15 @@ struct Way<'a> {
 
 impl Way<'_> {
     /// Appends the transport of one buffer; the masks say which components stay of a Gaussian that is as it was, and of
-    /// any other.
+    /// any other. Of the last component of the first `faded` planes none stays.
     fn record(
         &self,
         rec: &mut Recording,
         old: &Buf<[f32; 4]>,
         gathered: &Buf<[f32; 4]>,
         planes: usize,
-        as_it_was: [f32; 4],
-        child: [f32; 4],
+        faded: usize,
+        [as_it_was, child]: [[f32; 4]; 2],
     ) {
         let push = density_gather::Push {
             as_it_was,
@@ -393,6 +404,7 @@ impl Way<'_> {
             start: self.new.start as u32,
             old_first: self.old.first,
             old_n: self.old.n,
+            faded: faded as u32,
         };
         let args = density_gather::Args { sources: self.sources, old: &old.cast(), gathered: &gathered.cast() };
         rec.pass(args, push, Grid::Threads(push.size));

@@ -2,11 +2,12 @@
 
 use std::path::Path;
 
-use super::lpips_trunk::{COLORS, Conv, Layer, Network, Trunk, tap_planes};
+use super::lpips_tiles::{Share, Tile};
+use super::lpips_trunk::{Conv, Extent, Layer, Network, TAP_PIXELS, Trunk, tap_planes};
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::lpips_conv::{BLOCKS, PIXELS};
 use crate::gpu::generated::{
-    self, constants, lpips_conv, lpips_conv_bwd, lpips_input, lpips_input_bwd, lpips_pool, lpips_pool_bwd, lpips_tap,
+    self, lpips_conv, lpips_conv_bwd, lpips_input, lpips_input_bwd, lpips_pool, lpips_pool_bwd, lpips_tap,
     lpips_tap_bwd,
 };
 use crate::gpu::kernel::Pod;
@@ -14,9 +15,6 @@ use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 
 /// Widths of subgroups that have kernels of their own, in the order of the table; others share the first kernel.
 const WIDTHS: [u32; 3] = [16, 32, 64];
-
-/// Pixels of a workgroup that compares features.
-const TAP_PIXELS: u32 = lpips_tap::INFO.local / constants::lpips_tap::TEAM;
 
 /// What is compared: a part of a picture with the same part of the truth.
 #[derive(Clone, Copy)]
@@ -31,6 +29,25 @@ pub struct Compared<'a> {
     pub origin: [u32; 2],
     /// Width and height of the part, which lies within the picture.
     pub crop: [u32; 2],
+}
+
+/// What the trunk is shown of a colour of [0, 1].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Shown {
+    /// Its place in [-1, 1]: what LPIPS is made for.
+    Scaled,
+    /// The colour as it is, as tables of several papers have it.
+    Unscaled,
+}
+
+impl Shown {
+    /// What a colour is multiplied by, and what is added then.
+    fn gain_and_offset(self) -> (f32, f32) {
+        match self {
+            Shown::Scaled => (2.0, -1.0),
+            Shown::Unscaled => (1.0, 0.0),
+        }
+    }
 }
 
 /// Where the cotangent goes.
@@ -56,25 +73,6 @@ struct Maps {
     /// Which place of its window a pool took.
     choices: [Buf<u32>; 2],
     cotangent: Buf<[f32; 4]>,
-}
-
-/// What a crop needs.
-struct Extent {
-    /// Width and height of all maps.
-    sizes: Vec<[u32; 2]>,
-    /// Items of their buffers.
-    maps: Vec<MapsLen>,
-    /// Items of the cotangent of the picture, in blocks of the first layer's stride.
-    d_blocks: usize,
-    /// Sums that the taps leave.
-    sums: usize,
-}
-
-/// Items of the buffers of [`Maps`].
-struct MapsLen {
-    features: usize,
-    choices: usize,
-    cotangent: usize,
 }
 
 impl Lpips {
@@ -108,38 +106,7 @@ impl Lpips {
     /// # Errors
     /// [`Error::Data`] naming the file of weights when the crop is too small for its trunk.
     pub fn scratch_bytes(&self, size: [u32; 2], with_cotangent: bool) -> Result<u64> {
-        let Extent { maps, d_blocks, sums, .. } = self.extent(size, with_cotangent)?;
-        let of_maps = |len: &MapsLen| 32 * len.features + 8 * len.choices + 16 * len.cotangent;
-        Ok((maps.iter().map(of_maps).sum::<usize>() + 4 * d_blocks + 16 * sums) as u64)
-    }
-
-    fn extent(&self, size: [u32; 2], with_cotangent: bool) -> Result<Extent> {
-        let Some(sizes) = self.net.sizes(size) else {
-            let (place, smallest) = (format!("a crop of {}x{} pixels", size[0], size[1]), self.net.smallest());
-            let reason = format!("{} sees no less than {smallest}x{smallest} pixels", self.net.trunk);
-            return Err(Error::data(&self.net.file, place, reason, "take a larger crop, or do without LPIPS"));
-        };
-        let pixels = |maps: usize| sizes[maps][0] as usize * sizes[maps][1] as usize;
-        let planes = |maps: usize| pixels(maps) * self.net.planes(maps) as usize;
-        let mut maps: Vec<MapsLen> = (0..sizes.len())
-            .map(|i| {
-                let cotangent = if with_cotangent && i > 0 { planes(i) } else { 0 };
-                MapsLen { features: planes(i), choices: 0, cotangent }
-            })
-            .collect();
-        let (mut d_blocks, mut sums) = (0, 0);
-        for layer in &self.net.layers {
-            match layer {
-                Layer::Conv(conv) if conv.from == 0 && with_cotangent => {
-                    let [across, down] = size.map(|n| conv.blocks(n) as usize * conv.stride as usize);
-                    d_blocks = across * down * COLORS as usize;
-                }
-                Layer::Conv(_) => {}
-                Layer::Pool { to, .. } => maps[*to].choices = planes(*to),
-                Layer::Tap { of, .. } => sums += pixels(*of).div_ceil(TAP_PIXELS as usize),
-            }
-        }
-        Ok(Extent { sizes, maps, d_blocks, sums })
+        Ok(self.net.extent(size, with_cotangent)?.bytes())
     }
 
     /// Makes room for a crop.
@@ -151,8 +118,16 @@ impl Lpips {
             }
             grow(gpu, &mut maps.cotangent, COTANGENT, len.cotangent)?;
         }
-        grow(gpu, &mut self.d_blocks, D_BLOCKS, extent.d_blocks)?;
-        grow(gpu, &mut self.sums, SUMS, extent.sums)
+        grow(gpu, &mut self.d_blocks, D_BLOCKS, extent.d_blocks)
+    }
+
+    /// [`Lpips::scratch_bytes`] with a cotangent, and of these the bytes of the largest buffer.
+    ///
+    /// # Errors
+    /// As [`Lpips::scratch_bytes`].
+    pub fn loss_bytes(&self, size: [u32; 2]) -> Result<[u64; 2]> {
+        let extent = self.net.extent(size, true)?;
+        Ok([extent.bytes(), extent.largest()])
     }
 
     /// Appends LPIPS of `what`, and its cotangent, if there is a place for it. Gives sums by workgroup; the first number of their
@@ -171,15 +146,77 @@ impl Lpips {
         let inside =
             |axis: usize| what.origin[axis].checked_add(what.crop[axis]).is_some_and(|end| end <= what.size[axis]);
         assert!(inside(0) && inside(1), "a crop lies within its picture");
-        let extent = self.extent(what.crop, cotangent.is_some())?;
+        let extent = self.net.extent(what.crop, cotangent.is_some())?;
         self.fit(gpu, &extent)?;
+        grow(gpu, &mut self.sums, SUMS, extent.sums)?;
+        let shares: Vec<Share> = self.net.taps().map(|map| Share::whole(extent.sizes[map])).collect();
         let passes = Passes { lpips: self, sizes: &extent.sizes, lanes: gpu.caps().subgroup_size };
         rec.section("lpips");
-        passes.forward(rec, what, cotangent.is_some());
+        passes.forward(rec, what, Shown::Scaled, (&shares, &self.sums, 0), cotangent.is_some());
         if let Some(cotangent) = cotangent {
             passes.backward(rec, what, &cotangent);
         }
         Ok(self.sums.range(0, extent.sums))
+    }
+
+    /// Appends LPIPS of `what` alone, the trunk being `shown` its colours so, however large it is: in tiles whose buffers have at most
+    /// `most_bytes` each. Gives sums as [`Lpips::record`] does; of several tiles they differ in their last bits.
+    ///
+    /// # Errors
+    /// As [`Lpips::record`], too large being what no tile makes smaller.
+    pub fn record_score(
+        &mut self,
+        gpu: &Gpu,
+        rec: &mut Recording,
+        what: &Compared<'_>,
+        shown: Shown,
+        most_bytes: u64,
+    ) -> Result<Buf<[f32; 4]>> {
+        let tiles = self.tiles(what.crop, most_bytes)?;
+        let extents = tiles.iter().map(|tile| self.net.extent(tile.size, false)).collect::<Result<Vec<_>>>()?;
+        extents.iter().try_for_each(|extent| self.fit(gpu, extent))?;
+        let n_sums =
+            |tile: &Tile| tile.shares.iter().map(|share| share.pixels().div_ceil(TAP_PIXELS) as usize).sum::<usize>();
+        let sums = gpu.alloc(SUMS, tiles.iter().map(n_sums).sum::<usize>())?;
+        rec.section("lpips");
+        let mut first = 0;
+        for (tile, extent) in tiles.iter().zip(&extents) {
+            let origin = [0, 1].map(|axis| what.origin[axis] + tile.first[axis]);
+            let part = Compared { origin, crop: tile.size, ..*what };
+            let passes = Passes { lpips: self, sizes: &extent.sizes, lanes: gpu.caps().subgroup_size };
+            passes.forward(rec, &part, shown, (&tile.shares, &sums, first), false);
+            first += n_sums(tile) as u32;
+        }
+        Ok(sums)
+    }
+
+    /// Bytes of scratch of a score of `size`, and of its largest buffer, where that may have `most_bytes`.
+    ///
+    /// # Errors
+    /// As [`Lpips::record_score`].
+    pub fn score_bytes(&self, size: [u32; 2], most_bytes: u64) -> Result<[u64; 2]> {
+        let each = self.tiles(size, most_bytes)?;
+        let extents = each.iter().map(|tile| self.net.extent(tile.size, false)).collect::<Result<Vec<_>>>()?;
+        Ok([Extent::bytes, Extent::largest].map(|of| extents.iter().map(of).max().unwrap_or(0)))
+    }
+
+    /// A picture of `size` in as few tiles as have buffers of `most_bytes` at most.
+    fn tiles(&self, size: [u32; 2], most_bytes: u64) -> Result<Vec<Tile>> {
+        // Names what is wrong with a picture that is too small.
+        self.net.extent(size, false)?;
+        let mut n = [1, 1];
+        loop {
+            let tiles = self.net.tiles(size, n).unwrap_or_default();
+            let sides = [0, 1].map(|axis| tiles.iter().map(|tile| tile.size[axis]).max().unwrap_or(0));
+            let needed = self.net.extent(sides, false)?.largest();
+            if needed <= most_bytes {
+                return Ok(tiles);
+            }
+            let longer = usize::from(sides[1] >= sides[0]);
+            let axis = [longer, 1 - longer].into_iter().find(|axis| n[*axis] * self.net.step() <= size[*axis]);
+            let Some(axis) = axis else { return Err(too_large(FEATURES, needed, most_bytes)) };
+            n[axis] *= 2;
+        }
     }
 }
 
@@ -189,12 +226,16 @@ const COTANGENT: &str = "d lpips features";
 const D_BLOCKS: &str = "d lpips blocks";
 const SUMS: &str = "lpips sums";
 
+fn too_large(name: &str, needed: u64, limit: u64) -> Error {
+    let what = format!("bytes of `{name}` in one binding");
+    Error::OutOfMemory { what, needed, limit, remedy: "compare a smaller crop: --set loss.lpips_crop=512".to_owned() }
+}
+
 /// Gives `buf` room for `len` items, unless it has it.
 fn grow<T: Pod>(gpu: &Gpu, buf: &mut Buf<T>, name: &str, len: usize) -> Result<()> {
     let (needed, limit) = ((len * size_of::<T>()) as u64, gpu.caps().max_binding_bytes);
     if needed > limit {
-        let what = format!("bytes of `{name}` in one binding");
-        return Err(Error::OutOfMemory { what, needed, limit, remedy: "compare a smaller crop".to_owned() });
+        return Err(too_large(name, needed, limit));
     }
     if buf.len() < len {
         *buf = gpu.alloc(name, len)?;
@@ -210,18 +251,27 @@ struct Passes<'a> {
 }
 
 impl Passes<'_> {
-    /// Features of both pictures, layer by layer, and the taps with their cotangents.
-    fn forward(&self, rec: &mut Recording, what: &Compared<'_>, with_cotangent: bool) {
-        let Lpips { net, maps, sums, .. } = self.lpips;
+    /// Features of both pictures, layer by layer, and the taps with their cotangents. Of the maps that are compared `shares` are, by
+    /// tap; their sums go to `sums` from `first_sum` on.
+    fn forward(
+        &self,
+        rec: &mut Recording,
+        what: &Compared<'_>,
+        shown: Shown,
+        (shares, sums, mut first_sum): (&[Share], &Buf<[f32; 4]>, u32),
+        with_cotangent: bool,
+    ) {
+        let Lpips { net, maps, .. } = self.lpips;
+        let (gain, offset) = shown.gain_and_offset();
         let ([crop_width, crop_height], [first_x, first_y]) = (what.crop, what.origin);
         let [features, truth_features] = &maps[0].features;
         rec.pass(
             lpips_input::Args { image: what.image, truth: what.truth, features, truth_features },
-            lpips_input::Push { width: what.size[0], first_x, first_y, crop_width, crop_height },
+            lpips_input::Push { width: what.size[0], first_x, first_y, crop_width, crop_height, gain, offset },
             Grid::Threads(crop_width * crop_height),
         );
         rec.scale(f64::from(crop_width * crop_height));
-        let mut first_sum = 0;
+        let mut shares = shares.iter();
         for layer in &net.layers {
             match layer {
                 Layer::Conv(conv) => (0..2).for_each(|side| self.conv(rec, conv, side)),
@@ -236,21 +286,23 @@ impl Passes<'_> {
                     }
                 }
                 Layer::Tap { of, linear } => {
-                    let (pixels, planes) = (self.sizes[*of][0] * self.sizes[*of][1], net.planes(*of));
+                    let Some(share) = shares.next().filter(|share| share.pixels() > 0) else { continue };
+                    let (pixels, planes, width) = (share.pixels(), net.planes(*of), self.sizes[*of][0]);
                     let [features, truth_features] = &maps[*of].features;
-                    let (n_groups, per_pixel) = (pixels.div_ceil(TAP_PIXELS), 1.0 / pixels as f32);
+                    let (n_groups, per_pixel) = (pixels.div_ceil(TAP_PIXELS), 1.0 / share.of as f32);
                     let grid = Grid::Groups(n_groups);
+                    let ([columns, _], first) = (share.size, share.first[1] * width + share.first[0]);
                     if with_cotangent {
                         let d_features = &maps[*of].cotangent;
                         rec.pass(
                             lpips_tap_bwd::Args { features, truth_features, linear, sums, d_features },
-                            lpips_tap_bwd::Push { pixels, planes, first_sum, per_pixel },
+                            lpips_tap_bwd::Push { pixels, columns, first, width, planes, first_sum, per_pixel },
                             grid,
                         );
                     } else {
                         rec.pass(
                             lpips_tap::Args { features, truth_features, linear, sums },
-                            lpips_tap::Push { pixels, planes, first_sum, per_pixel },
+                            lpips_tap::Push { pixels, columns, first, width, planes, first_sum, per_pixel },
                             grid,
                         );
                     }

@@ -6,12 +6,16 @@ use std::path::{Path, PathBuf};
 
 use crate::error::{Error, Result};
 use crate::files::{Tensor, read_tensors};
+use crate::gpu::generated::{constants, lpips_tap};
 use crate::gpu::{Buf, Gpu};
 
 /// Channels that `lpips_conv` takes at a step.
 const STEP: usize = 16;
 /// Most channels of a layer. The published trunks have 512; a reduction stays far below what lavapipe's loops allow.
 const MAX_CHANNELS: usize = 4096;
+/// Pixels of a workgroup that compares features.
+pub(super) const TAP_PIXELS: u32 = lpips_tap::INFO.local / constants::lpips_tap::TEAM;
+
 /// Channels of a picture.
 pub(super) const COLORS: u32 = 3;
 
@@ -233,9 +237,72 @@ impl Network {
         Some(sizes)
     }
 
+    /// What a crop of `size` needs, with a cotangent or without.
+    pub fn extent(&self, size: [u32; 2], with_cotangent: bool) -> Result<Extent> {
+        let Some(sizes) = self.sizes(size) else {
+            let (place, smallest) = (format!("a crop of {}x{} pixels", size[0], size[1]), self.smallest());
+            let reason = format!("{} sees no less than {smallest}x{smallest} pixels", self.trunk);
+            return Err(Error::data(&self.file, place, reason, "take a larger crop, or do without LPIPS"));
+        };
+        let pixels = |maps: usize| sizes[maps][0] as usize * sizes[maps][1] as usize;
+        let planes = |maps: usize| pixels(maps) * self.planes(maps) as usize;
+        let mut maps: Vec<MapsLen> = (0..sizes.len())
+            .map(|i| {
+                let cotangent = if with_cotangent && i > 0 { planes(i) } else { 0 };
+                MapsLen { features: planes(i), choices: 0, cotangent }
+            })
+            .collect();
+        let (mut d_blocks, mut sums) = (0, 0);
+        for layer in &self.layers {
+            match layer {
+                Layer::Conv(conv) if conv.from == 0 && with_cotangent => {
+                    let [across, down] = size.map(|n| conv.blocks(n) as usize * conv.stride as usize);
+                    d_blocks = across * down * COLORS as usize;
+                }
+                Layer::Conv(_) => {}
+                Layer::Pool { to, .. } => maps[*to].choices = planes(*to),
+                Layer::Tap { of, .. } => sums += pixels(*of).div_ceil(TAP_PIXELS as usize),
+            }
+        }
+        Ok(Extent { sizes, maps, d_blocks, sums })
+    }
+
     /// Pixels a side of the smallest picture that the trunk can see.
     pub fn smallest(&self) -> u32 {
         (1..).find(|n| self.sizes([*n, *n]).is_some()).unwrap_or(u32::MAX)
+    }
+}
+
+/// What a crop needs.
+pub(super) struct Extent {
+    /// Width and height of all maps.
+    pub sizes: Vec<[u32; 2]>,
+    /// Items of their buffers.
+    pub maps: Vec<MapsLen>,
+    /// Items of the cotangent of the picture, in blocks of the first layer's stride.
+    pub d_blocks: usize,
+    /// Sums that the taps leave.
+    pub sums: usize,
+}
+
+/// Items of the buffers of one depth.
+pub(super) struct MapsLen {
+    pub features: usize,
+    pub choices: usize,
+    pub cotangent: usize,
+}
+
+impl Extent {
+    /// Of all buffers.
+    pub fn bytes(&self) -> u64 {
+        let of_maps = |len: &MapsLen| 32 * len.features + 8 * len.choices + 16 * len.cotangent;
+        (self.maps.iter().map(of_maps).sum::<usize>() + 4 * self.d_blocks + 16 * self.sums) as u64
+    }
+
+    /// Of the largest buffer.
+    pub fn largest(&self) -> u64 {
+        let of_maps = self.maps.iter().map(|len| 16 * len.features.max(len.cotangent));
+        of_maps.max().unwrap_or(0).max(4 * self.d_blocks) as u64
     }
 }
 

@@ -20,6 +20,7 @@ mod launch;
 mod live;
 mod losses;
 mod lpips;
+mod lpips_tiles;
 mod lpips_trunk;
 mod moments;
 mod pairs;
@@ -44,7 +45,9 @@ mod workspace;
 mod zeros;
 
 pub use accumulation::{Accumulation, Sums};
-pub use adam::{AdamMode, BETA1, BETA2, EPS, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums};
+pub use adam::{
+    AdamMode, BETA1, BETA2, EPS, LAZY_BYTES, Optimiser, Rates, State, StepSettings, adam_params, lazy_sums,
+};
 pub use backward::{Backward, Drawn, Target};
 pub use batch::{Batch, MOST_IMAGES, Rows};
 pub use bilateral::{GRID_BYTES, GRID_NUMBERS, GRID_SIZE, GradedBack, GridState, GridStep, Grids};
@@ -59,7 +62,7 @@ pub use gradients::Gradients;
 pub use job::Destination;
 pub use live::{Among, Live};
 pub use losses::{Photometric, Pictures, SSIM_WEIGHT, Structure};
-pub use lpips::{Compared, Cotangent, Lpips};
+pub use lpips::{Compared, Cotangent, Lpips, Shown};
 pub use lpips_trunk::Trunk;
 pub use moments::{Moments, moment_word, moments_of};
 pub use params::{Outputs, Purpose, Strip, constants_on, view_params};

@@ -81,11 +81,10 @@ pub(super) fn moment(view: &View) -> f64 {
 
 /// Parameters of `strip` of `view` for a scene whose positions were shifted by `-origin`.
 pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: Strip) -> ViewParams {
-    // Centre of the camera, -R^T t, relative to the scene's origin.
+    // Centre of the camera relative to the scene's origin.
     let rows = |pose: &Pose| -> [[f32; 4]; 3] {
-        let m = pose.rows();
-        let center = |k: usize| -(0..3).map(|r| m[r][k] * m[r][3]).sum::<f64>() - origin[k];
-        std::array::from_fn(|r| [m[r][0] as f32, m[r][1] as f32, m[r][2] as f32, center(r) as f32])
+        let (m, center) = (pose.rows(), pose.center());
+        std::array::from_fn(|r| [m[r][0] as f32, m[r][1] as f32, m[r][2] as f32, (center[r] - origin[r]) as f32])
     };
     let [row0, row1, row2] = rows(&view.pose);
     let [next0, next1, next2] = rows(view.next_pose.as_ref().unwrap_or(&view.pose));

@@ -4,9 +4,7 @@ use crate::error::{Error, Result};
 use crate::files::read_file;
 use crate::report::statistics::{mean, range};
 use crate::report::{Axis, Chart, Mark, Panel, Row, Series, Table};
-use crate::train::Config;
-use crate::train::Run;
-use crate::train::{Preset, merge};
+use crate::train::{Config, Preset, Run, merge};
 use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -37,6 +35,8 @@ pub struct RunResult {
     pub ssim: f64,
     /// Mean over the test images; none of runs without weights for it.
     pub lpips: Option<f64>,
+    /// The same of colours in [0, 1].
+    pub lpips_unscaled: Option<f64>,
     /// Gaussians at the end.
     pub gaussians: u64,
     /// Bytes of their parameters.
@@ -82,6 +82,7 @@ struct Scored {
     psnr_aligned: f64,
     ssim: f64,
     lpips: Option<f64>,
+    lpips_unscaled: Option<f64>,
     views: Vec<ScoredView>,
 }
 
@@ -122,6 +123,7 @@ impl RunResult {
             worst_psnr,
             ssim: scored.ssim,
             lpips: scored.lpips,
+            lpips_unscaled: scored.lpips_unscaled,
             gaussians: totals.gaussians,
             bytes: totals.scene_bytes,
             seconds: totals.seconds,
@@ -135,10 +137,9 @@ impl RunResult {
 }
 
 fn read<T: serde::de::DeserializeOwned>(folder: &Path, name: &str) -> Result<T> {
-    let file = folder.join(name);
-    let fault = |reason: String| {
-        Error::data(&file, "", reason, "give folders of runs that have ended (`ivv train --resume -o RUN` ends one)")
-    };
+    let (file, remedy) =
+        (folder.join(name), "give folders of runs that have ended (`ivv train --resume -o RUN` ends one)");
+    let fault = |reason: String| Error::data(&file, "", reason, remedy);
     let text = read_file(&file).map_err(|e| fault(format!("cannot be read: {e}")))?;
     serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
 }
@@ -210,12 +211,13 @@ pub struct RunGroup {
 /// What is tabulated and drawn: name in JSON, heading, digits, and how to get it.
 type Score = (&'static str, &'static str, usize, fn(&RunResult) -> Option<f64>);
 
-const SCORES: [Score; 9] = [
+const SCORES: [Score; 10] = [
     ("psnr", "PSNR, dB", 2, |run| Some(run.psnr)),
     ("psnr_aligned", "aligned", 2, |run| Some(run.psnr_aligned)),
     ("worst_psnr", "worst camera", 2, |run| Some(run.worst_psnr)),
     ("ssim", "SSIM", 4, |run| Some(run.ssim)),
     ("lpips", "LPIPS", 4, |run| run.lpips),
+    ("lpips_unscaled", "LPIPS unscaled", 4, |run| run.lpips_unscaled),
     ("gaussians", "Gaussians", 0, |run| Some(run.gaussians as f64)),
     ("megabytes", "MB", 2, |run| Some(run.bytes as f64 / 1e6)),
     ("seconds", "seconds", 1, |run| Some(run.seconds)),
@@ -418,6 +420,7 @@ mod tests {
             worst_psnr: psnr - 2.0,
             ssim: 0.9,
             lpips: None,
+            lpips_unscaled: None,
             gaussians: 1000,
             bytes: 236_000,
             seconds: steps as f64 / 10.0,
@@ -434,12 +437,10 @@ mod tests {
         let mut config = Config { seed: 7, steps: 100, epochs: 2, ..Config::default() };
         assert_eq!(differences(&config), "defaults");
         // Weights that serve the score alone do not change the run.
-        config.loss.lpips = 0.0;
-        config.loss.lpips_weights = Some("weights.bin".into());
+        (config.loss.lpips, config.loss.lpips_weights) = (0.0, Some("weights.bin".into()));
         assert_eq!(differences(&config), "defaults");
         config.loss.lpips = 0.2;
-        config.lr.pace.steps = 0;
-        config.frame.alpha_cut = 0.0078;
+        (config.lr.pace.steps, config.frame.alpha_cut) = (0, 0.0078);
         assert_eq!(
             differences(&config),
             "frame.alpha_cut=0.0078 loss.lpips=0.2 loss.lpips_weights=weights.bin lr.pace.steps=0"

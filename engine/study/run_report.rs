@@ -91,6 +91,9 @@ impl Report<'_> {
                 let of = format!("{} test images; {:.2} aligned", s.evaluation.views.len(), mean.psnr_aligned);
                 tiles.push(("PSNR", format!("{:.2} dB", mean.psnr), of));
                 tiles.push(("SSIM", format!("{:.4}", mean.ssim), format!("L1 {:.4}", mean.l1)));
+                if let Some((lpips, unscaled)) = mean.lpips.zip(mean.lpips_unscaled) {
+                    tiles.push(("LPIPS", format!("{lpips:.4}"), format!("unscaled {unscaled:.4}")));
+                }
                 tiles.push(("Gaussians", s.gaussians.to_string(), format!("{} of them dynamic", s.dynamic_gaussians)));
                 let size = format!("SH degree {}, {} bytes each", s.sh_degree, s.bytes / s.gaussians.max(1) as u64);
                 tiles.push(("Scene", format!("{:.1} MiB", mib(s.bytes as f64)), size));
@@ -173,9 +176,12 @@ impl Report<'_> {
         let rows = scores.evaluation.views.iter().map(|v| (v.view.as_str(), &v.scores));
         let rows = rows.chain([("mean", &scores.evaluation.mean)]).map(|(view, s)| {
             let [psnr, aligned] = [s.psnr, s.psnr_aligned].map(|psnr| format!("{psnr:.3}"));
-            vec![view.to_owned(), psnr, aligned, format!("{:.4}", s.ssim), format!("{:.5}", s.l1)]
+            let [lpips, unscaled] =
+                [s.lpips, s.lpips_unscaled].map(|lpips| lpips.map_or("-".to_owned(), |lpips| format!("{lpips:.4}")));
+            vec![view.to_owned(), psnr, aligned, format!("{:.4}", s.ssim), lpips, unscaled, format!("{:.5}", s.l1)]
         });
-        *page += &Table::new(&["view", "PSNR, dB", "aligned", "SSIM", "L1"], rows).folded("Scores of every view");
+        let heads = ["view", "PSNR, dB", "aligned", "SSIM", "LPIPS", "LPIPS unscaled", "L1"];
+        *page += &Table::new(&heads, rows).folded("Scores of every view");
         writeln!(page, "</section>").map_err(Into::into)
     }
 
@@ -197,7 +203,8 @@ impl Report<'_> {
             vec![text("camera"), frames("offset"), frames("standard_error"), frames("truth"), text("how")]
         });
         let table = Table::new(&["camera", "offset", "+-", "true", "how"], rows);
-        *page += &section("Time offsets of the cameras", &(told + &table.folded("Frames, with the scene held fixed")));
+        let head = "Frames; +- is of the camera's own pictures, and doubled for what the scene takes up of a clock";
+        *page += &section("Time offsets of the cameras", &(told + &table.folded(head)));
         Ok(())
     }
 

@@ -40,7 +40,7 @@ settings! {
         /// The scene of a run is the mean of the scenes in this last share of it, in which density control does nothing; 0 takes the scene of
         /// the last step alone.
         average: f64 = 0.1, "of the run", Range::SHARE;
-        /// The number of Gaussians never exceeds this.
+        /// The number of Gaussians never exceeds this. A run that adds some (adc) begins with two thirds as many at most, of those that it finds.
         max_gaussians: usize = 500_000, "Gaussians", Range::COUNT;
         /// Where the first Gaussians come from.
         init: Init = Init::Auto, "",
@@ -304,8 +304,8 @@ settings! {
         prune_opacity: f32 = 0.005, "", Range::BELOW_ONE;
         /// adc: Gaussians larger than this are removed while others are added.
         prune_scale: f32 = 0.5, "scene extents", Range::POSITIVE;
-        /// Gaussians larger than this share of their distance to a lens, or to a view between cameras, are removed (adc) or moved
-        /// elsewhere (mcmc).
+        /// Gaussians that reach further than this share of their distance towards a lens, or towards a view between cameras, are removed
+        /// (adc) or moved elsewhere (mcmc) while others are added.
         prune_veil: f32 = 0.33, "depths", Range::POSITIVE;
         /// adc: steps between two resets of the opacities; 0 never resets.
         reset_every: u64 = 3000, "steps", Range::Whole(0, u64::MAX);
@@ -443,7 +443,7 @@ settings! {
 pub enum Round {
     /// Gaussians are added, removed and, by `mcmc`, relocated.
     Growth,
-    /// Gaussians are removed: one that has grown before a lens since the others ended would stay there.
+    /// Those that have faded are removed.
     Removal,
 }
 
@@ -455,12 +455,22 @@ impl Density {
     /// Those after [`Density::stop`] only remove, and so does one after which too few steps are left to fit what it would add.
     /// [`super::density_round`] leaves out those in steps that are averaged. None if there is no time for rounds that grow.
     pub fn due(&self, step: u64, total: u64) -> Option<Round> {
-        let first = ((total as f64 * self.start) as u64).min(self.first_step);
-        let last = (total as f64 * self.stop) as u64;
+        let (first, last) = self.first_and_last(total);
         let every = self.every.min((last.saturating_sub(first) / 10).max(LEAST_EVERY)).max(1);
         let is_due = last > first && step > first && (step - first).is_multiple_of(every);
         let grows = step <= last && total.saturating_sub(step) >= every;
         is_due.then_some(if grows { Round::Growth } else { Round::Removal })
+    }
+
+    /// Whether a round of a run of `total` steps may add Gaussians after step `step`.
+    pub fn grows_after(&self, step: u64, total: u64) -> bool {
+        let (first, last) = self.first_and_last(total);
+        last > first && step < last
+    }
+
+    /// The step before the rounds begin, and the last that adds Gaussians.
+    fn first_and_last(&self, total: u64) -> (u64, u64) {
+        (((total as f64 * self.start) as u64).min(self.first_step), (total as f64 * self.stop) as u64)
     }
 }
 

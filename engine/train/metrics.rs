@@ -10,7 +10,7 @@ use crate::parallel::{in_parallel, threads};
 use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Parts, Splats, Summary, View};
-use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Structure, Trunk, record_totals};
+use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Shown, Structure, Trunk, record_totals};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use std::time::Instant;
 const AHEAD: usize = 8;
 
 /// What the scores mean, by name; written beside every set of them.
-const METRICS: [(&str, &str); 8] = [
+const METRICS: [(&str, &str); 9] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
     ("psnr_aligned", "PSNR after the affine map of colours, one for each view, that brings it closest to the image"),
     (
@@ -33,7 +33,16 @@ const METRICS: [(&str, &str); 8] = [
          anyone's guess",
     ),
     ("ssim", "as 3DGS: 11 x 11 Gaussian window, sigma 1.5, zero padding, C1 = 0.01^2, C2 = 0.03^2"),
-    ("lpips", "LPIPS v0.1 of the whole view, where the run has weights for it; hidden pixels equal the image"),
+    (
+        "lpips",
+        "LPIPS v0.1 of the whole view, where the run has weights for it, of colours in [-1, 1], as it is made for; hidden pixels equal \
+         the image",
+    ),
+    (
+        "lpips_unscaled",
+        "the same of colours in [0, 1], which its network is not made for: as the published tables of STG, Ex4DGS and 4DGaussians \
+         have it",
+    ),
     ("l1", "mean absolute error over the same values as PSNR"),
     (
         "flicker",
@@ -67,6 +76,9 @@ pub struct Scores {
     /// LPIPS; none without weights, or of a view that is too small for them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips: Option<f64>,
+    /// LPIPS of colours in [0, 1], to compare with tables that have it so; as [`Scores::lpips`] otherwise.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub lpips_unscaled: Option<f64>,
     /// Mean absolute change since the frame before, where nothing moves; none of a first frame or a camera that moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flicker: Option<f64>,
@@ -117,6 +129,7 @@ impl Evaluation {
             ssim: all(|s| s.ssim),
             l1: all(|s| s.l1),
             lpips: some(|s| s.lpips),
+            lpips_unscaled: some(|s| s.lpips_unscaled),
             flicker: some(|s| s.flicker),
             flicker_true: some(|s| s.flicker_true),
         };
@@ -376,6 +389,8 @@ fn psnr_of(frame: &Frame, picture: &Picture, counts: impl Fn(usize) -> bool) -> 
 pub struct Meter {
     gpu: Arc<Gpu>,
     lpips: Option<Lpips>,
+    /// Why a view had no LPIPS, although there are weights.
+    without_lpips: Option<Error>,
 }
 
 impl Meter {
@@ -386,7 +401,7 @@ impl Meter {
     pub fn new(gpu: Arc<Gpu>, config: &Config) -> Result<Self> {
         let weights = config.loss.lpips_weights.as_ref();
         let lpips = weights.map(|weights| Lpips::load(&gpu, weights)).transpose()?;
-        Ok(Meter { gpu, lpips })
+        Ok(Meter { gpu, lpips, without_lpips: None })
     }
 
     /// The trunk of LPIPS, where there are weights for it.
@@ -394,8 +409,14 @@ impl Meter {
         self.lpips.as_ref().map(Lpips::trunk)
     }
 
+    /// Why the first view without LPIPS had none, if there are weights and this was not asked before.
+    pub fn take_fault_of_lpips(&mut self) -> Option<Error> {
+        self.without_lpips.take()
+    }
+
     /// Scores of `frame` against `picture`, of the same size, but for those of masks and of other frames; none where the mask
-    /// hides all pixels: their error of zero would be taken for that of a perfect picture.
+    /// hides all pixels: their error of zero would be taken for that of a perfect picture. A view that is too small for LPIPS, or for which
+    /// the device has no room, has none.
     ///
     /// # Errors
     /// Those of the device.
@@ -419,10 +440,14 @@ impl Meter {
         let mut rec = Recording::new();
         let pictures = Pictures { image: &image, truth: &truth, d_image: &d_image, size, n_visible };
         let mut left = vec![loss.record(&mut rec, &pictures, Some(Structure::WHOLE))];
-        let mut lpips = self.lpips.as_mut().filter(|lpips| lpips.scratch_bytes(size, false).is_ok());
-        if let Some(lpips) = &mut lpips {
-            let compared = Compared { image: &image, truth: &truth, size, origin: [0, 0], crop: size };
-            left.push(lpips.record(gpu, &mut rec, &compared, None)?);
+        let compared = Compared { image: &image, truth: &truth, size, origin: [0, 0], crop: size };
+        let most_bytes = gpu.caps().max_binding_bytes;
+        if let Some(lpips) = &mut self.lpips {
+            let both = [Shown::Scaled, Shown::Unscaled];
+            match both.map(|shown| lpips.record_score(gpu, &mut rec, &compared, shown, most_bytes)) {
+                [Ok(scaled), Ok(unscaled)] => left.extend([scaled, unscaled]),
+                [Err(fault), _] | [_, Err(fault)] => drop(self.without_lpips.get_or_insert(fault)),
+            }
         }
         let totals = gpu.alloc("totals", left.len())?;
         record_totals(&mut rec, &left, &totals);
@@ -430,9 +455,20 @@ impl Meter {
         let totals = gpu.read(&totals)?;
         let sums = totals.first().copied().unwrap_or_default();
         let [ssim, l1, _] = Photometric::values(sums, n_visible, size, Structure::WHOLE);
-        let lpips = totals.get(1).map(|[value, ..]| f64::from(*value));
+        let [lpips, lpips_unscaled] = [1, 2].map(|at| totals.get(at).map(|[value, ..]| f64::from(*value)));
         let (psnr, psnr_aligned) = (psnr(errors.plain), psnr(errors.aligned));
         let (psnr_foreground, psnr_covisible, flicker, flicker_true) = (None, None, None, None);
-        Ok(Some(Scores { psnr, psnr_aligned, psnr_foreground, psnr_covisible, ssim, l1, lpips, flicker, flicker_true }))
+        Ok(Some(Scores {
+            psnr,
+            psnr_aligned,
+            psnr_foreground,
+            psnr_covisible,
+            ssim,
+            l1,
+            lpips,
+            lpips_unscaled,
+            flicker,
+            flicker_true,
+        }))
     }
 }

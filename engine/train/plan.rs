@@ -6,11 +6,13 @@ use super::config::Config;
 use super::setup::Setup;
 use super::terms::{self, TermData};
 use super::trainer::IN_FLIGHT;
+use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::Splats;
 use crate::scene::capture::{Capture, decoded_bytes, pixel_bytes};
-use crate::stage::{AdamMode, GRID_BYTES, Grids, Sums};
+use crate::stage::{AdamMode, GRID_BYTES, Grids, Lpips, Sums};
 use crate::vk::DeviceKind;
+use std::collections::BTreeSet;
 use std::fmt;
 
 /// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 2 to 10 are
@@ -58,10 +60,15 @@ pub struct Workload {
     pub sums: Sums,
     /// Pixel rows of the largest picture.
     pub height: u32,
+    /// Bytes of LPIPS's features, and of the largest of their buffers: of the loss, where that has LPIPS, and of scores.
+    pub lpips: [[u64; 2]; 2],
 }
 
 impl Workload {
     /// A run on `capture` that begins with `n` Gaussians, `n_dynamic` of them dynamic, on a device.
+    ///
+    /// # Errors
+    /// Those of the weights of LPIPS.
     pub fn of(
         capture: &Capture,
         config: &Config,
@@ -69,10 +76,10 @@ impl Workload {
         (n, n_dynamic): (u64, u64),
         gpu: &Gpu,
         memory: ImageMemory,
-    ) -> Self {
+    ) -> Result<Self> {
         let image_bytes = decoded_bytes(capture, setup.data.depth, setup.data.flow);
         let pixels = capture.cameras.iter().map(|camera| camera.intrinsics.n_pixels());
-        Workload {
+        Ok(Workload {
             gaussians: n,
             dynamic: n_dynamic,
             max_gaussians: config.max_gaussians as u64,
@@ -90,8 +97,25 @@ impl Workload {
             grids: setup.most_grids as u64,
             sums: config.accumulation.on(gpu.caps()),
             height: capture.cameras.iter().map(|camera| camera.intrinsics.height).max().unwrap_or(0),
-        }
+            lpips: lpips_bytes(capture, config, gpu)?,
+        })
     }
+}
+
+/// [`Workload::lpips`]: the most over the cameras that are trained on, and those that are scored. None of views that LPIPS cannot take.
+fn lpips_bytes(capture: &Capture, config: &Config, gpu: &Gpu) -> Result<[[u64; 2]; 2]> {
+    let Some(file) = &config.loss.lpips_weights else { return Ok([[0; 2]; 2]) };
+    let (lpips, most_bytes) = (Lpips::load(gpu, file)?, gpu.caps().max_binding_bytes);
+    let largest = |is_test: bool, bytes: &dyn Fn([u32; 2]) -> Result<[u64; 2]>| {
+        let cameras = capture.cameras.iter().filter(|camera| camera.is_test == is_test);
+        let sizes: BTreeSet<[u32; 2]> = cameras.map(|camera| camera.intrinsics).map(|i| [i.width, i.height]).collect();
+        let of_sizes = sizes.into_iter().filter_map(|size| bytes(size).ok());
+        of_sizes.fold([0; 2], |[all, one], [more, other]| [all.max(more), one.max(other)])
+    };
+    let crop = if config.loss.lpips_crop > 0 { config.loss.lpips_crop } else { u32::MAX };
+    let of_loss = largest(false, &|size| lpips.loss_bytes(size.map(|side| side.min(crop))));
+    let of_scores = largest(true, &|size| lpips.score_bytes(size, most_bytes));
+    Ok([if config.loss.has_lpips() { of_loss } else { [0; 2] }, of_scores])
 }
 
 /// What the device has.
@@ -236,6 +260,7 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
             vec![item("d slots", Active, Gaussian, 48.0, 48.0), item("frame sums", Active, Gaussian, 104.0, 104.0)]
         }
     });
+    items.extend(lpips_items(work));
     items.extend(terms::buffers(work.data).map(|(name, bytes)| item(name, Pixels, Pixel, bytes, bytes)));
     if work.grids > 0 {
         let of_camera = (GRID_BYTES / 3) as f64;
@@ -251,13 +276,18 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         ]);
     }
     items.extend(batch_items(work, each));
-    if work.dense && work.batch == 1 {
-        items.push(item("idle ids", Active, Gaussian, 4.0, 4.0));
-    }
-    if work.learns_cameras {
-        items.push(item("d camera of each", Active, Gaussian, 32.0, 32.0));
-    }
+    items.extend((work.dense && work.batch == 1).then(|| item("idle ids", Active, Gaussian, 4.0, 4.0)));
+    items.extend(work.learns_cameras.then(|| item("d camera of each", Active, Gaussian, 32.0, 32.0)));
     items
+}
+
+/// What LPIPS needs in a step and in scores.
+fn lpips_items(work: &Workload) -> impl Iterator<Item = Item> {
+    let item = |(name, [bytes, bound]): (&'static str, [u64; 2])| {
+        let (class, per) = (Class::Pixels, Per::Once);
+        Item { name, class, per, bytes: bytes as f64, bound: bound as f64 }
+    };
+    ["lpips features", "lpips features of scores"].into_iter().zip(work.lpips).map(item)
 }
 
 /// What steps on several images need beside, of parameters of `each` bytes a static Gaussian.
@@ -357,6 +387,9 @@ pub struct ImageMemory {
 
 impl Plan {
     /// What a run on `capture` needs that begins with `splats` and has so much memory for pictures.
+    ///
+    /// # Errors
+    /// As [`Workload::of`].
     pub fn of(
         capture: &Capture,
         config: &Config,
@@ -364,12 +397,15 @@ impl Plan {
         splats: &Splats,
         gpu: &Gpu,
         memory: ImageMemory,
-    ) -> Self {
+    ) -> Result<Self> {
         let (n, n_dynamic) = (splats.len() as u64, splats.motion.len() as u64);
-        let work = Workload::of(capture, config, setup, (n, n_dynamic), gpu, memory);
+        let work = Workload::of(capture, config, setup, (n, n_dynamic), gpu, memory)?;
         let caps = gpu.caps();
         let is_host = caps.kind == DeviceKind::Cpu;
-        Plan::new(&work, &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host })
+        Ok(Plan::new(
+            &work,
+            &Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host },
+        ))
     }
 
     /// Plans `work` on a device with `limits`. [`Plan::full`] has no Gaussian where a picture alone is too much.

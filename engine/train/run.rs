@@ -1,5 +1,6 @@
 //! What a run folder holds beside its settings: all that is needed to score its scene again.
 
+use super::fingerprints::{Changes, Fingerprints};
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
 use crate::scene::capture::{Calibration, Capture, CaptureSettings};
@@ -31,6 +32,9 @@ pub struct Run {
     pub constants: Constants,
     /// What the capture held, to tell it from another.
     pub held: CaptureSummary,
+    /// What its cameras and pictures were; none of runs before there were fingerprints.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub fingerprints: Option<Fingerprints>,
 }
 
 /// What a capture holds.
@@ -98,6 +102,7 @@ impl Run {
             world: capture.normalisation(),
             constants,
             held: CaptureSummary::new(capture),
+            fingerprints: Some(Fingerprints::of(capture)?),
         })
     }
 
@@ -137,8 +142,27 @@ impl Run {
     /// # Errors
     /// Those of the capture; [`Error::Data`] when it does not hold what it held.
     pub fn open_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
+        Ok(self.read_capture(moved_to)?.transformed(&self.world))
+    }
+
+    /// As [`Run::open_capture`], with what its cameras and pictures are that they were not; nothing of runs that have no fingerprints.
+    ///
+    /// # Errors
+    /// As [`Run::open_capture`].
+    pub fn compare_capture(&self, moved_to: Option<&Path>) -> Result<(Capture, Changes)> {
+        let capture = self.read_capture(moved_to)?;
+        let changes = match &self.fingerprints {
+            Some(before) => before.changes(&Fingerprints::of(&capture)?),
+            None => Changes::default(),
+        };
+        Ok((capture.transformed(&self.world), changes))
+    }
+
+    /// The capture in its own frame.
+    fn read_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
         let path = moved_to.unwrap_or(&self.capture);
-        if !path.is_dir() {
+        // A file of cameras may stand for its folder.
+        if !path.exists() {
             let remedy =
                 "the capture has moved: give its new place (`ivv train --resume -o RUN CAPTURE`, elsewhere --capture)";
             return Err(Error::data(path, "", "no such folder", remedy));
@@ -152,11 +176,11 @@ impl Run {
             // A run that leaves what rests alone was made without photographs.
             let without = capture.clone().without_photos();
             if CaptureSummary::new(&without) == self.held {
-                return Ok(without.calibrated(&self.calibration).transformed(&self.world));
+                return Ok(without.calibrated(&self.calibration));
             }
             let reason = format!("holds {holds:?}, the run's held {:?}", self.held);
             return Err(Error::data(path, "", reason, "give the capture of this run, or train again"));
         }
-        Ok(capture.calibrated(&self.calibration).transformed(&self.world))
+        Ok(capture.calibrated(&self.calibration))
     }
 }

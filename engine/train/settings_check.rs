@@ -1,8 +1,10 @@
 //! The check that every setting has a value that it may have.
 
 use super::config::{Config, all_settings};
+use crate::error::{Error, Result as Checked};
+use crate::gpu::Gpu;
 use crate::settings::{Range, Setting, as_written};
-use crate::stage::AdamMode;
+use crate::stage::{AdamMode, LAZY_BYTES, Lpips};
 use crate::words::nearest;
 use serde_json::Value;
 
@@ -71,6 +73,24 @@ fn leaves(prefix: &str, settings: &Value, names: &mut Vec<String>) {
 }
 
 impl Config {
+    /// Checks what a run of `total` steps needs beside its capture: the weights of LPIPS, if it is trained on or only scored, and room
+    /// on the device for what `adam=lazy` keeps of every step.
+    ///
+    /// # Errors
+    /// Those of [`Lpips::load`]; [`Error::OutOfMemory`] where the run has too many steps for `adam=lazy`.
+    pub fn check_on(&self, gpu: &Gpu, total: u64) -> Checked<()> {
+        let (needed, limit) = (LAZY_BYTES.saturating_mul(total.saturating_add(1)), gpu.caps().max_binding_bytes);
+        if self.adam == AdamMode::Lazy && needed > limit {
+            return Err(Error::OutOfMemory {
+                what: format!("what adam=lazy keeps of {total} steps (bytes in one binding)"),
+                needed,
+                limit,
+                remedy: format!("set adam=dense or adam=sparse, or train for {} steps at most", limit / LAZY_BYTES - 1),
+            });
+        }
+        self.loss.lpips_weights.as_ref().map_or(Ok(()), |weights| Lpips::load(gpu, weights).map(drop))
+    }
+
     /// Checks every setting.
     ///
     /// # Errors

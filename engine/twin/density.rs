@@ -57,7 +57,7 @@ pub struct Density<'a> {
     pub prune_opacity: f32,
     /// What cameras see.
     pub lenses: &'a [Cone],
-    /// Standard deviation, as a part of its depth before a lens that sees it, above which a Gaussian is removed.
+    /// Standard deviation towards a lens that sees it, as a part of its depth before that, above which a Gaussian is removed.
     pub prune_veil: f32,
     /// Gaussians never exceed this.
     pub max_gaussians: usize,
@@ -180,11 +180,20 @@ impl Density<'_> {
 
     /// Whether it is a floater before a camera with this lens.
     fn floats_before(&self, i: usize, lens: &Cone) -> bool {
-        let (width, axis) = (self.largest(i), Vec3::from(lens.axis));
+        let axis = Vec3::from(lens.axis);
         let offset = Vec3::from(self.splats.position[i]) - Vec3::from(lens.tip);
         let depth = offset.dot(axis);
         let aside = (offset - depth * axis).length() - depth * lens.reach;
-        depth > 0.0 && width > self.prune_veil * (depth + 2.0 * aside.max(0.0))
+        depth > 0.0 && self.reach(i, offset.normalize()) > self.prune_veil * (depth + 2.0 * aside.max(0.0))
+    }
+
+    /// Standard deviation along a direction.
+    fn reach(&self, i: usize, direction: Vec3) -> f32 {
+        let turn = rotation(self.splats.rotation[i].map(f64::from)).unwrap_or_default();
+        // Its columns are the Gaussian's axes.
+        let along = |k: usize| (0..3).map(|row| turn[row][k] as f32 * direction[row]).sum::<f32>();
+        let sizes = self.splats.scale[i].map(|scale| scale.min(80.0).exp());
+        (0..3).map(|k| (sizes[k] * along(k)).powi(2)).sum::<f32>().sqrt()
     }
 
     /// Where a Gaussian is stored: population and falling SH degree, slot of time, Morton's code. Slots are 1 / 2^k of the clip

@@ -2,11 +2,14 @@
 //! but that.
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Containers that are read; playlists and lists of files, which name other files, are not among them.
 const FORMATS: &str = "mov,matroska,avi,mpegts,mpeg,mxf,flv,asf,ogg,dv,h264,hevc,m4v,ivf,gif,yuv4mpegpipe,wav,w64,flac,mp3,\
                        aac,aiff,caf";
+
+/// Pictures that are read.
+const PICTURES: &str = "tiff_pipe,webp_pipe,dpx_pipe,exr_pipe,bmp_pipe,j2k_pipe,jpegxl_pipe,mov";
 
 /// The name of a file for ffmpeg: a colon in a path would make what stands before it a protocol.
 pub(crate) fn file_url(path: &Path) -> OsString {
@@ -15,9 +18,68 @@ pub(crate) fn file_url(path: &Path) -> OsString {
     url
 }
 
-/// What stands before an input: the input may open local files only, and must not be a playlist.
-pub(crate) fn input(path: &Path) -> [OsString; 6] {
+/// What stands before an input, and the input: it may open local files only, and must not be a playlist. A take that a GoPro
+/// continued in further files is one input, of all its chapters.
+pub(crate) fn input(path: &Path) -> Vec<OsString> {
+    let chapters = chapters(path);
+    if chapters.len() > 1 {
+        let words = ["-protocol_whitelist", "file,data", "-f", "concat", "-safe", "0", "-i"].map(OsString::from);
+        return words.into_iter().chain([list(&chapters).into()]).collect();
+    }
     let words = ["-protocol_whitelist", "file", "-format_whitelist", FORMATS, "-i"].map(OsString::from);
-    let [a, b, c, d, e] = words;
-    [a, b, c, d, e, file_url(path)]
+    words.into_iter().chain([file_url(path)]).collect()
+}
+
+/// As [`input`], of a picture.
+pub(crate) fn picture(path: &Path) -> Vec<OsString> {
+    let words = ["-protocol_whitelist", "file", "-format_whitelist", PICTURES, "-i"].map(OsString::from);
+    words.into_iter().chain([file_url(path)]).collect()
+}
+
+/// A list of files for ffmpeg, in the argument itself; each must be in one of the [`FORMATS`].
+fn list(files: &[PathBuf]) -> String {
+    let mut list = "data:text/plain,ffconcat version 1.0\n".to_owned();
+    for file in files {
+        let path = std::path::absolute(file).unwrap_or(file.clone());
+        let quoted = path.to_string_lossy().replace('\'', "'\\''");
+        list += &format!("file 'file:{quoted}'\noption format_whitelist {FORMATS}\n");
+    }
+    list
+}
+
+/// The files of the take that `path` begins: itself and, where a GoPro wrote it, those that continue it.
+pub(crate) fn chapters(path: &Path) -> Vec<PathBuf> {
+    let next = |path: &PathBuf| beside(path, 1);
+    std::iter::successors(Some(path.to_owned()), next).collect()
+}
+
+/// Whether a file continues the take of another that lies beside it.
+pub(crate) fn is_later_chapter(path: &Path) -> bool {
+    beside(path, -1).is_some()
+}
+
+/// The chapter so many after this one, where it is there. GoPros write GX010123, GX020123 and so on (GH and others likewise), and
+/// older ones GOPR0123, GP010123.
+fn beside(path: &Path, by: i32) -> Option<PathBuf> {
+    let (stem, ending) = (path.file_stem()?.to_str()?, path.extension()?.to_str()?);
+    // A list of files has a line for each.
+    if stem.len() != 8 || !stem.is_ascii() || path.to_str()?.contains('\n') {
+        return None;
+    }
+    let (kind, take) = stem.split_at(4);
+    let is_number = |text: &str| text.bytes().all(|byte| byte.is_ascii_digit());
+    let (letters, chapter) = kind.split_at(2);
+    let chapter = match (letters, chapter) {
+        ("GO", "PR") => 0,
+        (_, chapter) if letters.starts_with('G') && is_number(chapter) => chapter.parse::<i32>().ok()?,
+        _ => return None,
+    };
+    let kind = match (letters, chapter + by) {
+        ("GO" | "GP", 0) => "GOPR".to_owned(),
+        ("GO" | "GP", chapter @ 1..=99) => format!("GP{chapter:02}"),
+        (_, chapter @ 1..=99) => format!("{letters}{chapter:02}"),
+        _ => return None,
+    };
+    let file = path.with_file_name(format!("{kind}{take}.{ending}"));
+    (is_number(take) && file.is_file()).then_some(file)
 }

@@ -3,7 +3,7 @@
 mod local;
 mod y4m;
 
-pub(crate) use local::input;
+pub(crate) use local::{chapters, input, is_later_chapter, picture};
 
 use std::ffi::OsString;
 use std::io::{self, BufWriter, ErrorKind, Read, Write};

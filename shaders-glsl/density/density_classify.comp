@@ -6,7 +6,8 @@
 // Grid      one thread per flat index of the group, its gap included.
 // Writes    flags; score: the pull as a key that sorts the hardest first, all ones for who cannot grow; or, where
 //           `weight` is not 0, a number proportional to the opacity, 0 for the dead. Everything by flat index.
-// Numerics  what is not finite, cannot turn, is too large, or too wide for where it stands before a lens is not kept.
+// Numerics  what is not finite, cannot turn, is too large, or reaches too far towards a lens is not kept. How far is the
+//           standard deviation along the line to the lens: a wall that is seen face on is wide and hides nothing.
 //           Comparisons are the f32 twin's own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -15,6 +16,8 @@
 #include "unfolded.glsl"
 #include "grid.glsl"
 #include "finite.glsl"
+#include "unit.glsl"
+#include "rotation.glsl"
 #include "temporal.glsl"
 #include "density.glsl"
 
@@ -33,7 +36,7 @@ layout(push_constant) uniform Push {
     uint bucket;
     uint n_lenses;
     uint levels;
-    float veil;           // standard deviation, in units of its depth before a lens, above which it is not kept
+    float veil;           // standard deviation towards a lens, in units of its depth before it, above which it is not kept
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 0, binding = 1) restrict readonly buffer State { vec4 state[]; };
@@ -93,14 +96,18 @@ void main() {
 #else
     code |= morton(mean_opacity.xyz);
 #endif
-    const float width = exp(min(scale, 80.0));
+    // Rows of diag(s) R^T: times a direction, the standard deviations along it.
+    float inverse_length;
+    const vec3 sizes = exp(min(scale_t.xyz, vec3(80.0)));
+    const mat3 turn = rotation_of(unit_quaternion(q, inverse_length));
     bool veils = false;
     for (uint k = 0u; k < unfolded(pc.n_lenses); ++k) {
         precise vec3 offset = mean_opacity.xyz - lenses[2u * k].xyz;
         precise float depth = dot(offset, lenses[2u * k + 1u].xyz);
         precise float aside = length(offset - depth * lenses[2u * k + 1u].xyz) - depth * lenses[2u * k].w;
+        precise float towards = length(sizes * (normalize(offset) * turn));
         // Who is beside what the lens sees must be wider to reach into it.
-        veils = veils || (depth > 0.0 && width > pc.veil * (depth + 2.0 * max(aside, 0.0)));
+        veils = veils || (depth > 0.0 && towards > pc.veil * (depth + 2.0 * max(aside, 0.0)));
     }
     const bool kept = exists && good && opacity >= pc.prune_opacity && scale <= pc.largest && !veils;
     const float pull = stat.y > 0.0 ? stat.x / stat.y : 0.0;

@@ -19,6 +19,7 @@ layout(push_constant) uniform Push {
     uint start;       // its first in the list of sources
     uint old_first;   // flat index of the old group's first
     uint old_n;
+    uint faded;       // the first planes, whose last component none keeps
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Sources { uint sources[]; };
 layout(set = 0, binding = 1) restrict readonly buffer Old { uvec4 old[]; };
@@ -36,6 +37,7 @@ void main() {
     const uint word = sources[pc.start + i];
     const uint from = source_of(word) - pc.old_first;
     if (from >= pc.old_n) return;
-    const vec4 mask = kind_of(word) == AS_IT_WAS ? pc.as_it_was : pc.child;
+    vec4 mask = kind_of(word) == AS_IT_WAS ? pc.as_it_was : pc.child;
+    if (plane < pc.faded) mask.w = 0.0;
     gathered[at] = mix(uvec4(0u), old[plane_index(from, pc.planes, plane)], notEqual(mask, vec4(0.0)));
 }

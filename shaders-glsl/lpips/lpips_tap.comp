@@ -14,7 +14,15 @@
 
 layout(local_size_x = 64) in;
 
-layout(push_constant) uniform Push { uint pixels; uint planes; uint first_sum; float per_pixel; } pc;
+layout(push_constant) uniform Push {
+    uint pixels;     // that are compared: a part of the maps,
+    uint columns;    // so many of each row,
+    uint first;      // from this one on
+    uint width;      // of the maps
+    uint planes;
+    uint first_sum;
+    float per_pixel;
+} pc;
 layout(set = 0, binding = 0) restrict readonly buffer Features { vec4 features[]; };
 layout(set = 0, binding = 1) restrict readonly buffer TruthFeatures { vec4 truth_features[]; };
 layout(set = 0, binding = 2) restrict readonly buffer Linear { vec4 linear[]; };
@@ -38,7 +46,8 @@ void main() {
     const uint thread = gl_SubgroupID * gl_SubgroupSize + gl_SubgroupInvocationID;
     const uint pixel = linear_group() * (64u / TEAM) + thread / TEAM;
     const bool valid = pixel < pc.pixels;
-    const uint first = (valid ? pixel : 0u) * pc.planes;
+    const uint at = valid ? pixel : 0u;
+    const uint first = (pc.first + at / pc.columns * pc.width + at % pc.columns) * pc.planes;
     precise float x_square = 0.0;
     precise float y_square = 0.0;
     for (uint p = thread % TEAM; p < pc.planes; p += TEAM) {

@@ -74,7 +74,7 @@ fn points_are_optional_and_test_views_are_a_setting() {
 fn every_fault_of_the_values_is_told_in_both_formats() {
     let folder = Folder::new("colmap-faults");
     write_images(&folder);
-    let cases: [Case<Model>; 21] = [
+    let cases: [Case<Model>; 19] = [
         (
             |m| (m.cameras[0].3, m.cameras[0].4, m.cameras[0].5) = (65_536, 65_536, vec![5e4; 4]),
             "has 65536 x 65536 pixels, at most 268435456",
@@ -86,9 +86,8 @@ fn every_fault_of_the_values_is_told_in_both_formats() {
         (|m| m.cameras[0].5[0] = 0.0, "has fx = 0.0 pixels"),
         (|m| m.cameras[0].5[1] = f64::NAN, "has fy = NaN pixels"),
         (|m| m.cameras[0].5[3] = f64::INFINITY, "has cy = inf pixels"),
-        (|m| m.cameras[1] = (9, 4, "OPENCV", 6, 4, vec![1.0; 8]), "`ivv prepare`"),
+        (|m| m.cameras[1] = (9, 4, "OPENCV", 6, 4, vec![1.0; 8]), "`ivv prepare "),
         (|m| m.images[2].0 = 10, "has the id of an earlier image"),
-        (|m| m.images[0].1 = [1.0, 0.1, 0.0, 0.0], "has a quaternion of length 1.00"),
         (|m| m.images[0].1 = [0.0; 4], "has a quaternion of length 0"),
         (|m| m.images[0].1[1] = f64::NAN, "a number is not finite"),
         (|m| m.images[0].2[1] = f64::NEG_INFINITY, "a number is not finite"),
@@ -98,7 +97,6 @@ fn every_fault_of_the_values_is_told_in_both_formats() {
         (|m| m.images[2].4 = "b.jpg", "has the name of an earlier one"),
         (|m| m.points[1].0 = 7, "has the id of an earlier point"),
         (|m| m.points[1].1[2] = f64::NAN, "not finite or beyond"),
-        (|m| m.points[1].4[0].0 = 13, "was seen in image 13, which does not exist"),
     ];
     for (change, says) in cases {
         let mut model = sample();
@@ -118,24 +116,29 @@ fn every_fault_of_the_values_is_told_in_both_formats() {
 }
 
 #[test]
-fn a_name_that_leads_out_of_the_capture_is_refused() {
+fn a_name_leads_nowhere_but_below_the_capture() {
     let folder = Folder::new("colmap-names");
     write_images(&folder);
     for (name, says) in [
-        ("../a.png", "has `..`"),
-        ("x/../../a.png", "has `..`"),
-        ("/etc/passwd", "is absolute"),
-        ("C:\\a.png", "a backslash"),
-        ("..\\a.png", "a backslash"),
-        ("C:a.png", "begins with a drive"),
         ("a\u{1}.png", "a control character"),
         (".", "is empty"),
         ("", "is empty"),
+        ("/etc/passwd", "images/etc/passwd.png: is missing"),
+        ("../../secret.png", "images/secret.png: is missing"),
     ] {
         let mut model = sample();
         model.images[1].4 = name;
         write(&folder, &model);
         assert_told(&folder.check(), &[says]);
+    }
+    for name in ["../a.png", "x/../../a.png", "/home/me/a.png", "C:\\me\\a.png", "..\\a.png", "C:a.png"] {
+        let mut model = sample();
+        model.images[1].4 = name;
+        write(&folder, &model);
+        let report = folder.check();
+        assert_eq!(told(&report), "", "{name}");
+        assert!(!report.notes.is_empty(), "{name}");
+        assert!(folder.open().cameras.iter().any(|camera| camera.shots[0].image == folder.0.join("images/a.png")));
     }
 }
 
@@ -144,15 +147,15 @@ fn all_faults_of_a_capture_come_in_one_report() {
     let folder = Folder::new("colmap-all");
     let mut model = sample();
     model.points[0].1[0] = f64::NAN;
-    model.images[0].1[0] = 2.0;
+    model.images[0].1 = [0.0; 4];
     write(&folder, &model);
     folder.write("images/a.png", b"");
     folder.write("images/c d.png", super::png(4, 6, 0));
     let report = folder.check();
-    assert_told(&report, &["quaternion of length 2", "not finite", "a.png: has 0 bytes", "is 4 x 6, its camera is"]);
+    assert_told(&report, &["quaternion of length 0", "not finite", "a.png: has 0 bytes", "is 4 x 6, its camera is"]);
     assert_eq!(report.n_faults, 4);
     let first = Capture::open(&folder.0).unwrap_err().to_string();
-    assert!(first.contains("(3 more: `ivv check") && first.contains("quaternion of length 2"), "{first}");
+    assert!(first.contains("(3 more: `ivv check") && first.contains("quaternion of length 0"), "{first}");
 }
 
 #[test]

@@ -1,13 +1,19 @@
 //! Captures: every format is read, every fault is told, and images stream in order.
 
 mod cache;
+mod cases;
 mod colmap;
+mod dialects;
 pub mod dynamic;
 mod folder;
 pub mod hostile;
 pub mod model;
+mod others;
 pub mod photos;
+mod pictures;
+mod places;
 pub mod priors;
+mod projects;
 mod real;
 mod settings;
 pub mod transforms;

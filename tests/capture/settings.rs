@@ -70,14 +70,21 @@ fn one_image_of_another_size_is_a_fault_and_so_is_another_shape() {
 #[test]
 fn faults_of_one_kind_are_told_together_and_nothing_is_counted_that_could_not_be_read() {
     let folder = Folder::new("grouped");
-    project(&folder, &[]);
+    project(&folder, &[("images", 1)]);
+    // Faults that differ in their numbers alone.
+    folder.write("images/b.png", png(5, 4, 0));
+    folder.write("images/c d.png", png(7, 4, 0));
+    folder.write("images/a.png", png(8, 4, 0));
     let report = folder.check();
     assert_eq!((report.n_faults, report.grouped().len()), (3, 1));
     let path = folder.0.to_str().unwrap();
     let (code, told) = ivv(&["check", path]);
     assert_eq!(code, Some(3));
     assert_eq!(told.lines().filter(|line| line.starts_with("fault:")).count(), 1, "{told}");
-    assert!(told.contains("3 times: ") && told.contains("b.png, ") && told.contains("c d.png"), "{told}");
+    assert!(
+        told.contains("3 times, as: is 8 x 4, its camera is") && told.contains("b.png, ") && told.contains("c d.png"),
+        "{told}"
+    );
     let nothing = Folder::new("grouped-nothing");
     let (code, told) = ivv(&["check", nothing.0.to_str().unwrap()]);
     assert!(code == Some(3) && told.contains("fault:") && !told.contains("cameras: 0"), "{told}");

@@ -52,6 +52,7 @@ formats! {
     caliscope, 60, sources::caliscope();
     qualisys, 60, sources::qualisys();
     pose2sim, 60, sources::pose2sim();
+    easymocap, 60, sources::easymocap();
     immersive, 60, sources::immersive();
     llff, 60, sources::llff();
     colmap_rig, 60, sources::colmap_rig();

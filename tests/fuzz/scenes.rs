@@ -7,8 +7,8 @@ use crate::common::random;
 use crate::scene::{Folder, formats};
 use ivv::files::{read_tensors, write_tensors};
 use ivv::formats::{
-    Clock, FourDgs, FourDgsParts, PlyParts, SpzVersion, read_scene, write_ftgs, write_parts, write_ply, write_splat,
-    write_spz,
+    Clock, FourDgs, FourDgsParts, Own, PlyParts, SpzVersion, read_scene, write_ftgs, write_parts, write_ply,
+    write_splat, write_spz,
 };
 use ivv::scene::prior::{read_depth, read_flow};
 use ivv::scene::{Part, Parts, Splats, View, read_views, write_views};
@@ -41,7 +41,7 @@ pub fn ply() -> Vec<Seed> {
         let splats = scene(1);
         let part = Part { from: f64::NEG_INFINITY, to: f64::INFINITY, n: 1 };
         let parts = vec![part; splats.motion.len()];
-        write_parts(path, &mut OneByOne { splats, parts })
+        write_parts(path, &mut OneByOne { splats, parts }, &Own::new())
     });
     let of_parts = |folder: &Path| all_parts(PlyParts::open(&folder.join("a.ply")));
     let own = [0, 2].map(|degree| Seed::of([("a.ply", file("a.ply", |path| write_ply(path, &scene(degree))))], read));

@@ -178,6 +178,30 @@ pub fn pose2sim() -> Vec<Seed> {
     source("calibration/Calib_scene.toml", text, ["videos/cam01", "videos/cam02"])
 }
 
+/// EasyMocap's two files, as OpenCV writes them.
+pub fn easymocap() -> Vec<Seed> {
+    let matrix = |key: &str, rows: usize, data: &str| {
+        format!("{key}: !!opencv-matrix\n   rows: {rows}\n   cols: 3\n   dt: d\n   data: [ {data} ]\n")
+    };
+    let lens = |name: &str| {
+        let k = matrix(&format!("K_{name}"), 3, "12., 0., 7.5, 0., 12.5,\n       5.5, 0., 0., 1.");
+        k + &matrix(&format!("dist_{name}"), 1, "-0.1, 0.02, 0., 0.") + &format!("H_{name}: 12\nW_{name}: 16\n")
+    };
+    let pose = |name: &str| {
+        matrix(&format!("R_{name}"), 3, "0., 0., 0.")
+            + &matrix(&format!("Rot_{name}"), 3, "1., 0., 0., 0., 1., 0., 0., 0., 1.")
+            + &matrix(&format!("T_{name}"), 3, "0., 0., 2.")
+    };
+    let head = "%YAML:1.0\n---\nnames:\n   - \"00\"\n   - \"01\"\n";
+    let mut seeds = source("intri.yml", head.to_owned() + &lens("00") + &lens("01"), ["images/00", "images/01"]);
+    for seed in &mut seeds {
+        let extrinsics = head.to_owned() + &pose("00") + &pose("01");
+        seed.parts.insert("source/extri.yml".to_owned(), extrinsics.into());
+        seed.only = vec!["source/intri", "source/extri"];
+    }
+    seeds
+}
+
 pub fn immersive() -> Vec<Seed> {
     let model = |name: &str, x: f64| {
         serde_json::json!({ "name": name, "width": 16.0, "height": 12.0, "focal_length": 8.0, "principal_point": [7.5, 6.0],

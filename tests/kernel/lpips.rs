@@ -10,7 +10,7 @@ use crate::scene::{Folder, fault};
 use ivv::Error;
 use ivv::extremes::fixtures::lpips::{self as fixtures, Pair, TRUNKS, Weights, narrow};
 use ivv::gpu::{Gpu, Recording};
-use ivv::stage::{Compared, Cotangent, Lpips, Trunk};
+use ivv::stage::{Compared, Cotangent, Lpips, Shown, Trunk, record_totals};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -172,6 +172,72 @@ fn a_crop_that_is_too_small_or_too_large_is_refused() {
         assert!(matches!(record([40_000; 2]), Err(Error::OutOfMemory { .. })));
         assert!(lpips.scratch_bytes([smallest; 2], true).is_ok());
         assert!(lpips.scratch_bytes([smallest - 1; 2], false).is_err());
+    }
+}
+
+/// LPIPS of the whole of `pair`, in tiles of buffers that have `most_bytes` at most.
+fn score(gpu: &Gpu, lpips: &mut Lpips, pair: &Pair, shown: Shown, most_bytes: u64) -> ivv::Result<f64> {
+    let image: Vec<[f32; 4]> = pair.image.iter().map(|[r, g, b]| [*r, *g, *b, 1.0]).collect();
+    let (image, truth) = (gpu.upload("image", &image)?, gpu.upload("truth", &pair.truth)?);
+    let what = Compared { image: &image, truth: &truth, size: pair.size, origin: pair.origin, crop: pair.crop };
+    let mut rec = Recording::new();
+    let left = lpips.record_score(gpu, &mut rec, &what, shown, most_bytes)?;
+    let totals = gpu.alloc("totals", 1)?;
+    record_totals(&mut rec, &[left], &totals);
+    gpu.run(&rec)?;
+    Ok(f64::from(gpu.read(&totals)?[0][0]))
+}
+
+#[test]
+fn a_picture_of_which_no_buffer_holds_the_features_is_scored_in_tiles_to_the_same_number() {
+    let gpu = gpu();
+    for (trunk, smallest) in TRUNKS {
+        let mut lpips = load(&gpu, &narrow(7, trunk));
+        for (seed, size) in [[603, 70], [64, 531], [smallest + 40, smallest]].into_iter().enumerate() {
+            let pair = Pair::random(seed as u64, size, |i| if i % 13 == 0 { 0 } else { 255 });
+            let [_, whole] = lpips.score_bytes(size, u64::MAX).unwrap();
+            let expected = f64::from(f32::from_bits(pair.on_device(&gpu, &mut lpips).unwrap().metric));
+            assert_eq!(score(&gpu, &mut lpips, &pair, Shown::Scaled, whole).unwrap(), expected, "one tile");
+            let mut least = whole;
+            // Down to tiles that have nothing left to give up.
+            for part in 1..=6 {
+                let most = whole / 10 * (10 - part);
+                match lpips.score_bytes(size, most) {
+                    Ok([all, largest]) => {
+                        assert!(largest <= most && all >= largest, "{trunk}, {size:?}: {largest} of {most}");
+                        let found = score(&gpu, &mut lpips, &pair, Shown::Scaled, most).unwrap();
+                        assert!((found / expected - 1.0).abs() < 1e-6, "{trunk}, {size:?}: {found} for {expected}");
+                        least = least.min(largest);
+                    }
+                    Err(fault) => {
+                        assert!(matches!(fault, Error::OutOfMemory { limit, .. } if limit == most), "{fault}");
+                        let fault = score(&gpu, &mut lpips, &pair, Shown::Scaled, most).unwrap_err();
+                        assert!(fault.to_string().contains("lpips_crop"), "{fault}");
+                    }
+                }
+            }
+            assert!(seed == 2 || least < whole / 10 * 8, "{trunk}, {size:?}: tiles of {least} bytes, all {whole}");
+        }
+    }
+}
+
+#[test]
+fn unscaled_lpips_is_that_of_colours_of_0_to_1() {
+    let gpu = gpu();
+    for (trunk, _) in TRUNKS {
+        let mut lpips = load(&gpu, &narrow(8, trunk));
+        let mut pair = Pair::random(5, [61, 47], |_| 255);
+        // Odd levels, so that 1/2 + x/2 is a level too.
+        pair.truth.iter_mut().for_each(|word| *word |= 0x01_0101);
+        let mut halved = pair.clone();
+        halved.image.as_flattened_mut().iter_mut().for_each(|x| *x = 0.5 * *x + 0.5);
+        let half = |byte: u8| u8::try_from((u32::from(byte) + 255) / 2).unwrap();
+        halved.truth.iter_mut().for_each(|word| *word = u32::from_le_bytes(word.to_le_bytes().map(half)));
+        let mut of = |pair: &Pair, shown| score(&gpu, &mut lpips, pair, shown, u64::MAX).unwrap();
+        // 2 (x/2 + 1/2) - 1 is x.
+        let (found, expected) = (of(&pair, Shown::Unscaled), of(&halved, Shown::Scaled));
+        assert!((found / expected - 1.0).abs() < 1e-4, "{trunk}: {found} for {expected}");
+        assert!((found / of(&pair, Shown::Scaled) - 1.0).abs() > 0.05, "{trunk}: they are not told apart");
     }
 }
 

@@ -198,8 +198,8 @@ fn points_of_frames_come_along() {
 fn cameras_that_did_not_begin_together_are_shifted() {
     let folder = Folder::new("prepare-shifts");
     capture_with_points(&folder);
-    let shift = |b, c| [("b".to_owned(), b), ("c".to_owned(), c)].into();
-    let shifted = PrepareSettings { shifts: shift(1, -1), frames: every(1, 1), ..settings(&folder) };
+    let shift = |b: f64, c: f64| [("b".to_owned(), b), ("c".to_owned(), c)].into();
+    let shifted = PrepareSettings { shifts: shift(1.0, -1.0), frames: every(1, 1), ..settings(&folder) };
     let capture = open(&shifted);
     assert_eq!((capture.n_frames, capture.has_frame_points()), (2, false));
     for (camera, first) in [(0, 1), (1, 2), (2, 0)] {
@@ -222,14 +222,14 @@ fn cameras_that_did_not_begin_together_are_shifted() {
         assert_told(&run(&timed).unwrap().0.report, &[says]);
     }
     std::fs::remove_file(folder.0.join("source/truth.json")).unwrap();
-    let unlike = PrepareSettings { shifts: shift(1, 0), ..shifted.clone() };
+    let unlike = PrepareSettings { shifts: shift(1.0, 0.0), ..shifted.clone() };
     assert!(run(&unlike).unwrap_err().to_string().contains("made with other settings"));
-    let early = PrepareSettings { shifts: shift(0, -3), ..shifted.clone() };
+    let early = PrepareSettings { shifts: shift(0.0, -3.0), ..shifted.clone() };
     assert_told(
         &run(&early).unwrap().0.report,
         &["camera `c`: is to begin 2 frames before its footage; begin at frame 3 or later: --frames 3:"],
     );
-    let unknown = PrepareSettings { shifts: [("d".to_owned(), 1)].into(), ..shifted };
+    let unknown = PrepareSettings { shifts: [("d".to_owned(), 1.0)].into(), ..shifted };
     assert_told(&run(&unknown).unwrap().0.report, &["--shift: no camera is named `d`"]);
 }
 
@@ -270,7 +270,7 @@ fn sound_and_keypoints_come_along() {
     assert_eq!(read("audio/room.wav".as_ref()), b"RIFF....WAVE");
     // That of a camera whose frames are shifted would be early.
     folder.write("source/audio/2.wav", b"RIFF....WAVE");
-    let shifts = [("2".to_owned(), 1)].into();
+    let shifts = [("2".to_owned(), 1.0)].into();
     let shifted = PrepareSettings { shifts, output: folder.0.join("shifted"), ..settings.clone() };
     done(&shifted);
     let is_there = |name: &str| shifted.output.join("audio").join(name).exists();

@@ -2,7 +2,15 @@
 
 mod along;
 mod board;
+mod calibrations;
+mod cases;
+mod cases_video;
+mod coded;
+mod colours;
+mod forms;
 mod hostile;
+mod in_step;
+mod layouts;
 mod moving;
 mod photos;
 mod pictures;
@@ -12,6 +20,7 @@ pub mod sources;
 mod stale;
 mod tracking;
 mod undistort;
+mod videos;
 
 use std::path::Path;
 use std::sync::Mutex;

@@ -15,7 +15,7 @@ use crate::common::notes::{has_program, shared};
 
 /// A program in the place of COLMAP that writes what it is called with, tells progress as COLMAP does, and has the mapper find
 /// the model in `model/`.
-fn stub(folder: &Folder) -> String {
+pub(super) fn stub(folder: &Folder) -> String {
     let script = "#!/bin/sh\nhere=$(dirname \"$0\")/..\necho \"$@\" >>\"$here/calls\"\n\
         case $1 in\nfeature_extractor) echo 'Processed file [1/4]'; echo 'Processed file [4/4]';;\n\
         exhaustive_matcher) echo 'Matching block [1/1, 1/1] in 0.1s';;\n\
@@ -28,7 +28,7 @@ fn stub(folder: &Folder) -> String {
 }
 
 /// The models that the stub finds: one of three pictures of the four, and a smaller one.
-fn models(folder: &Folder, names: [&'static str; 3]) {
+pub(super) fn models(folder: &Folder, names: [&'static str; 3]) {
     let turn = [1.0, 0.0, 0.0, 0.0];
     let images = |n: usize| {
         let image = |k: usize| (k as u32 + 1, turn, [k as f64, 0.0, 0.0], 1, names[k], vec![]);
@@ -50,7 +50,7 @@ fn photos(folder: &Folder) {
     }
 }
 
-fn prepare_with(path: &str, source: &Path, output: &Path) -> Output {
+pub(super) fn prepare_with(path: &str, source: &Path, output: &Path) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.arg("prepare").arg(source).arg("-o").arg(output).env("PATH", path).output().unwrap()
 }
@@ -187,7 +187,8 @@ fn what_is_no_capture_yet_is_told_by_its_name_and_the_command() {
         ("one.MOV", "a video"),
     ] {
         let path = folder.0.join(name);
-        assert_eq!(recognise(&path).as_deref(), Some(what));
+        let known = recognise(&path).unwrap();
+        assert_eq!((known.what.as_str(), &known.source), (what, &path));
         for verb in ["check", "train"] {
             let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
             command.arg(verb).arg(&path);
@@ -242,7 +243,7 @@ fn a_film_or_a_folder_of_one_placed_image_makes_no_rig_of_a_project() {
     let rig = Folder::new("prepare-stills");
     project(&rig, &["left.png", "middle.png", "right.png"], &[]);
     ["left", "right"].iter().for_each(|name| drop(rig.write(&format!("source/{name}.mp4"), "")));
-    assert_eq!(recognise(&rig.0.join("source")).as_deref(), Some("a COLMAP rig recording"));
+    assert_eq!(recognise(&rig.0.join("source")).unwrap().what, "a COLMAP rig recording");
 }
 
 /// Two of five cameras have footage, and stills of all are where a plain project has its images.

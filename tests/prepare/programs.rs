@@ -1,6 +1,6 @@
 //! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
 
-use ivv::prepare::{PrepareSettings, Prepared, Share, Stage, Triangulate, estimate, prepare_share};
+use ivv::prepare::{PrepareSettings, Prepared, Share, ShiftBy, Stage, Triangulate, estimate, prepare_share};
 use ivv::scene::capture::{Camera, Capture, Frames, Manifest};
 use ivv::scene::prior::read_flow;
 use ivv::sound::wav;
@@ -54,7 +54,7 @@ fn videos_are_decoded_gone_on_with_and_compared() {
     assert_eq!((pixels(&capture, 0), pixels(&capture, 1)), (pixels(&whole, 1), pixels(&whole, 3)));
     assert_ne!(pixels(&whole, 1), pixels(&whole, 3));
     assert!(pixels(&whole, 0).iter().any(|pixel| pixel & 0xff > 200), "the test picture has bright colours");
-    let shifts = [("right".to_owned(), 2)].into();
+    let shifts = [("right".to_owned(), 2.0)].into();
     let shifted =
         PrepareSettings { frames: Frames::default(), shifts, output: folder.0.join("shifted"), ..settings.clone() };
     let shifted = open(&shifted);
@@ -110,13 +110,14 @@ fn sound_is_as_late_as_in_the_video() {
     }
     let folder = Folder::new("prepare-late-sound");
     imvid(&folder);
-    for (name, delay) in [("left", "0.5"), ("right", "-0.5")] {
+    // The pictures of `right` begin half a second after its sound, and so does the clip, in both files.
+    for (name, delay) in [("left", "1.0"), ("right", "-0.5")] {
         let file = folder.0.join(format!("source/{name}.mp4"));
         video_with(&file, 60, "25", &[]);
         with_sound(&file, delay);
     }
     // From 0.2 s on.
-    let settings = PrepareSettings { frames: "5:55".parse().unwrap(), ..settings(&folder) };
+    let settings = PrepareSettings { frames: "5:45".parse().unwrap(), ..settings(&folder) };
     done(&settings);
     let heard = |name: &str| {
         let sound = wav::read(&settings.output.join(format!("audio/{name}.wav"))).unwrap();
@@ -157,9 +158,9 @@ fn time_codes_tell_which_frames_are_of_one_moment() {
     video_with(&folder.0.join("source/right.mov"), 12, "10", &["-timecode", "01:00:01:00"]);
     let plain = done(&settings(&folder)).notes.join("\n");
     assert!(plain.contains("did not begin together") && plain.contains("--shift left=2"), "{plain}");
-    let by_code = PrepareSettings { by_timecode: true, output: folder.0.join("code"), ..settings(&folder) };
+    let by_code = PrepareSettings { shift_by: ShiftBy::Timecode, output: folder.0.join("code"), ..settings(&folder) };
     let by_hand = PrepareSettings {
-        shifts: [("left".to_owned(), 2), ("right".to_owned(), 0)].into(),
+        shifts: [("left".to_owned(), 2.0), ("right".to_owned(), 0.0)].into(),
         output: folder.0.join("hand"),
         ..settings(&folder)
     };
@@ -171,7 +172,7 @@ fn time_codes_tell_which_frames_are_of_one_moment() {
     }
     // Without a code there is nothing to go by.
     video_with(&folder.0.join("source/right.mov"), 12, "10", &[]);
-    let again = PrepareSettings { by_timecode: true, output: folder.0.join("again"), ..settings(&folder) };
+    let again = PrepareSettings { shift_by: ShiftBy::Timecode, output: folder.0.join("again"), ..settings(&folder) };
     let told = run(&again).map(|_| ()).unwrap_err().to_string();
     assert!(told.contains("cameras without a time code: right"), "{told}");
 }
@@ -186,7 +187,7 @@ fn a_plan_by_time_codes_is_of_the_frames_of_the_capture() {
     // `right` began nine frames later: what lies in the middle of twelve is not in both.
     video_with(&folder.0.join("source/left.mov"), 12, "10", &["-timecode", "01:00:00:08"]);
     video_with(&folder.0.join("source/right.mov"), 12, "10", &["-timecode", "01:00:01:07"]);
-    let settings = PrepareSettings { by_timecode: true, ..settings(&folder) };
+    let settings = PrepareSettings { shift_by: ShiftBy::Timecode, ..settings(&folder) };
     let planned = estimate(&settings, &|_| {}).unwrap();
     assert_eq!((planned.frames, planned.sampled), (3, 3));
     assert!(planned.stages.iter().any(|stage| stage.stage == "images" && stage.bytes > 0), "{planned:?}");

@@ -88,7 +88,7 @@ fn n3v_arrives() {
 
     folder.write("source/poses_bounds.npy", npy(3, &[rows, row([0.0; 3])].concat()));
     let (prepared, _) = run(&settings).unwrap();
-    assert_told(&prepared.report, &["describes 3 cameras, there are 2 videos: cam00, cam07"]);
+    assert_told(&prepared.report, &["describes 3 cameras, there are 2: cam00, cam07"]);
     folder.write("source/poses_bounds.npy", b"no array");
     assert_told(&run(&settings).unwrap().0.report, &["is no .npy array"]);
 }
@@ -317,7 +317,7 @@ fn colmap_beside_image_sequences_arrives() {
     assert_told(&run(&settings).unwrap().0.report, &["moves and has no pose at 1 frames, the first is 2"]);
     model.images[3].4 = "../x.jpg";
     write(&model);
-    assert_told(&run(&settings).unwrap().0.report, &["which leads out of the capture"]);
+    assert_told(&run(&settings).unwrap().0.report, &["camera `x`: has neither a video nor images"]);
 }
 
 #[test]

@@ -190,8 +190,6 @@ fn what_cannot_be_followed_is_refused() {
         std::fs::remove_file(folder.0.join("source").join(name)).unwrap();
     }
     folder.write("source/a.mp4", "");
-    let told = fault(&PrepareSettings { by_timecode: true, ..settings.clone() });
-    assert!(told.contains("--shift CAMERA=FRAMES"), "{told}");
     if !has_program("ffmpeg", "-version") || !has_program("colmap", "help") {
         return;
     }

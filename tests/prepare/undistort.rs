@@ -14,8 +14,8 @@ fn lens(focal: f64, distortion: Distortion) -> Lens {
     Lens { intrinsics, distortion }
 }
 
-/// COLMAP's five models that distort, with parameters of real cameras.
-fn models() -> [(&'static str, Lens); 5] {
+/// COLMAP's models that distort, with parameters of real cameras.
+fn models() -> [(&'static str, Lens); 9] {
     let brown = |radial, tangential| Distortion::brown(radial, tangential);
     [
         ("SIMPLE_RADIAL", lens(50.0, brown([-0.08, 0.0, 0.0, 0.0, 0.0, 0.0], [0.0; 2]))),
@@ -23,6 +23,10 @@ fn models() -> [(&'static str, Lens); 5] {
         ("OPENCV", lens(45.0, brown([-0.046, 0.14, 0.0, 0.0, 0.0, 0.0], [6e-4, 7e-4]))),
         ("FULL_OPENCV", lens(45.0, brown([-0.33, 0.046, 0.067, 0.02, -0.01, 0.003], [-4e-3, 4e-3]))),
         ("OPENCV_FISHEYE", lens(28.0, Distortion::Fisheye([0.05, -0.02, 0.004, -0.001]))),
+        ("DIVISION", lens(45.0, Distortion::division(-0.12))),
+        ("DIVISION", lens(60.0, Distortion::division(0.1))),
+        ("EUCM", lens(40.0, Distortion::unified(0.6, 1.1))),
+        ("FOV", lens(40.0, Distortion::field_of_view(0.9))),
     ]
 }
 
@@ -48,6 +52,37 @@ fn every_model_goes_there_and_back() {
         }
         assert!(n == 65 * 49 && moved > 0.2, "{name}: moves by {moved} at most");
     }
+}
+
+/// COLMAP 4's own formulas, for a point at (x, y, 1), in units of the focal length.
+#[test]
+fn lenses_of_colmap_4_are_as_it_has_them() {
+    let (x, y) = (0.4_f64, -0.3_f64);
+    let r = x.hypot(y);
+    let k = -0.12;
+    let division = 2.0 / (1.0 + (1.0 - 4.0 * r * r * k).sqrt());
+    let (alpha, beta) = (0.6, 1.1);
+    let unified = 1.0 / (alpha * (beta * r * r + 1.0).sqrt() + (1.0 - alpha));
+    let omega = 0.9_f64;
+    let field = (r * 2.0 * (omega / 2.0).tan()).atan() / (r * omega);
+    for (distortion, scale) in [
+        (Distortion::division(k), division),
+        (Distortion::unified(alpha, beta), unified),
+        (Distortion::field_of_view(omega), field),
+    ] {
+        let lens = lens(50.0, distortion);
+        let [u, v] = lens.pixel([x, y], lens.reach()).unwrap();
+        assert!(
+            (u - (31.25 + 50.0 * x * scale)).abs() < 1e-9 && (v - (24.5 + 51.0 * y * scale)).abs() < 1e-9,
+            "{distortion:?}"
+        );
+        assert_eq!(lens.fault(), None);
+        // Its middle is where a pinhole has it.
+        assert_eq!(lens.pixel([0.0, 0.0], lens.reach()), Some([31.25, 24.5]));
+    }
+    assert!(lens(50.0, Distortion::unified(1.5, 1.0)).fault().unwrap().contains("alpha = 1.5, expected 0 to 1"));
+    assert!(lens(50.0, Distortion::unified(0.5, -1.0)).fault().unwrap().contains("beta = -1.0"));
+    assert!(lens(50.0, Distortion::field_of_view(4.0)).fault().unwrap().contains("omega = 4.0"));
 }
 
 #[test]

@@ -6,4 +6,5 @@ mod invariants;
 mod knobs;
 mod large;
 pub mod parts;
+mod places;
 mod stereo;

@@ -4,7 +4,7 @@ use super::clip::{at, bits, clip};
 use crate::common::device::gpu;
 use crate::scene::{Folder, fault};
 use ivv::formats::{
-    Clock, Contents, Encoded, FourDgs, FourDgsParts, Grades, PlyParts, Sounds, read_ply, read_scene, write_parts,
+    Clock, Contents, Encoded, FourDgs, FourDgsParts, Grades, Own, PlyParts, Sounds, read_ply, read_scene, write_parts,
 };
 use ivv::scene::{Mapped, Part, Parts, Splats};
 use ivv::stage::{Outputs, Renderer};
@@ -95,7 +95,7 @@ impl Parts for Told {
 
 /// Writes a clip of 5 s as a PLY of parts.
 pub fn write(path: &Path) {
-    write_parts(path, &mut Told::new(300)).unwrap();
+    write_parts(path, &mut Told::new(300), &Own::new()).unwrap();
 }
 
 fn contents() -> Contents<'static> {
@@ -159,7 +159,7 @@ fn a_ply_of_parts_is_the_whole_scene_to_every_reader_and_each_part_alone() {
     let path = folder.file("a.ply");
     let mut told = Told::new(300);
     let whole = told.whole();
-    write_parts(&path, &mut told).unwrap();
+    write_parts(&path, &mut told, &Own::new()).unwrap();
     assert_eq!(read_ply(&path).unwrap(), whole);
     let mut read = PlyParts::open(&path).unwrap().unwrap();
     assert_eq!((read.parts(), read.n_static()), (&told.parts[..], 500));
@@ -275,7 +275,7 @@ fn an_export_in_parts_tells_how_many_gaussians_it_wrote() {
     let mut told = Told::new(300);
     told.still.scale[0][1] = f32::NAN;
     told.moving[1].opacity[7] = f32::NAN;
-    write_parts(&folder.file("a.ply"), &mut told).unwrap();
+    write_parts(&folder.file("a.ply"), &mut told, &Own::new()).unwrap();
     let export = |more: &[&str]| {
         let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
         let command = command.current_dir(folder.file("")).args(["export", "a.ply", "-o", "a.4dgs", "--seconds", "5"]);

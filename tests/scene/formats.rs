@@ -95,7 +95,7 @@ fn spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
 }
 
 /// The same before it is gzipped.
-fn raw_spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
+pub fn raw_spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
     let mut raw = b"NGSP".to_vec();
     raw.extend(3_u32.to_le_bytes());
     raw.extend(1_u32.to_le_bytes());
@@ -108,7 +108,7 @@ fn raw_spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
     raw
 }
 
-fn gzip(raw: &[u8]) -> Vec<u8> {
+pub fn gzip(raw: &[u8]) -> Vec<u8> {
     let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());
     encoder.write_all(raw).unwrap();
     encoder.finish().unwrap()
@@ -308,7 +308,7 @@ fn a_count_that_the_file_cannot_hold_is_refused_before_it_is_believed() {
     for (at, value, says) in [
         (4, 1, "version 1"),
         (4, 5, "version 5"),
-        (12, 4, "degree 4"),
+        (12, 5, "degree 5"),
         (13, 24, "24 fractional bits"),
         (14, 0x80, "unknown flags 0x80"),
     ] {

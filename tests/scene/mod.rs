@@ -4,6 +4,7 @@ mod cameras;
 mod clips;
 mod demo;
 mod export;
+mod foreign;
 pub mod formats;
 mod four_dgs;
 mod four_dgs_losses;

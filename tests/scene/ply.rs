@@ -10,7 +10,7 @@ use super::{Folder, fault, sample};
 use crate::common::golden::{self, CASES};
 
 /// A plain PLY in the given encoding, written property by property independently of the project's writer.
-fn by_hand(encoding: &str, names: &[&str], types: &[&str], rows: &[Vec<f64>]) -> Vec<u8> {
+pub fn by_hand(encoding: &str, names: &[&str], types: &[&str], rows: &[Vec<f64>]) -> Vec<u8> {
     let mut file = format!("ply\nformat {encoding} 1.0\ncomment by hand\nelement vertex {}\n", rows.len());
     for (name, kind) in names.iter().zip(types) {
         file += &format!("property {kind} {name}\n");
@@ -25,6 +25,7 @@ fn by_hand(encoding: &str, names: &[&str], types: &[&str], rows: &[Vec<f64>]) ->
                 "int" => (value as i32).to_le_bytes().to_vec(),
                 "ushort" => (value as u16).to_le_bytes().to_vec(),
                 "char" => (value as i8).to_le_bytes().to_vec(),
+                "uchar" => (value as u8).to_le_bytes().to_vec(),
                 _ => unreachable!("{kind}"),
             };
             match encoding {
@@ -41,7 +42,7 @@ fn by_hand(encoding: &str, names: &[&str], types: &[&str], rows: &[Vec<f64>]) ->
     file
 }
 
-const NAMES: [&str; 14] = [
+pub const NAMES: [&str; 14] = [
     "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
     "rot_3",
 ];

@@ -100,6 +100,30 @@ fn ctrl_c_leaves_a_checkpoint_where_nobody_reads_the_messages() {
 }
 
 #[test]
+#[cfg(unix)]
+fn a_signal_leaves_a_checkpoint_where_the_pipe_of_messages_is_full() {
+    let folder = Folder::new("full-pipe");
+    let (capture, run) = (folder.capture(), folder.path("run"));
+    let train = ["train", &capture, "-o", &run, "--max-gaussians", "300", "--eval-every", "0", "--log-level", "trace"];
+    let more = ["--steps", "1000000", "--checkpoint-every", "1000000"];
+    // Its reader holds the pipe open and reads nothing; a trace fills it in the first steps.
+    let (reader, writer) = std::io::pipe().unwrap();
+    let mut training = Running::start(ivv(&[&train[..], &more].concat()).stdout(Stdio::null()).stderr(writer));
+    let checkpoints = folder.0.join("run/checkpoints");
+    training.wait_for_checkpoint(&checkpoints, 0);
+    // The writer waits by now, or a trace of some hundred steps would have ended.
+    std::thread::sleep(std::time::Duration::from_secs(3));
+    training.signal(rustix::process::Signal::TERM);
+    assert_eq!(training.code(), Some(130));
+    let step = ivv::train::Checkpoint::newest_step(&checkpoints).unwrap().unwrap();
+    assert!(step > 0, "no step was taken while nobody read");
+    // What a reader finds that comes late: the lines that were there first.
+    let mut told = String::new();
+    BufReader::new(reader).read_line(&mut told).unwrap();
+    assert!(!told.is_empty());
+}
+
+#[test]
 fn with_json_a_fault_is_json_too() {
     let folder = Folder::new("json");
     let (none, run) = (folder.path("none"), folder.path("run"));

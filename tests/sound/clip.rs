@@ -133,7 +133,7 @@ fn a_clip_of_some_frames_is_heard_from_its_begin_to_its_end() {
 }
 
 /// A run that took the frames from 0.5 up to 0.9 s of a capture, which is not there any more.
-fn run_of_some_frames(folder: &Folder) {
+pub fn run_of_some_frames(folder: &Folder, constants: Constants) {
     let path = folder.file("run");
     std::fs::create_dir_all(&path).unwrap();
     write_ply(&path.join("scene.ply"), &demo().0).unwrap();
@@ -155,8 +155,9 @@ fn run_of_some_frames(folder: &Folder) {
         viewpoints: Vec::new(),
         calibration: BTreeMap::new(),
         world: Similarity::default(),
-        constants: Constants::default(),
+        constants,
         held,
+        fingerprints: None,
     };
     run.write(&path).unwrap();
 }
@@ -166,7 +167,7 @@ fn what_a_run_of_some_frames_shows_is_heard_as_it_was_then() {
     let folder = Folder::new("sound-run-part");
     let (scene, _) = walk(&folder);
     scene.write(&folder.file("scene.json")).unwrap();
-    run_of_some_frames(&folder);
+    run_of_some_frames(&folder, Constants::default());
     let ivv = |arguments: &[&str]| {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
         let done = command.current_dir(folder.file("")).args(arguments).output().unwrap();

@@ -1,6 +1,6 @@
 //! The sound field; T-numbers are those of the table of tests in `engine/sound/README.md`.
 
-mod clip;
+pub mod clip;
 mod command;
 mod convolution;
 mod gain;

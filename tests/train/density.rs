@@ -7,9 +7,41 @@ use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, Extent, PriorPlan};
 use ivv::stage::{AdamMode, Choice};
 use ivv::train::{
-    Checkpoint, Config, Density, LearningRates, Pace, Rate, Required, Round, Setup, StepReport, Strategy, Trainer,
-    density_round, from_points, noise, regularisers,
+    Checkpoint, Config, Density, Event, Init, LearningRates, Pace, Rate, Required, Round, Session, SessionOptions,
+    Setup, StepReport, Strategy, Trainer, density_round, from_points, noise, regularisers,
 };
+
+#[test]
+fn a_run_that_begins_with_all_it_finds_still_grows() {
+    let _device = gpu();
+    let tiny = Tiny::new("room");
+    let n = tiny.capture.points.len();
+    // Fewer than there are points.
+    let config = Config { sh_degree: 0, steps: 60, max_gaussians: 9 * n / 10, init: Init::Points, ..steady() };
+    let grown = |config: &Config, options: SessionOptions| {
+        let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), options).unwrap();
+        let (first, room) = (session.trainer().n_gaussians() as usize, session.trainer().room_to_grow());
+        while session.step().unwrap() {}
+        session.wait().unwrap();
+        let reports = session.take_events().into_iter();
+        let rounds = reports.filter_map(|event| if let Event::Step(report) = event { report.density } else { None });
+        (first, room.unwrap(), rounds.map(|counts| counts.cloned + counts.split).sum::<u32>())
+    };
+    let (first, room, added) = grown(&config, SessionOptions::default());
+    assert!(
+        first < config.max_gaussians && room > 0 && added > 0,
+        "{first} of {n} at first, {room} more, {added} added"
+    );
+    // What somebody begins with is kept, and the run can say that nothing will be added.
+    let all = from_points(&tiny.capture.points, &tiny.capture, &config);
+    let full = Config { max_gaussians: n, ..config.clone() };
+    let options = SessionOptions { first: Some(all), ..SessionOptions::default() };
+    assert_eq!(grown(&full, options), (n, 0, 0));
+    // Drawn copies take the place of others.
+    let density = Density { strategy: Strategy::Mcmc, ..Density::default() };
+    let initial = ivv::train::initialise(&tiny.capture, &Config { density, ..config.clone() }, &mut |_, _| {}).unwrap();
+    assert_eq!((initial.splats.len(), initial.thinned_from), (config.max_gaussians, Some(n)));
+}
 
 #[test]
 fn the_settings_of_density_control_make_its_rounds() {
@@ -38,8 +70,12 @@ fn the_settings_of_density_control_make_its_rounds() {
     assert_eq!(round(&adc, 9_100), None);
     assert!(round(&Config { average: 0.0, ..adc.clone() }, 10_000).is_some());
     assert_eq!((round(&adc, 5000).unwrap().growth, late.growth, last.growth), (0.05, 0.0, 0.0));
-    assert_eq!((late.prune_veil, late.opacity_ceiling), (0.33, f32::MAX));
-    // What is large goes only as long as others are added: later a wall would be left with a hole.
+    assert_eq!((late.prune_veil, late.opacity_ceiling), (f32::INFINITY, f32::MAX));
+    assert_eq!(
+        [round(&adc, 600), round(&often, 650), round(&mcmc, 600)].map(|round| round.unwrap().prune_veil),
+        [0.33; 3]
+    );
+    // What is large, or wide before a lens, goes only as long as others are added: later a wall would be left with a hole.
     assert_eq!(late.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: f32::MAX });
     // Few Gaussians grow by more than their share, by all of them at most.
     let few = |n| density_round(&adc, (600, 10_000), (n, n), &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;

@@ -2,6 +2,7 @@
 
 mod background;
 mod base;
+mod changed;
 mod compare;
 mod density;
 mod fall;
@@ -82,9 +83,21 @@ fn nothing_moves(pace: Pace) -> LearningRates {
 
 /// Scores of a view without masks and LPIPS.
 fn scores_of(psnr: f64) -> Scores {
-    let (psnr_foreground, psnr_covisible, lpips, flicker, flicker_true) = (None, None, None, None, None);
+    let (psnr_foreground, psnr_covisible, lpips, lpips_unscaled) = (None, None, None, None);
+    let (ssim, l1, flicker, flicker_true) = (0.5, 0.1, None, None);
     let psnr_aligned = psnr + 1.0;
-    Scores { psnr, psnr_aligned, psnr_foreground, psnr_covisible, ssim: 0.5, l1: 0.1, lpips, flicker, flicker_true }
+    Scores {
+        psnr,
+        psnr_aligned,
+        psnr_foreground,
+        psnr_covisible,
+        ssim,
+        l1,
+        lpips,
+        lpips_unscaled,
+        flicker,
+        flicker_true,
+    }
 }
 
 impl Tiny {

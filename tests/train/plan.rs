@@ -31,6 +31,7 @@ fn workload() -> Workload {
         grids: 0,
         sums: Sums::Slots,
         height: 360,
+        lpips: [[0; 2]; 2],
     }
 }
 

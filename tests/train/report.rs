@@ -68,6 +68,7 @@ fn run() -> Run {
         world: Default::default(),
         constants: Constants::default(),
         held,
+        fingerprints: None,
     }
 }
 

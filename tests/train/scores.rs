@@ -2,12 +2,15 @@
 
 use super::{Tiny, scores_of};
 use crate::common::device::gpu;
-use ivv::scene::capture::Capture;
+use ivv::Constants;
+use ivv::extremes::fixtures::lpips::{narrow, save};
+use ivv::scene::Frame;
+use ivv::scene::capture::{Capture, Picture};
+use ivv::stage::{Renderer, Trunk};
 use ivv::train::{
     Checkpoint, Config, Evaluation, Kind, Log, Meter, Setup, Sight, Trainer, ViewScores, evaluate, from_points, psnr,
     spread,
 };
-use ivv::{Constants, stage::Renderer};
 use serde_json::json;
 
 fn view(name: &str, psnr: f64) -> ViewScores {
@@ -200,4 +203,28 @@ fn the_best_checkpoint_outlives_the_last_three() {
     Checkpoint::keep_best(&folder, 2, 21.500_04).unwrap();
     Checkpoint::remove_all(&folder).unwrap();
     assert_eq!(names(), Vec::<String>::new());
+}
+
+#[test]
+fn a_view_that_lpips_cannot_take_has_none_and_the_reason_is_told_once() {
+    let _device = gpu();
+    let tiny = Tiny::of_frames("no-lpips", 2);
+    let weights = tiny.folder.join("narrow.safetensors");
+    save(&weights, &narrow(1, Trunk::SqueezeNet)).unwrap();
+    let mut config = Config { sh_degree: 0, ..Config::default() };
+    config.loss.lpips_weights = Some(weights);
+    let mut meter = Meter::new(gpu().clone(), &config).unwrap();
+    let mut scores = |width: u32, height: u32| {
+        let n = (width * height) as usize;
+        let picture =
+            Picture::new(width, height, (0..n as u32).map(|i| 0xff00_0000 | (i * 77_777 % 0xff_ffff)).collect());
+        let frame = Frame { width, height, color: vec![[0.5; 3]; n], ..Frame::default() };
+        let scores = meter.scores(&frame, &picture).unwrap().unwrap();
+        (scores.lpips, scores.lpips_unscaled, meter.take_fault_of_lpips().map(|fault| fault.to_string()))
+    };
+    let (lpips, unscaled, fault) = scores(40, 30);
+    assert!(lpips.unwrap() > 0.0 && unscaled.unwrap() > 0.0 && lpips != unscaled && fault.is_none());
+    let (lpips, unscaled, fault) = scores(12, 30);
+    assert!(lpips.is_none() && unscaled.is_none() && fault.unwrap().contains("17x17"));
+    assert!(scores(40, 30).0.is_some(), "the next view has one");
 }

@@ -5,8 +5,8 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use ivv::scene::{Similarity, Splats};
 use ivv::train::{
-    Average, Checkpoint, Config, Event, GridKind, Notice, Owed, Phase, PoseKind, Required, Session, SessionOptions,
-    near_plane, training_order,
+    Average, Checkpoint, Config, Event, GridKind, Init, Notice, Owed, Phase, PoseKind, Required, Session,
+    SessionOptions, near_plane, training_order,
 };
 use ivv::vk::DeviceKind;
 use std::cell::RefCell;
@@ -128,6 +128,36 @@ fn images_follow_one_another_by_epochs_from_any_step() {
         assert_eq!(training_order(&frames, 3, done, 25), all[done as usize..], "after {done}");
     }
     assert!(training_order(&frames, 3, 30, 25).is_empty());
+}
+
+#[test]
+fn a_run_lists_few_of_its_images_at_a_time_and_has_the_same_bits() {
+    let gpu = gpu();
+    let mut tiny = Tiny::new("listed");
+    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let config = Config { sh_degree: 0, steps: 26, max_gaussians: 300, init: Init::Points, ..Config::default() };
+    let begin = |listed_images: u64, total: u64, batch: u32| {
+        let config = Config { batch, ..config.clone() };
+        let options = SessionOptions { listed_images, total: Some(total), ..SessionOptions::default() };
+        Session::begin(gpu.clone(), &tiny.capture, config, options).unwrap()
+    };
+    for batch in [1, 2] {
+        let run = |listed: u64| {
+            let mut session = begin(listed, 26, batch);
+            let mut steps = 0;
+            while session.step().unwrap() {
+                steps += 1;
+            }
+            (steps, bits(&session.finish().unwrap()))
+        };
+        let all = run(u64::MAX);
+        assert_eq!(all.0, 26);
+        assert!(run(7) == all && run(1) == all, "batch {batch}");
+    }
+    // What a list of all its steps would take, no machine has.
+    let mut endless = begin(SessionOptions::default().listed_images, 1 << 60, 1);
+    assert!(endless.step().unwrap() && endless.step().unwrap());
+    endless.wait().unwrap();
 }
 
 #[test]

@@ -13,7 +13,7 @@ const NAMED: usize = 3;
 /// Options of `ivv check`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A capture: the project's own folder, plain COLMAP, transforms.json or Dynamic3DGaussians.
+    /// A capture: the project's own folder, plain COLMAP, transforms.json, LLFF, OpenSfM or Dynamic3DGaussians.
     capture: PathBuf,
     #[command(flatten)]
     read: CaptureArgs,
@@ -51,7 +51,9 @@ fn told(faults: &[&Fault]) -> String {
     };
     let named: Vec<String> = faults.iter().take(NAMED).map(place).collect();
     let more = if faults.len() > NAMED { ", ..." } else { "" };
-    format!("{} times: {}; {}: {}{more}", faults.len(), first.reason, first.remedy, named.join(", "))
+    // Numbers in them may differ.
+    let as_one = if faults.iter().all(|fault| fault.reason == first.reason) { ":" } else { ", as:" };
+    format!("{} times{as_one} {}; {}: {}{more}", faults.len(), first.reason, first.remedy, named.join(", "))
 }
 
 /// Prints a report as text.
@@ -75,15 +77,27 @@ pub fn print(report: &Report) {
 
 /// Prints what a capture holds.
 fn holds(report: &Report) {
-    out!("cameras: {}, of which {} for testing", report.n_cameras, report.n_test_cameras);
+    let n_tests = report.n_test_cameras;
+    let for_testing = if n_tests > 0 { format!(", of which {n_tests} for testing") } else { String::new() };
+    out!("cameras: {}{for_testing}", report.n_cameras);
     if report.n_photos > 0 {
         out!("photos:  {} of the static scene, taken at another time", report.n_photos);
     }
     out!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
+    let with = |counts: &[(usize, &str)]| -> String {
+        let told = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} with {what}"));
+        told.collect()
+    };
     let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);
-    out!("images:  {n}, {n_masks} with a mask, {n_foregrounds} with a foreground mask; {mib:.1} MiB decoded");
-    out!("priors:  {} images with flow, {} with depth", report.n_flows, report.n_depths);
+    let masks = with(&[(n_masks, "a mask"), (n_foregrounds, "a foreground mask")]);
+    let priors = with(&[(report.n_flows, "flow"), (report.n_depths, "depth")]);
+    out!("images:  {n}{masks}{priors}; {mib:.1} MiB decoded");
+    if report.n_sounds > 0 {
+        out!("sound:   {}", count(report.n_sounds as u64, "file"));
+    }
     let per_frame = if report.has_frame_points { "; every frame has its own" } else { "" };
-    out!("points:  {}{per_frame}", report.n_points);
+    if report.n_points > 0 || report.has_frame_points {
+        out!("points:  {}{per_frame}", report.n_points);
+    }
 }

@@ -6,7 +6,7 @@ use crate::behind::both;
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::progress::Progress;
-use crate::screen::out;
+use crate::screen::{alert, out};
 use crate::shown::{Gaussians, Source};
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
@@ -21,7 +21,7 @@ use ivv::words::count;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
+use std::sync::{Arc, Once};
 
 /// Steps of the fit of a test camera's time offset.
 const FIT_ITERATIONS: usize = 4;
@@ -78,6 +78,7 @@ impl Scorer<'_> {
             progress.step(&self.told(camera, frame));
             Ok(())
         })?;
+        warn_of_lpips(&mut meter);
         let Some(evaluation) = evaluation else { return Ok(None) };
         let mut examples = Vec::new();
         for (camera, frame, render) in renders {
@@ -135,6 +136,7 @@ impl Scorer<'_> {
         let sight = Sight::new(self.capture, self.config.background);
         let mut meter = Meter::new(self.gpu.clone(), self.config)?;
         let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, write)?;
+        warn_of_lpips(&mut meter);
         let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
         let mut scores = SceneScores::new(scene, size, &self.gpu.caps().name, evaluation);
         scores.lpips_trunk = meter.trunk().map(|trunk| trunk.to_string());
@@ -225,6 +227,26 @@ impl Scorer<'_> {
     }
 }
 
+/// Says how many test images of `run` are images that it trained on, too.
+pub fn warn_of_shared_pictures(run: &Run) {
+    let n = run.fingerprints.as_ref().map_or(0, |all| all.n_shared(&run.test_cameras));
+    if n > 0 {
+        alert!(
+            "warning: {} of another camera as well, file by file, so that the scores are not of views that were held out; \
+             name other cameras with --test-cameras",
+            if n == 1 { "1 test image is an image".to_owned() } else { format!("{n} test images are images") }
+        );
+    }
+}
+
+/// Says, once in a process, why a view has no LPIPS although there are weights for it.
+fn warn_of_lpips(meter: &mut Meter) {
+    static WARNS: Once = Once::new();
+    if let Some(fault) = meter.take_fault_of_lpips() {
+        WARNS.call_once(|| alert!("warning: a test view has no LPIPS, and others may have none either: {fault}"));
+    }
+}
+
 /// Means of the views at the seams of the plan in `folder`, and of the others; none where there is no plan, or no view of either.
 fn seams(folder: &Path, evaluation: &Evaluation) -> ivv::Result<Option<[Scores; 2]>> {
     if !Segments::file(folder).is_file() {
@@ -260,7 +282,14 @@ fn own_name(scene: &Path) -> anyhow::Result<(OsString, u64)> {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let run = Run::read(&args.run)?;
     let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
-    let capture = run.open_capture(args.capture.as_deref())?;
+    let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
+    if !changes.is_empty() {
+        alert!(
+            "warning: {} is not what the run was trained on: {changes}. The scores are of what it is now",
+            capture.path.display()
+        );
+    }
+    warn_of_shared_pictures(&run);
     let shown = Source::open(args.scene.as_ref().unwrap_or(&args.run))?.seen()?;
     let (output, steps) = match (&args.scene, shown.unfinished) {
         (Some(scene), _) => {
@@ -318,7 +347,7 @@ fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
     let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
     out!(
-        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8} {:>8} {:>15}",
+        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8} {:>14} {:>8} {:>15}",
         "view",
         "PSNR, dB",
         "aligned",
@@ -326,6 +355,7 @@ fn print(scores: &SceneScores) {
         "covisible",
         "SSIM",
         "LPIPS",
+        "LPIPS unscaled",
         "L1",
         "flicker (true)"
     );
@@ -338,11 +368,13 @@ fn print(scores: &SceneScores) {
     for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain(means) {
         let [foreground, covisible] =
             [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
-        let lpips = s.lpips.map_or("-".to_owned(), |lpips| format!("{lpips:.4}"));
+        let [lpips, unscaled] =
+            [s.lpips, s.lpips_unscaled].map(|lpips| lpips.map_or("-".to_owned(), |lpips| format!("{lpips:.4}")));
         let flicker = s.flicker.zip(s.flicker_true);
         let flicker = flicker.map_or("-".to_owned(), |(own, truth)| format!("{own:.4} ({truth:.4})"));
         out!(
-            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {lpips:>8} {:>8.5} {flicker:>15}",
+            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {lpips:>8} {unscaled:>14} {:>8.5} \
+             {flicker:>15}",
             s.psnr,
             s.psnr_aligned,
             s.ssim,

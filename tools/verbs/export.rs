@@ -2,8 +2,9 @@
 
 use crate::export_clip::{ClipArgs, Losses};
 use crate::files::make_folder;
+use crate::look::list;
 use crate::page;
-use crate::screen::out;
+use crate::screen::{out, say};
 use crate::shown::Source;
 use crate::views::clip_time;
 use anyhow::Context;
@@ -93,12 +94,19 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         Format::Other(writer) => match writer.write {
             WriteScene::Alone(write) => write(to, &splats)?,
+            WriteScene::WithOwn(write) => write(to, &splats, &source.look.unusual())?,
             WriteScene::InWorld(write) => write(to, &splats, source.clip.as_ref().and_then(FourDgs::world))?,
             WriteScene::WithClip(write) => {
                 let setting = args.clip.setting(&source)?;
-                write(to, &splats, setting.clock, &setting.views)?;
+                write(to, &splats, setting.clock, &setting.views, &source.look.unusual())?;
             }
         },
+    }
+    if let Format::Other(Writer { name, keeps_constants: false, .. }) = format
+        && let unusual = source.look.unusual()
+        && !unusual.is_empty()
+    {
+        say!("{}: the format {name} has no place for {}; viewers use theirs", to.display(), list(&unusual));
     }
     let bytes = with_clip.unwrap_or_else(|| std::fs::metadata(to).map_or(0, |m| m.len()));
     let writer = if let Format::Other(writer) = format { Some(writer) } else { None };

@@ -3,6 +3,7 @@
 use crate::files::write_scene;
 use crate::progress::Progress;
 use crate::screen::out;
+use ivv::formats::Own;
 use ivv::scene::capture::Capture;
 use ivv::train::{Config, Init, initialise};
 use std::path::PathBuf;
@@ -44,7 +45,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let initial =
         initialise(&capture, &config, &mut |done, total| progress.reach(done, total, "frames, pictures or depths"))?;
     drop(progress);
-    write_scene(&args.output, &initial.splats, &world)?;
+    write_scene(&args.output, &initial.splats, &world, &Own::new())?;
     let bytes = std::fs::metadata(&args.output).map_or(0, |file| file.len());
     if json {
         let line = serde_json::json!({

@@ -1,7 +1,7 @@
 //! `ivv inspect`.
 
 use crate::require;
-use crate::screen::out;
+use crate::screen::{out, say};
 use crate::shown::{self, Shown};
 use ivv::formats::FourDgs;
 use ivv::scene::{Quantiles, Summary};
@@ -22,7 +22,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if FourDgs::is(&args.scene) {
         return clip(&args.scene, json);
     }
-    let Shown { file: scene, splats, unfinished, .. } = shown::open(&args.scene)?;
+    let Shown { file: scene, splats, unfinished, notes } = shown::open(&args.scene)?;
     let reviews = reviews(&scene);
     let summary = splats.by_degree().summary();
     if json {
@@ -31,6 +31,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             value["checkpoint_step"] = step.into();
         }
         value["reviews"] = serde_json::to_value(&reviews)?;
+        value["notes"] = serde_json::to_value(&notes)?;
         out!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
     }
@@ -44,11 +45,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 /// A file with a clock. Its contents are printed even where its Gaussians cannot be ours at all times.
 fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
     let file = FourDgs::read(scene)?;
-    let told = file.summary();
+    let (told, notes) = (file.summary(), file.notes());
     let summary = file.splats().map(|splats| splats.by_degree().summary());
     if json {
         let mut value = summary.as_ref().map_or_else(|_| Ok(serde_json::json!({})), serde_json::to_value)?;
         value["fourdgs"] = serde_json::to_value(&told)?;
+        value["notes"] = serde_json::to_value(&notes)?;
         out!("{}", serde_json::to_string_pretty(&value)?);
         return Ok(());
     }
@@ -59,6 +61,7 @@ fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
             out!("at one moment: {fault}");
         }
     }
+    notes.iter().for_each(|note| say!("{}: {note}", scene.display()));
     out!(
         "clip:          {:.3} s in {}, by {}; temporal factors from {:.4}",
         told.duration_sec,

@@ -7,7 +7,7 @@ use crate::screen::{out, say};
 use crate::verbs::check::{self, Faulty};
 use anyhow::Context;
 use ivv::prepare::{
-    Estimate, ImageFormat, PrepareSettings, Progress, Share, Stage, Triangulate, estimate, forecast, prepare,
+    Estimate, ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate, estimate, forecast, prepare,
     prepare_share,
 };
 use ivv::scene::capture::CaptureSettings;
@@ -21,7 +21,7 @@ use std::sync::Mutex;
 pub struct Args {
     /// Photos of a scene that stands still, a video of one, or a folder of videos of one moment, whose cameras COLMAP finds; or
     /// a recording with its calibration: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
-    /// transforms.json, plain COLMAP, Pose2Sim, caliscope, or a capture folder.
+    /// transforms.json, plain COLMAP, LLFF, OpenSfM, Pose2Sim, anipose, EasyMocap, caliscope, or a capture folder.
     source: PathBuf,
     /// The capture folder. Run the same command again to continue an interrupted preparation.
     #[arg(short, long)]
@@ -31,8 +31,9 @@ pub struct Args {
     #[arg(long)]
     footage: Option<PathBuf>,
     /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`, for cameras that did not start recording
-    /// together. A negative number starts earlier. `timecode` takes them from the time codes of the videos.
-    #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES|timecode")]
+    /// together. A negative number starts earlier. `timecode` takes them from the time codes of the videos, `sound` from what
+    /// their microphones hear.
+    #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES|timecode|sound")]
     shift: Vec<String>,
     /// For a folder of videos without calibration, of cameras that move together on one rig: COLMAP places the cameras of every
     /// N-th frame, and what lies between is interpolated. 1 for every frame.
@@ -44,9 +45,10 @@ pub struct Args {
     /// Format of new images. Images that need no change are copied as they are.
     #[arg(long, value_parser = ["png", "jpg"], default_value = "png")]
     format: String,
-    /// Frames per second of image sequences.
-    #[arg(long, default_value_t = CaptureSettings::default().fps)]
-    fps: f64,
+    /// Frames per second of the capture. Of videos, which are paired by time, it chooses frames; without it, the lowest of their rates
+    /// is taken. Image sequences were taken at this rate (30).
+    #[arg(long)]
+    fps: Option<f64>,
     /// The frames of which COLMAP triangulates points: none, the reference frame, or every N-th. By default every frame, unless
     /// the source has points.
     #[arg(long, num_args = 1..=2, value_names = ["none|reference|every", "N"])]
@@ -56,6 +58,10 @@ pub struct Args {
     /// the static scene.
     #[arg(long = "static", value_name = "PHOTOS")]
     photos: Option<PathBuf>,
+    /// A folder of masks: of videos and image sequences a folder for each camera, with one mask for each frame; of photographs
+    /// NAME.png for each. What is bright in them counts, what is black is left out.
+    #[arg(long, value_name = "FOLDER")]
+    masks: Option<PathBuf>,
     /// Estimates optical flow. dis: OpenCV's DIS, run in Python.
     #[arg(long, value_parser = ["dis"])]
     flow: Option<String>,
@@ -84,7 +90,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let forecast = forecast(&settings)?;
     if let Some(forecast) = &forecast {
         say!("{forecast}");
+        forecast.notes.iter().for_each(|note| say!("note: {note}"));
     }
+    let before = forecast.as_ref().map(|forecast| forecast.notes.clone()).unwrap_or_default();
     let pieces = Mutex::new(Pieces::new());
     let tell = |progress: Progress| {
         // A thread that panicked while it told of progress is no reason to stop.
@@ -114,7 +122,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     } else {
         let format = if prepared.source_format.is_empty() { "unknown format" } else { prepared.source_format };
         out!("source:  {}, {format}", args.source.display());
-        for note in &prepared.notes {
+        for note in prepared.notes.iter().filter(|note| !before.contains(note)) {
             out!("note:    {note}");
         }
         if !prepared.points.is_empty() {
@@ -188,22 +196,29 @@ fn tell_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
 
 fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
     let defaults = PrepareSettings::new(&args.source, &args.output);
-    let by_timecode = args.shift == ["timecode"];
-    let capture = CaptureSettings { fps: args.fps, ..args.read.settings() };
+    let shift_by = match args.shift.as_slice() {
+        [word] if word == "timecode" => ShiftBy::Timecode,
+        [word] if word == "sound" => ShiftBy::Sound,
+        _ => ShiftBy::Given,
+    };
+    let capture = args.read.settings();
+    let capture = CaptureSettings { fps: args.fps.unwrap_or(capture.fps), ..capture };
     Ok(PrepareSettings {
         footage: args.footage.clone(),
         frames: capture.frames,
-        shifts: if by_timecode {
-            BTreeMap::new()
-        } else {
+        shifts: if shift_by == ShiftBy::Given {
             args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?
+        } else {
+            BTreeMap::new()
         },
-        by_timecode,
+        shift_by,
+        fps: args.fps,
         moving: args.moving,
         scale: args.scale,
         format: if args.format == "jpg" { ImageFormat::Jpeg } else { ImageFormat::Png },
         triangulate: args.triangulate.as_deref().map(triangulate).transpose()?,
         photos: args.photos.clone(),
+        masks: args.masks.clone(),
         flow: args.flow.is_some(),
         capture,
         force: args.force,
@@ -213,9 +228,10 @@ fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
 }
 
 /// A camera's name and its shift.
-fn shift(word: &str) -> anyhow::Result<(String, i32)> {
-    let parsed = word.rsplit_once('=').and_then(|(name, frames)| Some((name.to_owned(), frames.parse().ok()?)));
-    parsed.with_context(|| format!("--shift takes CAMERA=FRAMES, not `{word}`"))
+fn shift(word: &str) -> anyhow::Result<(String, f64)> {
+    let parsed = word.rsplit_once('=').and_then(|(name, frames)| Some((name.to_owned(), frames.parse::<f64>().ok()?)));
+    let parsed = parsed.filter(|(_, frames)| frames.abs() < 1e9);
+    parsed.with_context(|| format!("--shift takes CAMERA=FRAMES, or timecode or sound alone, not `{word}`"))
 }
 
 fn triangulate(words: &[String]) -> anyhow::Result<Triangulate> {

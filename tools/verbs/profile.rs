@@ -9,10 +9,9 @@ use crate::progress::{Progress, watch};
 use crate::replay::{self, ReplayArgs};
 use crate::screen::out;
 use crate::settings::SettingArgs;
+use crate::shown::Source;
 use anyhow::Context;
-use ivv::Constants;
 use ivv::files::write_atomic;
-use ivv::formats::read_scene;
 use ivv::gpu::{Dispatch, Gpu};
 use ivv::profile::{
     Comparison, Heat, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, Sweep, SweepOptions, trace,
@@ -288,9 +287,10 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
         "a scene is drawn without the settings of a training; leave their flags out, or profile a capture with them"
     );
     let views = read_views(args.cameras.as_deref().context("give --cameras to profile a scene")?)?;
-    let splats = read_scene(subject)?;
+    let source = Source::open(subject)?;
+    let splats = source.scene()?.splats;
     let peaks = if args.dump.is_none() { Some(Peaks::measure(gpu)?) } else { None };
-    let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default())?;
+    let mut renderer = Renderer::new(gpu.clone(), &splats, source.look.constants)?;
     let Some(first) = views.first() else { anyhow::bail!("the cameras file has no view; add one") };
     let Some(peaks) = peaks else {
         let kernel = args.dump.as_deref().unwrap_or_default();

@@ -254,7 +254,7 @@ impl Args {
             None if self.capture.is_none() => self.views.need_no_capture("--capture is not given")?,
             None => {}
         }
-        let background = source.background()?;
+        let background = source.look.background.unwrap_or_default();
         Ok(Some(Film::along(&self.film, path, (self.clip(source, run)?, self.time), background)?))
     }
 
@@ -330,15 +330,13 @@ fn within_clip(cameras: &Path, shown: &Shown<Gaussians>, views: &[View]) -> ivv:
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let path = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
     let run = if is_run(path) { Some(Run::read(path)?) } else { None };
-    let of_scene = run.as_ref().map_or_else(Constants::default, Run::constants_of_capture);
-    // Faults of options are reported before a scene is read, which may set some of them itself.
-    let constants_over = |scene: Constants| args.knobs.on(args.constants.checked_over(scene)?);
-    constants_over(of_scene)?;
+    // Faults of options are reported before a scene is read.
+    args.knobs.on(args.constants.checked()?)?;
     let stop = Stop::listen()?;
     let source = Source::open(path)?;
+    let constants = args.knobs.on(args.constants.checked_over(source.look.constants)?)?;
     if let Some(film) = args.film(&source, run.as_ref())? {
         let shown = source.seen()?;
-        let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
         let output = args.output.as_deref().context("give the video, -o FILE")?;
         let studio = Studio { output, device: &args.device, constants, stop: &stop };
         return film::run(&film, &args.film, shown, &studio, json);
@@ -346,7 +344,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let views = args.views(&source)?;
     // What is measured is in memory, all of it.
     let shown = if args.output.is_some() { source.seen()? } else { source.scene()?.into() };
-    let constants = constants_over(shown.constants.unwrap_or(of_scene))?;
     within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
     args.output.as_deref().map_or(Ok(()), make_folder)?;
     let gpu = args.device.open()?;

@@ -4,6 +4,7 @@ use crate::capture::{self, CaptureArgs};
 use crate::device::DeviceArgs;
 use crate::files::{make_folder, read_json, write_json};
 use crate::interrupt::{Interrupted, Stop};
+use crate::look::Look;
 use crate::outline;
 use crate::screen::{self, out, say};
 use crate::settings::SettingArgs;
@@ -150,7 +151,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
 
 /// Frames of the longest segment that can be trained in `memory` bytes, and the bytes of its images.
 fn within(memory: u64, args: &PlanArgs, capture: &Capture, config: &Config) -> anyhow::Result<(u32, Option<u64>)> {
-    let (work, limits) = outline::work(capture, config, &*args.device.open()?, 0);
+    let (work, limits) = outline::work(capture, config, &*args.device.open()?, 0)?;
     let of_scene = TrainingPlan::new(&work, &limits).full;
     let of_frame = work.image_bytes.div_ceil(u64::from(capture.n_frames.max(1))).max(1);
     let frames = memory.saturating_sub(of_scene.bytes()) / of_frame;
@@ -301,7 +302,7 @@ impl<'a> Jobs<'a> {
             read_ply(&folder.join("scene.ply"))
         };
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
-        write_parts(&file, &mut joined)?;
+        write_parts(&file, &mut joined, &Look::of(&self.base(), None)?.unusual())?;
         // The constants that the jobs were given, with --blur and the like. On a rig that moves the jobs trained in a frame with
         // another unit, so the near plane is converted.
         let base = Run::read(&self.base())?;

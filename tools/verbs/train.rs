@@ -7,6 +7,7 @@ use crate::due::{Due, DueArgs};
 use crate::files::{write_json, write_scene};
 use crate::interrupt::{Interrupted, Stop};
 use crate::kept;
+use crate::look::Look;
 use crate::offsets;
 use crate::outline;
 use crate::passes::{self, TimedPass};
@@ -137,9 +138,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return follow(session, (*total, &args.due), &team, &stop);
     }
     let before = session.steps();
-    if let n @ 1.. = session.n_left_out() {
-        alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
-    }
+    start.warn(&mut session);
     let (test, steps) = (capture.test_frames(), format!("steps {} to {total}", before + 1));
     say!(
         "{}, {}, {}, {}, SH degree {}",
@@ -428,7 +427,8 @@ impl Training<'_, '_> {
         let splats = self.session.with_backdrop(trained.clone())?;
         self.note_events()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
-        let written = write_scene(&scene, &splats, &world)?;
+        let own = Look::new(self.scorer.run, self.scorer.config).unusual();
+        let written = write_scene(&scene, &splats, &world, &own)?;
         // What the file holds is scored.
         let splats = world.splats(&written);
         let seconds_stepping = self.seconds_before + self.session.seconds();

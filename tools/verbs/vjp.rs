@@ -2,9 +2,9 @@
 
 use crate::device::DeviceArgs;
 use crate::screen::out;
+use crate::shown::Source;
 use anyhow::ensure;
 use ivv::files::{Tensor, read_tensors, write_tensors};
-use ivv::formats::read_scene;
 use ivv::scene::{Frame, Splats, View, read_views};
 use ivv::stage::{Accumulation, Gradients, Renderer};
 use serde_json::json;
@@ -57,13 +57,15 @@ impl From<Mode> for Accumulation {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let constants = args.constants.checked()?;
+    args.constants.checked()?;
     let views = read_views(&args.cameras)?;
     let Some(view) = views.first() else {
         return Err(ivv::Error::data(&args.cameras, "views", "has no view", "add one").into());
     };
     let cotangents = cotangents(args, view)?;
-    let splats = read_scene(&args.scene)?;
+    let source = Source::open(&args.scene)?;
+    let constants = args.constants.checked_over(source.look.constants)?;
+    let splats = source.scene()?.splats;
     let gpu = args.device.open()?;
     let sums = Accumulation::from(args.accumulation).on(gpu.caps());
     let mut renderer = Renderer::new(gpu, &splats, constants)?;

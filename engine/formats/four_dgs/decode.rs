@@ -1,18 +1,18 @@
 //! What a `.4dgs` says, and as Gaussians of ours.
 
 use super::ears::{EARS, Ears};
-use super::{MAGIC, RECORD, Sounds, VIEWS, World};
+use super::{MAGIC, RECORD, SOUND, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
 use crate::formats::clock::Clock;
 use crate::formats::format::Reader;
+use crate::formats::imported::{Imported, Own};
 use crate::scene::dc_of_color;
 use crate::scene::parse_views;
 use crate::scene::{ALWAYS, Motion, Splats, View};
 use fourdgs::quantization::sh_coefficient;
 use fourdgs::reader::OpenMode;
 use fourdgs::{FileReadable, GaussianSet, SceneReader};
-use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -22,7 +22,12 @@ const INVISIBLE: f64 = 1.0 / 255.0;
 const EDGE: f64 = 1e-6;
 
 pub(in crate::formats) const READER: Reader =
-    Reader { what: "a .4dgs", knows: |start| start.bytes == MAGIC, read: |path| FourDgs::read(path)?.splats() };
+    Reader { what: "a .4dgs", knows: |start| start.bytes == MAGIC, read: import };
+
+fn import(path: &Path) -> Result<Imported> {
+    let file = FourDgs::read(path)?;
+    Ok(Imported { splats: file.splats()?, notes: file.notes(), own: file.own().cloned() })
+}
 
 /// A `.4dgs`: what it says, and its Gaussians where they are in memory.
 #[derive(Debug)]
@@ -107,8 +112,29 @@ impl FourDgs {
     }
 
     /// What is this project's own, by name: how the scene is rendered; `None` in a file of another program.
-    pub fn own(&self) -> Option<&BTreeMap<String, String>> {
+    pub fn own(&self) -> Option<&Own> {
         self.scene.metadata.iter().find(|record| record.name == RECORD).map(|record| &record.entries)
+    }
+
+    /// What is in the file that is not read, a sentence each.
+    pub fn notes(&self) -> Vec<String> {
+        let records = self.scene.metadata.iter().map(|record| &record.name);
+        let attachments = self.scene.attachments.iter().map(|attachment| &attachment.name);
+        let mut notes = Vec::new();
+        if self.scene.camera.is_some() {
+            notes.push("its camera path is not read".to_owned());
+        }
+        for (what, names) in [
+            ("metadata record", others(records, &[RECORD, SOUND])),
+            ("attachment", others(attachments, &[VIEWS, EARS])),
+        ] {
+            match &names[..] {
+                [] => {}
+                [name] => notes.push(format!("1 {what} is not read: {name}")),
+                names => notes.push(format!("{} {what}s are not read: {}", names.len(), names.join(", "))),
+            }
+        }
+        notes
     }
 
     /// Views to start from; none in a file of another program.
@@ -182,6 +208,11 @@ impl FourDgs {
     }
 }
 
+/// The names of `all` but those `known`, quoted.
+fn others<'a>(all: impl Iterator<Item = &'a String>, known: &[&str]) -> Vec<String> {
+    all.filter(|name| !known.contains(&name.as_str())).map(|name| format!("`{}`", name.escape_debug())).collect()
+}
+
 /// A first or last moment that is not shown is shorter than a frame can tell, where it is at most this; seconds.
 pub(super) fn margin(seconds: f64, frames: u32) -> f64 {
     1e-3 * seconds / f64::from(frames)
@@ -206,6 +237,7 @@ fn front(reader: &mut SceneReader<FileReadable>) -> fourdgs::Result<fourdgs::Sce
         header: reader.header().clone(),
         duration_sec: reader.header().duration_sec,
         audio_sources: reader.read_audio_sources()?,
+        camera: reader.camera()?,
         metadata: reader.metadata()?,
         attachments: reader.attachments()?,
         provenance: reader.provenance()?,

@@ -455,9 +455,11 @@ pub mod density_gather {
         pub old_first: u32,
         /// `old_n` of the shader.
         pub old_n: u32,
+        /// `faded` of the shader.
+        pub faded: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 56);
+        assert!(size_of::<Push>() == 60);
         assert!(std::mem::offset_of!(Push, as_it_was) == 0);
         assert!(std::mem::offset_of!(Push, child) == 16);
         assert!(std::mem::offset_of!(Push, size) == 32);
@@ -466,6 +468,7 @@ pub mod density_gather {
         assert!(std::mem::offset_of!(Push, start) == 44);
         assert!(std::mem::offset_of!(Push, old_first) == 48);
         assert!(std::mem::offset_of!(Push, old_n) == 52);
+        assert!(std::mem::offset_of!(Push, faded) == 56);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {

@@ -17,14 +17,20 @@ pub mod lpips_input {
         pub crop_width: u32,
         /// `crop_height` of the shader.
         pub crop_height: u32,
+        /// `gain` of the shader.
+        pub gain: f32,
+        /// `offset` of the shader.
+        pub offset: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 20);
+        assert!(size_of::<Push>() == 28);
         assert!(std::mem::offset_of!(Push, width) == 0);
         assert!(std::mem::offset_of!(Push, first_x) == 4);
         assert!(std::mem::offset_of!(Push, first_y) == 8);
         assert!(std::mem::offset_of!(Push, crop_width) == 12);
         assert!(std::mem::offset_of!(Push, crop_height) == 16);
+        assert!(std::mem::offset_of!(Push, gain) == 20);
+        assert!(std::mem::offset_of!(Push, offset) == 24);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {
@@ -267,6 +273,12 @@ pub mod lpips_tap {
     pub struct Push {
         /// `pixels` of the shader.
         pub pixels: u32,
+        /// `columns` of the shader.
+        pub columns: u32,
+        /// `first` of the shader.
+        pub first: u32,
+        /// `width` of the shader.
+        pub width: u32,
         /// `planes` of the shader.
         pub planes: u32,
         /// `first_sum` of the shader.
@@ -275,11 +287,14 @@ pub mod lpips_tap {
         pub per_pixel: f32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 16);
+        assert!(size_of::<Push>() == 28);
         assert!(std::mem::offset_of!(Push, pixels) == 0);
-        assert!(std::mem::offset_of!(Push, planes) == 4);
-        assert!(std::mem::offset_of!(Push, first_sum) == 8);
-        assert!(std::mem::offset_of!(Push, per_pixel) == 12);
+        assert!(std::mem::offset_of!(Push, columns) == 4);
+        assert!(std::mem::offset_of!(Push, first) == 8);
+        assert!(std::mem::offset_of!(Push, width) == 12);
+        assert!(std::mem::offset_of!(Push, planes) == 16);
+        assert!(std::mem::offset_of!(Push, first_sum) == 20);
+        assert!(std::mem::offset_of!(Push, per_pixel) == 24);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {

@@ -3,19 +3,22 @@
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
+use sha2::{Digest, Sha256};
 
 use crate::prepare::fit::Part;
+use crate::prepare::foreign::{Kind, kind};
 use crate::prepare::journal::stamps;
 use crate::prepare::video::Video;
 use crate::scene::Pose;
 use crate::scene::capture::Shot;
 use crate::scene::undistort::{Distortion, Lens};
+use crate::video::chapters;
 
 /// A camera of the capture.
 pub(in crate::prepare) struct Camera {
     pub name: String,
     pub is_test: bool,
-    /// First frame of the footage that is taken.
+    /// First frame of the footage that is taken; of videos, of those that it has at the clip's rate.
     pub start: u32,
     /// Of the finished pictures.
     pub pinhole: Lens,
@@ -28,13 +31,16 @@ pub(in crate::prepare) struct Camera {
     /// Of that part, scaled.
     pub lens: Lens,
     pub(super) material: Material,
+    /// Of a video, by frame of the capture; none where it has none.
+    pub(super) masks: Vec<PathBuf>,
 }
 
 /// What a camera's pictures are made from.
 pub(super) enum Material {
-    Video(PathBuf, Video),
-    /// By frame of the capture.
-    Images(Vec<Shot>),
+    /// With the number of the picture that each frame of the capture shows; none where the camera has none then.
+    Video(PathBuf, Video, Vec<Option<usize>>),
+    /// By frame of the capture; none where it has no image then.
+    Images(Vec<Option<Shot>>),
 }
 
 impl Camera {
@@ -48,8 +54,28 @@ impl Camera {
     /// The shot of a frame when its image is taken over as it is.
     pub(super) fn taken_over(&self, frame: u32) -> Option<&Shot> {
         match &self.material {
-            Material::Images(shots) if self.is_as_recorded() => shots.get(frame as usize),
+            Material::Images(shots) if self.is_as_recorded() => {
+                shots.get(frame as usize)?.as_ref().filter(|shot| kind(&shot.image) == Kind::Own)
+            }
             _ => None,
+        }
+    }
+
+    /// Whether it has a picture of a frame.
+    pub fn has(&self, frame: u32) -> bool {
+        match &self.material {
+            Material::Video(.., pictures) => pictures.get(frame as usize).is_some_and(Option::is_some),
+            Material::Images(shots) => shots.get(frame as usize).is_some_and(Option::is_some),
+        }
+    }
+
+    /// The frame of its footage that a frame of the capture shows, `every` frames of the footage being one of the capture.
+    pub fn source_frame(&self, frame: u32, every: u32) -> Option<u32> {
+        match &self.material {
+            Material::Video(.., pictures) => {
+                pictures.get(frame as usize)?.and_then(|picture| u32::try_from(picture).ok())
+            }
+            Material::Images(_) => Some(self.start + frame * every),
         }
     }
 
@@ -62,7 +88,7 @@ impl Camera {
     }
 
     /// What its pictures are made from, where those are images.
-    fn shots(&self) -> &[Shot] {
+    fn shots(&self) -> &[Option<Shot>] {
         match &self.material {
             Material::Video(..) => &[],
             Material::Images(shots) => shots,
@@ -71,20 +97,37 @@ impl Camera {
 
     /// The flow that comes along with its picture of a frame.
     pub fn flow(&self, frame: u32) -> Option<&PathBuf> {
-        self.shots().get(frame as usize)?.flow.as_ref()
+        self.shots().get(frame as usize)?.as_ref()?.flow.as_ref()
     }
 
     /// Flow and depth that come along with its pictures.
     pub(super) fn priors(&self) -> impl Iterator<Item = &PathBuf> {
-        self.shots().iter().flat_map(|shot| shot.flow.iter().chain(&shot.depth))
+        self.shots().iter().flatten().flat_map(|shot| shot.flow.iter().chain(&shot.depth))
     }
 
     /// What the camera's pictures are made from.
-    pub(super) fn stamp(&self) -> Value {
+    pub(super) fn stamp(&self, every: u32) -> Value {
         let footage = match &self.material {
-            Material::Video(path, _) => stamps([path]),
-            Material::Images(shots) => stamps(shots.iter().flat_map(Shot::pictures)),
+            Material::Video(path, ..) => stamps(chapters(path)),
+            Material::Images(shots) => stamps(shots.iter().flatten().flat_map(Shot::pictures)),
         };
-        json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage })
+        let mut stamp = json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage });
+        if !self.masks.is_empty() {
+            stamp["masks"] = stamps(&self.masks);
+        }
+        let Material::Video(_, video, pictures) = &self.material else { return stamp };
+        // Noted where it is not what earlier versions did.
+        if pictures.iter().enumerate().any(|(k, picture)| *picture != Some(self.start as usize + k * every as usize)) {
+            let mut hash = Sha256::new();
+            pictures.iter().for_each(|picture| hash.update(format!("{picture:?}\n")));
+            stamp["pictures"] = json!(format!("{:x}", hash.finalize()));
+        }
+        if let Some(colour) = &video.colour {
+            stamp["colour"] = json!(colour.filter);
+        }
+        if let Some(top_first) = video.top_first {
+            stamp["top field first"] = json!(top_first);
+        }
+        stamp
     }
 }

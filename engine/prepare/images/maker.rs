@@ -10,9 +10,10 @@ use super::camera::Camera;
 use crate::error::{Error, Result};
 use crate::files::{open_file, write_atomic};
 use crate::prepare::fit::Part;
+use crate::prepare::foreign::decode_image;
 use crate::prepare::journal::make_folder;
 use crate::scene::Intrinsics;
-use crate::scene::capture::{Shot, alpha_of, decode_image};
+use crate::scene::capture::{Shot, alpha_of};
 use crate::scene::prior::{read_depth, read_flow, write_depth_halves, write_flow_halves};
 use crate::scene::undistort::{Distortion, Undistortion};
 
@@ -60,7 +61,7 @@ impl<'a> Maker<'a> {
     }
 
     pub fn mask_is_done(&self, frame: u32) -> bool {
-        self.validity.is_none() || self.path("masks", frame).is_file()
+        (self.validity.is_none() && self.camera.masks.is_empty()) || self.path("masks", frame).is_file()
     }
 
     /// The mask of the source, or what of the undistorted picture is valid, if there is need of one.

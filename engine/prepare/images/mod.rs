@@ -3,9 +3,11 @@
 mod beside;
 mod camera;
 mod maker;
+mod paired;
 mod plan;
 mod recorded;
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -23,6 +25,7 @@ use crate::parallel::in_parallel;
 use crate::prepare::journal::{Journal, make_folder};
 use crate::prepare::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress, Share};
 use crate::prepare::source::Source;
+use crate::prepare::timeline::Timeline;
 use crate::prepare::video::{self, Selection};
 use crate::scene::capture::Faults;
 use crate::scene::undistort::Lens;
@@ -38,7 +41,10 @@ pub(super) struct Images {
     /// Frames per second of the capture.
     pub fps: f64,
     pub notes: Vec<String>,
+    /// See [`Plan::rests`].
+    pub rests: BTreeMap<String, f64>,
     select: Selection,
+    timeline: Option<Timeline>,
     format: ImageFormat,
     threads: usize,
     /// See [`Journal::begin`].
@@ -53,19 +59,26 @@ enum Job {
 impl Images {
     /// Compares the cameras with their footage and with each other; everything that does not fit is a fault.
     pub fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Faults) -> Images {
-        let Plan { cameras, fps, notes, select, made_from } = plan::plan(source, settings, faults);
+        let Plan { cameras, fps, notes, select, timeline, rests, made_from } = plan::plan(source, settings, faults);
         let (output, format, threads) = (settings.output.clone(), settings.format, settings.threads);
-        Images { output, cameras, fps, notes, select, format, threads, made_from }
+        Images { output, cameras, fps, notes, rests, select, timeline, format, threads, made_from }
     }
 
     pub fn n_frames(&self) -> u32 {
         self.select.n
     }
 
-    /// Seconds of a camera's footage at which the clip begins, and its length.
+    /// When the clip begins by the clock of a camera's video, and its length, seconds.
     fn span(&self, camera: &Camera) -> (f64, f64) {
-        let rate = self.fps * f64::from(self.select.every);
-        (f64::from(camera.start) / rate, f64::from(self.select.n) / self.fps)
+        let begins = self.timeline.as_ref().map_or(0.0, |timeline| timeline.time(&camera.name, self.select.start));
+        (begins, f64::from(self.select.n) / self.fps)
+    }
+
+    /// By camera, the frames of the capture of which it has no picture.
+    pub fn absent(&self) -> BTreeMap<String, BTreeSet<u32>> {
+        let of = |camera: &Camera| (0..self.select.n).filter(|frame| !camera.has(*frame)).collect::<BTreeSet<u32>>();
+        let all = self.cameras.iter().map(|camera| (camera.name.clone(), of(camera)));
+        all.filter(|(_, absent)| !absent.is_empty()).collect()
     }
 
     pub fn select(&self) -> Selection {
@@ -93,12 +106,17 @@ impl Images {
             make_folder(&self.output.join("images").join(&camera.name))?;
             match &camera.material {
                 Material::Video(..) => jobs.push(Job::Video(index)),
-                Material::Images(_) => jobs.extend((0..n).map(|frame| Job::Image(index, frame))),
+                Material::Images(_) => {
+                    jobs.extend((0..n).filter(|frame| camera.has(*frame)).map(|frame| Job::Image(index, frame)));
+                }
             }
         }
         let own = (0..).zip(jobs).filter(|(number, _)| share.has(*number)).map(|(_, job)| job);
         let jobs: Vec<Job> = own.collect();
-        let pieces = |job: &Job| if matches!(job, Job::Video(_)) { n as usize } else { 1 };
+        let pieces = |job: &Job| match job {
+            Job::Video(camera) => (0..n).filter(|frame| self.cameras[*camera].has(*frame)).count(),
+            Job::Image(..) => 1,
+        };
         let (done, total) = (AtomicUsize::new(0), jobs.iter().map(pieces).sum());
         let tell = |piece: &str| {
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
@@ -112,8 +130,11 @@ impl Images {
     }
 
     /// The first picture that is not made yet.
-    pub fn absent(&self) -> Option<PathBuf> {
-        let of_camera = |camera| (0..self.select.n).map(move |frame| self.image_name(camera, frame));
+    pub fn unmade(&self) -> Option<PathBuf> {
+        let of_camera = |camera| {
+            let frames = (0..self.select.n).filter(move |frame| Camera::has(camera, *frame));
+            frames.map(move |frame| self.image_name(camera, frame))
+        };
         let all = self.cameras.iter().flat_map(of_camera).map(|name| self.output.join("images").join(name));
         all.into_iter().find(|image| !image.is_file())
     }
@@ -121,7 +142,7 @@ impl Images {
     /// The sound of videos that have some.
     pub fn write_sound(&self) -> Result<()> {
         for camera in &self.cameras {
-            if let Material::Video(path, video) = &camera.material {
+            if let Material::Video(path, video, _) = &camera.material {
                 let (from, length) = self.span(camera);
                 let to = self.output.join(format!("audio/{}.wav", camera.name));
                 if video.has_sound && !to.exists() {
@@ -134,41 +155,38 @@ impl Images {
     }
 
     fn decode_video(&self, camera: &Camera, tell: &dyn Fn(&str)) -> Result<()> {
-        let Material::Video(path, video) = &camera.material else { return Ok(()) };
+        let Material::Video(path, video, pictures) = &camera.material else { return Ok(()) };
         let maker = Maker::new(&self.output, camera);
         let image = |frame: u32| self.output.join("images").join(self.image_name(camera, frame));
-        let is_done = |frame: &u32| image(*frame).is_file() && maker.mask_is_done(*frame);
+        let is_done = |frame: u32| image(frame).is_file() && maker.mask_is_done(frame);
+        let all = (0..self.select.n).zip(pictures).filter_map(|(frame, picture)| Some((frame, (*picture)?)));
+        let all: Vec<(u32, usize)> = all.collect();
         // What an earlier run decoded is not decoded again.
-        let first =
-            (0..self.select.n).take_while(is_done).map(|frame| tell(&self.image_name(camera, frame))).count() as u32;
-        if first == self.select.n {
-            return Ok(());
-        }
-        let Selection { every, n, .. } = self.select;
-        let rest = Selection { start: camera.start + first * every, every, n: n - first };
+        let first = all.iter().position(|(frame, _)| !is_done(*frame)).unwrap_or(all.len());
+        let (done, rest) = all.split_at(first);
+        done.iter().for_each(|(frame, _)| tell(&self.image_name(camera, *frame)));
+        // A picture that is the nearest to two frames is decoded once.
+        let mut wanted: Vec<usize> = rest.iter().map(|(_, picture)| *picture).collect();
+        wanted.dedup();
         let threads = (self.threads / self.cameras.len().max(1)).max(1);
-        video::decode(
-            (path, video),
-            rest,
-            camera.part,
-            (camera.lens.intrinsics.width, camera.lens.intrinsics.height),
-            threads,
-            |index, rgb| {
-                let frame = first + index;
+        let size = (camera.lens.intrinsics.width, camera.lens.intrinsics.height);
+        let mut rest = rest.iter().copied().peekable();
+        video::decode((path, video), &wanted, camera.part, size, threads, |place, rgb| {
+            while let Some((frame, _)) = rest.next_if(|(_, picture)| *picture == wanted[place]) {
                 if !image(frame).is_file() {
                     let (pixels, _) = rgb.as_chunks::<3>();
                     self.write(&image(frame), &maker.image(pixels), &camera.pinhole, ExtendedColorType::Rgb8)?;
                 }
-                maker.write_mask(frame, None)?;
+                maker.write_mask(frame, camera.masks.get(frame as usize).map(PathBuf::as_path))?;
                 tell(&self.image_name(camera, frame));
-                Ok(())
-            },
-        )
+            }
+            Ok(())
+        })
     }
 
     fn convert_image(&self, camera: &Camera, frame: u32, tell: &dyn Fn(&str)) -> Result<()> {
         let Material::Images(shots) = &camera.material else { return Ok(()) };
-        let shot = &shots[frame as usize];
+        let Some(shot) = &shots[frame as usize] else { return Ok(()) };
         let maker = Maker::new(&self.output, camera);
         let name = self.image_name(camera, frame);
         let to = self.output.join("images").join(&name);

@@ -1,20 +1,25 @@
 //! What becomes of a source's cameras: which frames, which part of their pictures, which size. Everything that does not fit is a
 //! fault, so that nothing is written before all of it fits.
 
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
 use serde_json::{Value, json};
 
 use super::camera::{Camera, Material};
+use super::paired::{self, Paired};
 use super::recorded::Recorded;
-use crate::error::Error;
 use crate::parallel::in_parallel;
 use crate::prepare::fit::{Part, fitted};
+use crate::prepare::foreign::{Kind, kind, read_size, size_for};
 use crate::prepare::journal::{PRIORS, stamps};
 use crate::prepare::settings::PrepareSettings;
 use crate::prepare::source::{Footage, Source, SourceCamera};
 use crate::prepare::timecodes;
-use crate::prepare::video::{RATE_TOLERANCE, Selection};
+use crate::prepare::timeline::Timeline;
+use crate::prepare::video::{Selection, Video, can_convert};
 use crate::scene::Intrinsics;
-use crate::scene::capture::{Faults, Frames, RATES, Shot, read_size};
+use crate::scene::capture::{Faults, Frames, RATES, Shot};
 use crate::scene::undistort::Lens;
 
 /// What is to be made.
@@ -24,6 +29,11 @@ pub(super) struct Plan {
     pub fps: f64,
     pub notes: Vec<String>,
     pub select: Selection,
+    /// Of the videos, where there are some.
+    pub timeline: Option<Timeline>,
+    /// By camera, what of a shift is less than a frame: how much later its pictures are than their frames, frames of the capture. Empty where
+    /// no shift is known so finely.
+    pub rests: BTreeMap<String, f64>,
     /// What the pictures are made from, for the journal.
     pub made_from: Value,
 }
@@ -35,25 +45,41 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
     let look = |index: usize| Ok(Recorded::look(&source.cameras[index], source));
     let looked = in_parallel(source.cameras.len(), settings.threads, look, |_| {}).unwrap_or_default();
     let material: Vec<_> = looked.into_iter().map(|recorded| faults.take(recorded)).collect();
-    let counts: Vec<(u32, &String)> =
-        material.iter().zip(&source.cameras).filter_map(|(m, c)| Some((m.as_ref()?.n_frames, &c.name))).collect();
-    let rates: Vec<f64> = material.iter().flatten().filter_map(|recorded| recorded.fps).collect();
-    note_differences(&counts, &rates, &mut notes);
-    if settings.shifts.is_empty() {
+    let videos = || {
         let videos = material.iter().map(|recorded| recorded.as_ref()?.video.as_ref());
-        let videos: Vec<_> = source.cameras.iter().map(|camera| camera.name.as_str()).zip(videos).collect();
-        notes.extend(timecodes::note(&videos));
+        source.cameras.iter().map(|camera| camera.name.as_str()).zip(videos)
+    };
+    let of_videos: Vec<(&str, &Video)> = videos().filter_map(|(name, video)| Some((name, video?))).collect();
+    let timeline = Timeline::new(of_videos.iter().copied(), settings);
+    // Frames of the clip until each camera's last picture.
+    let left = |(camera, recorded): (&SourceCamera, &Recorded)| {
+        let of_video = timeline.as_ref().filter(|_| recorded.video.is_some()).and_then(|it| it.n(&camera.name));
+        let of_images = i64::from(recorded.n_frames) - i64::from(settings.whole_shift(&camera.name));
+        of_video.unwrap_or(u32::try_from(of_images).unwrap_or(0))
+    };
+    let recorded =
+        source.cameras.iter().zip(&material).filter_map(|(camera, recorded)| Some((camera, recorded.as_ref()?)));
+    let left: Vec<(u32, &str)> = recorded.map(|it| (left(it), it.0.name.as_str())).collect();
+    notes.extend(paired::of_lengths(&left, &of_videos, settings));
+    notes.extend(timeline.as_ref().and_then(|timeline| paired::of_rates(&of_videos, timeline)));
+    if settings.shifts.is_empty() {
+        notes.extend(timecodes::note(&videos().collect::<Vec<_>>()));
     }
-    let select = select(source, settings, &counts, &mut notes, faults);
-    let fps = rates.first().copied().or(source.fps).unwrap_or(settings.capture.fps) / f64::from(select.every);
+    let select = select(source, settings, &left, &mut notes, faults);
+    let of_images = settings.fps.or(source.fps).unwrap_or(settings.capture.fps);
+    let fps = timeline.as_ref().map_or(of_images, |timeline| timeline.fps) / f64::from(select.every);
     if !RATES.contains(&fps) {
         let reason = format!("has {fps} frames per second, {} to {} are allowed", RATES.start(), RATES.end());
         faults.add(&source.calibration, "", reason, "give the rate at which the pictures were taken with --fps");
     }
-    let mut planned = Planned { source, settings, select, notes, of_cameras: Vec::new(), faults };
+    let is_converted = of_videos.iter().any(|(_, video)| video.colour.is_some());
+    let converts = !is_converted || faults.take(can_convert(&settings.source)).unwrap_or(true);
+    let rests = BTreeMap::new();
+    let mut planned =
+        Planned { source, settings, select, timeline, converts, notes, of_cameras: Vec::new(), rests, faults };
     let pairs = source.cameras.iter().zip(material);
     let cameras: Vec<Camera> = pairs.filter_map(|(camera, material)| planned.camera(camera, material?)).collect();
-    let mut notes = planned.notes;
+    let Planned { mut notes, timeline, rests, .. } = planned;
     notes.extend(grouped(&planned.of_cameras, source.cameras.len()));
     if cameras.iter().all(|camera| camera.is_test) && faults.n() == 0 {
         let remedy = "choose fewer cameras with --test-cameras";
@@ -62,44 +88,25 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
     let Selection { start, every, n } = select;
     let mut made_from = json!({
         "source": settings.source.to_string_lossy(), "source format": source.format, "start": start, "every": every, "frames": n,
-        "scale": settings.scale, "format": settings.format, "cameras": cameras.iter().map(Camera::stamp).collect::<Vec<_>>(),
+        "scale": settings.scale, "format": settings.format, "cameras": cameras.iter().map(|camera| camera.stamp(every)).collect::<Vec<_>>(),
     });
     made_from[PRIORS] = stamps(cameras.iter().flat_map(Camera::priors));
     if !settings.shifts.is_empty() {
-        made_from["shifts"] = json!(settings.shifts);
+        made_from["shifts"] = settings.shifts_noted();
     }
-    Plan { cameras, fps, notes, select, made_from }
-}
-
-/// Notes that cameras have different numbers of frames (`counts`, with their names) or different rates.
-fn note_differences(counts: &[(u32, &String)], rates: &[f64], notes: &mut Vec<String>) {
-    if let (Some((least, shortest)), Some((most, longest))) = (counts.iter().min(), counts.iter().max())
-        && least != most
-    {
-        notes.push(format!(
-            "the cameras have different numbers of frames, {least} (`{shortest}`) to {most} (`{longest}`): \
-             what all have is used, in the hope that they begin together (--shift tells when they do not)"
-        ));
-    }
-    if let Some(other) = rates.iter().find(|rate| (*rate / rates[0] - 1.0).abs() > RATE_TOLERANCE) {
-        notes.push(format!(
-            "the cameras have different rates, {} and {other} frames per second: their frames are paired by number",
-            rates[0]
-        ));
-    }
+    Plan { cameras, fps, notes, select, timeline, rests, made_from }
 }
 
 /// The frames that are asked for and that all cameras have.
 fn select(
     source: &Source,
     settings: &PrepareSettings,
-    counts: &[(u32, &String)],
+    left: &[(u32, &str)],
     notes: &mut Vec<String>,
     faults: &mut Faults,
 ) -> Selection {
     let Frames { from: start, to, every } = settings.frames;
-    let left = |n: u32, name: &str| u32::try_from(i64::from(n) - i64::from(settings.shift(name))).unwrap_or(0);
-    let available = counts.iter().map(|(n, name)| left(*n, name)).min().unwrap_or(0);
+    let available = left.iter().map(|(n, _)| *n).min().unwrap_or(0);
     let n = settings.frames.of(available).len() as u32;
     if n == 0 && faults.n() == 0 {
         let reason = format!("begins at frame {start}, the cameras have {available}");
@@ -116,9 +123,14 @@ struct Planned<'a> {
     source: &'a Source,
     settings: &'a PrepareSettings,
     select: Selection,
+    /// Of the videos, where there are some.
+    timeline: Option<Timeline>,
+    /// Whether ffmpeg has what converts colours.
+    converts: bool,
     notes: Vec<String>,
     /// Cameras by name, and what is noted of each.
     of_cameras: Vec<(String, String)>,
+    rests: BTreeMap<String, f64>,
     faults: &'a mut Faults,
 }
 
@@ -168,12 +180,19 @@ impl Planned<'_> {
             self.faults.add(&self.source.calibration, place, reason, "calibrate it again");
             return None;
         };
-        let shift = self.settings.shift(&camera.name);
-        let Some(start) = self.select.start.checked_add_signed(shift) else {
-            let reason = format!("is to begin {} frames before its footage", shift.unsigned_abs() - self.select.start);
-            let remedy = format!("begin at frame {} or later: --frames {0}:", shift.unsigned_abs());
-            self.faults.add(&self.source.calibration, place, reason, remedy);
-            return None;
+        let (start, paired) = match &recorded.video {
+            Some(video) => self.paired(camera, video)?,
+            None => {
+                let shift = self.settings.whole_shift(&camera.name);
+                if f64::from(shift) != self.settings.shift(&camera.name) {
+                    let note =
+                        format!("its shift is rounded to {shift} frames, since images are known by their numbers");
+                    self.of_cameras.push((camera.name.clone(), note));
+                }
+                let n_before = shift.unsigned_abs().saturating_sub(self.select.start);
+                let start = self.select.start.checked_add_signed(shift);
+                (start.or_else(|| self.begins_early(&place, n_before))?, Paired::default())
+            }
         };
         let frames: Vec<u32> = (0..self.select.n).map(|i| start + i * self.select.every).collect();
         let poses = if camera.poses.is_empty() {
@@ -187,58 +206,158 @@ impl Planned<'_> {
             }
             frames.iter().filter_map(|frame| camera.poses.get(frame).copied()).collect()
         };
-        let material = match (&camera.footage, recorded.video) {
-            (Footage::Video(path), Some(video)) => Material::Video(path.clone(), video),
+        let masks = self.masks(&camera.name, &frames, recorded.size)?;
+        let (material, masks) = match (&camera.footage, recorded.video) {
+            (Footage::Video(path), Some(video)) => {
+                self.recorded_otherwise(camera, path, &video)?;
+                (Material::Video(path.clone(), video, paired.pictures), masks)
+            }
             (Footage::Images(shots), _) => {
-                let mut shots = self.shots(&place, shots, &frames, recorded.size)?;
+                let mut shots = self.shots(&camera.name, shots, &frames, recorded.size)?;
+                for (shot, mask) in shots.iter_mut().zip(masks) {
+                    shot.iter_mut().for_each(|shot| shot.mask = Some(mask.clone()));
+                }
                 self.choose_flow(&mut shots);
-                Material::Images(shots)
+                (Material::Images(shots), Vec::new())
             }
             (Footage::Video(_), None) => return None,
         };
         let (name, is_test) = (camera.name.clone(), camera.is_test);
-        Some(Camera { name, is_test, start, pinhole, poses, recorded: recorded.size, part, lens, material })
+        Some(Camera { name, is_test, start, pinhole, poses, recorded: recorded.size, part, lens, material, masks })
+    }
+
+    /// The masks of the chosen frames, where a folder of masks has some of the camera: one of each, of the pictures' size.
+    fn masks(&mut self, camera: &str, frames: &[u32], size: (u32, u32)) -> Option<Vec<PathBuf>> {
+        let Some(all) = self.source.masks.get(camera) else { return Some(Vec::new()) };
+        let folder = self.settings.masks.as_deref().unwrap_or(Path::new("")).join(camera);
+        let absent: Vec<u32> = frames.iter().copied().filter(|frame| !all.contains_key(frame)).collect();
+        if let Some(first) = absent.first() {
+            let more = if absent.len() > 1 { format!(" and {} more", absent.len() - 1) } else { String::new() };
+            let reason = format!("has {} masks, but none of frame {first}{more}", all.len());
+            self.faults.add(&folder, "--masks", reason, "give one mask for each frame, numbered without gaps");
+            return None;
+        }
+        let chosen: Vec<PathBuf> = frames.iter().filter_map(|frame| all.get(frame).cloned()).collect();
+        let first = self.faults.take(read_size(chosen.first()?))?;
+        if first != size {
+            let reason = format!("has masks of {} x {}, the pictures are {} x {}", first.0, first.1, size.0, size.1);
+            self.faults.add(&folder, "--masks", reason, "give masks of the pictures' size");
+            return None;
+        }
+        Some(chosen)
+    }
+
+    /// That a camera has nothing yet where the clip begins.
+    fn begins_early<T>(&mut self, place: &str, n_before: u32) -> Option<T> {
+        let reason = format!("is to begin {n_before} frames before its footage");
+        let remedy = format!("begin at frame {} or later: --frames {0}:", self.select.start + n_before);
+        self.faults.add(&self.source.calibration, place, reason, remedy);
+        None
+    }
+
+    /// The first frame of a video that is taken, and the pictures of the chosen frames.
+    fn paired(&mut self, camera: &SourceCamera, video: &Video) -> Option<(u32, Paired)> {
+        let place = format!("camera `{}`", camera.name.escape_debug());
+        let timeline = self.timeline.as_ref()?;
+        let first = timeline.index(&camera.name, video, self.select.start)?;
+        let Ok(start) = u32::try_from(first) else {
+            return self.begins_early(&place, u32::try_from(-first).unwrap_or(u32::MAX));
+        };
+        let paired = paired::pair(timeline, &camera.name, video, self.select);
+        if paired.pictures.iter().all(Option::is_none) && self.select.n > 0 {
+            let remedy = "choose frames that it has with --frames, or leave the camera out";
+            self.faults.add(&self.source.calibration, place, "has no picture of any chosen frame", remedy);
+            return None;
+        }
+        self.of_cameras.extend(paired.notes.iter().map(|note| (camera.name.clone(), note.clone())));
+        if self.settings.shifts.values().any(|shift| shift.fract() != 0.0) {
+            self.rests.insert(camera.name.clone(), paired.rest);
+        }
+        Some((start, paired))
+    }
+
+    /// Notes what of a video is converted; a fault where that cannot be.
+    fn recorded_otherwise(&mut self, camera: &SourceCamera, path: &Path, video: &Video) -> Option<()> {
+        let mut note = |note: String| self.of_cameras.push((camera.name.clone(), note));
+        if let Some(colour) = &video.colour {
+            if !self.converts {
+                let reason = format!("is {}; this ffmpeg has no zscale and tonemap, which make it BT.709", colour.name);
+                let remedy = format!(
+                    "install an ffmpeg with zimg, or convert it elsewhere: ffmpeg -i IN -vf {},format=yuv420p OUT",
+                    colour.filter
+                );
+                self.faults.add(path, "", reason, remedy);
+                return None;
+            }
+            let how = if colour.tone_maps {
+                "tone-mapped to BT.709, all pictures by one curve"
+            } else {
+                "converted to BT.709"
+            };
+            note(format!("its video is {}: {how}", colour.name));
+        }
+        if let Some(top_first) = video.top_first {
+            let field = if top_first { "top" } else { "bottom" };
+            note(format!(
+                "its video is interlaced ({field} field first): de-interlaced by ffmpeg's bwdif, a picture for each frame"
+            ));
+        }
+        if let Some(named) = video.named {
+            note(format!(
+                "its video is cut off: {} of {named} pictures that its index names are there",
+                video.n_frames()
+            ));
+        }
+        Some(())
     }
 
     /// Flow leads to the next frame of the source, which must be the next frame of the capture.
-    fn choose_flow(&mut self, shots: &mut [Shot]) {
+    fn choose_flow(&mut self, shots: &mut [Option<Shot>]) {
         // The frame that the last flow leads to is not taken.
-        shots.last_mut().map(|shot| shot.flow.take());
-        if self.settings.frames.every == 1 || shots.iter().all(|shot| shot.flow.is_none()) {
+        shots.last_mut().and_then(|shot| shot.as_mut()?.flow.take());
+        if self.settings.frames.every == 1 || shots.iter().flatten().all(|shot| shot.flow.is_none()) {
             return;
         }
         let note = "flow does not skip frames: left out".to_owned();
         if !self.notes.contains(&note) {
             self.notes.push(note);
         }
-        for shot in shots {
+        for shot in shots.iter_mut().flatten() {
             shot.flow = None;
         }
     }
 
     /// The shots of the chosen frames, each compared with the size of the camera's images.
-    fn shots(&mut self, place: &str, shots: &[Shot], frames: &[u32], size: (u32, u32)) -> Option<Vec<Shot>> {
-        let mut chosen = Vec::new();
-        for frame in frames {
-            match shots.iter().find(|shot| shot.frame == *frame) {
-                Some(shot) => chosen.push(shot.clone()),
-                None => {
-                    let reason =
-                        format!("has no image of frame {frame}; a capture folder has all frames of every camera");
-                    let remedy =
-                        "add it, number the images without gaps, choose other frames, or train on the source as it is";
-                    self.faults.add(&self.source.calibration, place, reason, remedy);
-                }
-            }
+    fn shots(&mut self, camera: &str, shots: &[Shot], frames: &[u32], size: (u32, u32)) -> Option<Vec<Option<Shot>>> {
+        let there: BTreeMap<u32, &Shot> = shots.iter().map(|shot| (shot.frame, shot)).collect();
+        let chosen: Vec<Option<Shot>> =
+            frames.iter().map(|frame| there.get(frame).map(|shot| (*shot).clone())).collect();
+        let absent: Vec<u32> = frames.iter().copied().filter(|frame| !there.contains_key(frame)).collect();
+        let may_lack = self.source.may_lack || self.settings.capture.skip_missing;
+        if may_lack && !absent.is_empty() {
+            let note = format!("{} of {} frames have no image", absent.len(), frames.len());
+            self.of_cameras.push((camera.to_owned(), note));
+        } else if let Some(first) = absent.first() {
+            let more = if absent.len() > 1 { format!(" and of {} more", absent.len() - 1) } else { String::new() };
+            let reason =
+                format!("has no image of frame {first}{more}; a capture folder has all frames of every camera");
+            let longest = frames.split(|frame| !there.contains_key(frame)).max_by_key(|run| run.len()).unwrap_or(&[]);
+            let take = match (longest.first(), longest.last()) {
+                (Some(first), Some(last)) => format!("take frames that are there with --frames {first}:{}", last + 1),
+                _ => "choose other frames".to_owned(),
+            };
+            let remedy = format!("add what is missing, {take}, or leave it out with --skip-missing");
+            let place = format!("camera `{}`", camera.escape_debug());
+            self.faults.add(&self.source.calibration, place, reason, remedy);
         }
         let before = self.faults.n();
-        for path in chosen.iter().flat_map(Shot::pictures) {
-            if let Some((w, h)) = self.faults.take(read_size(path).map_err(Error::from)).filter(|found| *found != size)
-            {
+        // Those that ffmpeg reads are compared when they are decoded: it would be started for each.
+        for path in chosen.iter().flatten().flat_map(Shot::pictures).filter(|path| kind(path) != Kind::Converted) {
+            if let Some((w, h)) = self.faults.take(size_for(path, size)).filter(|found| *found != size) {
                 let reason = format!("is {w} x {h}, the camera's first image is {} x {}", size.0, size.1);
                 self.faults.add(path, "", reason, "give images and masks of one size");
             }
         }
-        (chosen.len() == frames.len() && self.faults.n() == before).then_some(chosen)
+        ((may_lack || absent.is_empty()) && self.faults.n() == before).then_some(chosen)
     }
 }

@@ -2,16 +2,16 @@
 
 use crate::error::{Error, Result};
 use crate::prepare::fit::Part;
+use crate::prepare::foreign::{decode_image, size_for};
 use crate::prepare::source::{Footage, Source, SourceCamera};
-use crate::prepare::video::{self, Selection, Video};
-use crate::scene::capture::{decode_image, read_size};
+use crate::prepare::video::{self, Video};
 
 /// Footage that has been looked at.
 pub(super) struct Recorded {
     /// Width and height, pixels.
     pub size: (u32, u32),
+    /// Of images, by the last of their numbers.
     pub n_frames: u32,
-    pub fps: Option<f64>,
     pub video: Option<Video>,
 }
 
@@ -24,8 +24,8 @@ impl Recorded {
         match &camera.footage {
             Footage::Video(path) => {
                 let video = video::probe(path)?;
-                let Video { width, height, n_frames, fps, .. } = video;
-                Ok(Recorded { size: (width, height), n_frames, fps: Some(fps), video: Some(video) })
+                let size = (video.width, video.height);
+                Ok(Recorded { size, n_frames: video.n_frames(), video: Some(video) })
             }
             Footage::Images(shots) => {
                 let Some(last) = shots.iter().map(|shot| shot.frame).max() else {
@@ -33,8 +33,9 @@ impl Recorded {
                     let remedy = "add its images, or remove the camera";
                     return Err(Error::data(&source.calibration, place, "has no image", remedy));
                 };
-                let size = read_size(&shots[0].image).map_err(Error::from)?;
-                Ok(Recorded { size, n_frames: last + 1, fps: None, video: None })
+                let lens = camera.lens.intrinsics;
+                let size = size_for(&shots[0].image, (lens.width, lens.height))?;
+                Ok(Recorded { size, n_frames: last + 1, video: None })
             }
         }
     }
@@ -45,8 +46,7 @@ impl Recorded {
         match (footage, &self.video) {
             (Footage::Video(path), Some(video)) => {
                 let mut pixels = Vec::new();
-                let select = Selection { start: 0, every: 1, n: 1 };
-                video::decode((path, video), select, Part::whole(self.size), self.size, 1, |_, rgb| {
+                video::decode((path, video), &[0], Part::whole(self.size), self.size, 1, |_, rgb| {
                     pixels.extend_from_slice(rgb.as_chunks().0);
                     Ok(())
                 })?;

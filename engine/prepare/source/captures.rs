@@ -1,12 +1,11 @@
 //! Sources that are captures: the project's own folder, Dynamic3DGaussians, transforms.json and plain COLMAP.
 
-use std::collections::BTreeMap;
+use std::collections::HashMap;
 
 use super::footage;
 use super::recording::{Clocks, Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{
-    Alpha, Camera, CaptureBuilder, CaptureSettings, Faults, Frames, PHOTOS, describe, has_alpha, images_folder,
-    model_folder, tracks,
+    Alpha, Camera, CaptureBuilder, CaptureSettings, Faults, Frames, PHOTOS, describe, has_alpha, seen_points,
 };
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
@@ -14,13 +13,13 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
     let images = place.settings.footage.clone().unwrap_or(asked.images.clone());
     let settings = CaptureSettings { images, frames: Frames::default(), ..asked.clone() };
     let (format, mut builder) = describe(place.folder, &settings, faults)?;
-    if settings.skip_missing {
-        let shots = |builder: &CaptureBuilder| builder.cameras.iter().map(|camera| camera.shots.len()).sum::<usize>();
-        let before = shots(&builder);
-        builder.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.image.exists()));
-        builder.cameras.retain(|camera| !camera.shots.is_empty());
-        let n = before - shots(&builder);
-        builder.notes.extend((n > 0).then(|| format!("{n} images are missing and left out")));
+    let listed: HashMap<String, usize> =
+        builder.cameras.iter().map(|camera| (camera.name.clone(), camera.shots.len())).collect();
+    let before = faults.n();
+    builder.check_missing(place.folder, &settings, faults);
+    if faults.n() > before {
+        // What is missing of a camera is told: the rest of it would be told again as gaps.
+        builder.cameras.retain(|camera| listed.get(&camera.name) == Some(&camera.shots.len()));
     }
     if settings.alpha == Alpha::Mask {
         for shot in builder.cameras.iter_mut().flat_map(|camera| &mut camera.shots) {
@@ -38,6 +37,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         notes: std::mem::take(&mut builder.notes),
         frame_points: builder.frame_points.take(),
         clocks: Clocks::Offsets(std::mem::take(&mut builder.true_offsets)),
+        may_lack: place.folder.join("capture.toml").is_file(),
         photos: builder.photos.take().map(|_| place.folder.join(PHOTOS)),
         ..Source::default()
     };
@@ -46,22 +46,13 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         let note = "videos beside the images are left out; if they are the footage, name their folder with --footage";
         source.notes.push(note.to_owned());
     }
-    let names: BTreeMap<_, _> = builder
-        .cameras
-        .iter()
-        .filter_map(|camera| Some((camera.shots.first()?.image.clone(), camera.name.clone())))
-        .collect();
-    let images = images_folder(place.folder, &settings);
-    // What lies beside a file of another format may be in another world: colmap2nerf turns and scales it.
-    let is_of_model = ["", "COLMAP"].contains(&format);
-    let seen =
-        model_folder(place.folder).filter(|_| is_of_model).filter(|folder| folder.join("points3D.bin").is_file());
-    let seen = seen.and_then(|folder| faults.take(tracks(&folder)));
-    source.points = match seen {
-        Some(tracks) => tracks
-            .into_iter()
-            .map(|(point, by)| (point, by.iter().filter_map(|name| names.get(&images.join(name)).cloned()).collect()))
-            .collect(),
+    // Of other formats nothing tells who saw a point.
+    source.points = match builder.model.take() {
+        Some((model, ids)) => {
+            let points = faults.take(seen_points(&model)).unwrap_or_default();
+            let named = |by: Vec<u32>| by.iter().filter_map(|id| ids.get(id).cloned()).collect();
+            points.into_iter().map(|(point, by)| (point, named(by))).collect()
+        }
         None => builder.points.iter().map(|point| (*point, Vec::new())).collect(),
     };
     for camera in &builder.cameras {

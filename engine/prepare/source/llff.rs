@@ -2,23 +2,26 @@
 
 use std::collections::BTreeMap;
 
-use super::footage::{self, sequence_names, video_names};
+use super::footage::{self, by_number, sequence_names, video_names};
 use super::recording::{Place, Source, SourceCamera};
-use crate::scene::capture::{Faults, model_folder, read_npy};
+use crate::scene::capture::{Faults, is_capture, read_npy};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose, rotation_of_rows};
 use glam::DVec3;
 
 const REMEDY: &str = "give the file that came with the videos, and all of them";
 
-/// Whether it is a clip of cameras whose poses `poses_bounds.npy` has. The photographs of LLFF and Mip-NeRF 360 have such a file
-/// beside COLMAP's model, which says more.
+/// Whether it is a clip of cameras whose poses `poses_bounds.npy` has: so many videos, or folders of frames. The photographs of LLFF
+/// and Mip-NeRF 360 have such a file too, the latter beside COLMAP's model, which says more; the film they were taken from may lie
+/// there as well.
 pub(super) fn is_n3v(place: Place) -> bool {
-    let is_clip = || {
-        let sequences = sequence_names(place.footage);
-        !video_names(place.footage).is_empty() || sequences.iter().any(|name| name.starts_with("cam"))
+    let poses = place.folder.join("poses_bounds.npy");
+    let n_clips = || {
+        let sequences = sequence_names(place.footage).into_iter().filter(|name| name.starts_with("cam")).count();
+        video_names(place.footage).len().max(sequences)
     };
-    place.folder.join("poses_bounds.npy").is_file() && (model_folder(place.folder).is_none() || is_clip())
+    let n_rows = || read_npy(&poses).ok().and_then(|array| array.shape.first().copied());
+    poses.is_file() && (n_rows() == Some(n_clips()) || !is_capture(place.folder))
 }
 
 /// A row is three rows of (down, right, back, centre, (height, width, focal length)), then two bounds of depth, which are not
@@ -37,12 +40,18 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
         names = footage::sequence_names(place.footage);
         names.retain(|name| name.starts_with("cam"));
     }
-    if names.len() != n {
-        let reason = format!("describes {n} cameras, there are {} videos: {}", names.len(), names.join(", "));
-        faults.add(&calibration, "", reason, REMEDY);
-        return source;
-    }
-    for (row, (name, values)) in names.into_iter().zip(array.values.chunks_exact(17)).enumerate() {
+    let rows = match rows(&names, n) {
+        Ok((rows, note)) => {
+            source.notes.extend(note);
+            rows
+        }
+        Err((reason, remedy)) => {
+            faults.add(&calibration, "", reason, remedy);
+            return source;
+        }
+    };
+    for (row, name) in rows.into_iter().zip(names) {
+        let values = &array.values[17 * row..][..17];
         let column = |k: usize| DVec3::new(values[k], values[5 + k], values[10 + k]);
         let [height, width, focal] = column(4).to_array();
         let side = |side: f64| side.fract() == 0.0 && (1.0..=65_536.0).contains(&side);
@@ -60,4 +69,62 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
         source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
     }
     source
+}
+
+/// The row of each of the cameras `names`, which are in the order of their numbers, of `n`; and what was decided. Only the order ties
+/// names to rows.
+///
+/// # Errors
+/// What does not fit, and what to do.
+fn rows(names: &[String], n: usize) -> Result<(Vec<usize>, Option<String>), (String, String)> {
+    if names.len() == n {
+        let by_text = names.is_sorted();
+        let note = names.first().zip(names.last()).filter(|_| !by_text).map(|(first, last)| {
+            format!(
+                "the rows of poses_bounds.npy are those of the cameras in the order of their numbers, {first} to {last}; names sorted as \
+                 text have another order"
+            )
+        });
+        return Ok(((0..n).collect(), note));
+    }
+    let number = |name: &String| by_number(name).last().and_then(|(_, digits)| digits.parse::<usize>().ok());
+    let numbers: Option<Vec<usize>> = names.iter().map(number).collect();
+    // Cameras 0 to n - 1: some are absent, but not the last.
+    if let Some(numbers) =
+        numbers.filter(|all| names.len() < n && all.last() == Some(&(n - 1)) && all.is_sorted_by(|a, b| a < b))
+    {
+        let absent: Vec<String> = (0..n).filter(|row| !numbers.contains(row)).map(|row| row.to_string()).collect();
+        let note = format!(
+            "poses_bounds.npy has {n} rows, there are {} cameras: each is given the row of its number, and {} are absent",
+            names.len(),
+            absent.join(", ")
+        );
+        return Ok((numbers, Some(note)));
+    }
+    let reason = format!("describes {n} cameras, there are {}: {}", names.len(), names.join(", "));
+    let remedy = "only the order of the videos ties them to the rows, so all of them must be there: put back those that came with the \
+                  file, or remove others, and leave cameras out with --exclude NAMES";
+    Err((reason, remedy.to_owned()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn names(of: &[u32]) -> Vec<String> {
+        of.iter().map(|number| format!("cam_{number}")).collect()
+    }
+
+    #[test]
+    fn rows_are_those_of_numbers() {
+        let (all, note) = rows(&names(&[0, 1, 2, 10]), 4).unwrap();
+        assert!(all == [0, 1, 2, 3] && note.unwrap().contains("cam_0 to cam_10"));
+        assert_eq!(rows(&names(&[0, 1, 2]), 3).unwrap(), (vec![0, 1, 2], None));
+        let (some, note) = rows(&names(&[0, 2, 4]), 5).unwrap();
+        assert!(some == [0, 2, 4] && note.unwrap().contains("1, 3 are absent"));
+        // Which are absent is not known.
+        for (present, n) in [(&[0, 2, 3][..], 5), (&[0, 2, 6], 5), (&[0, 1, 2], 2), (&[], 3)] {
+            assert!(rows(&names(present), n).unwrap_err().1.contains("--exclude"), "{present:?}");
+        }
+    }
 }

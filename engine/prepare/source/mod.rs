@@ -2,44 +2,66 @@
 
 mod caliscope;
 mod captures;
+mod easymocap;
 pub(super) mod footage;
 mod immersive;
 mod llff;
+mod masks;
 mod opencv;
+pub(super) mod others;
 mod pose2sim;
 mod recording;
 mod rig;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use self::recording::Place;
 pub(super) use self::recording::{Clocks, Footage, Source, SourceCamera};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::prepare::pictures::Pictures;
 use crate::prepare::settings::PrepareSettings;
-use crate::scene::capture::{Faults, check_downscale, check_names, is_capture, is_unfinished};
+use crate::scene::capture::{Faults, check_asked, check_names, is_capture, is_unfinished};
+use crate::words::count;
 
 type Recogniser = fn(Place) -> bool;
 type Reader = fn(Place, &mut Faults) -> Source;
 
 /// Every format beyond those that are read as captures: its name, how a folder is recognised, how it is read. The first that
 /// fits is taken.
-const FORMATS: [(&str, Recogniser, Reader); 5] = [
+const FORMATS: [(&str, Recogniser, Reader); 7] = [
     ("Google Immersive", |place| place.folder.join("models.json").is_file(), immersive::read),
     ("N3V", llff::is_n3v, llff::read),
     ("caliscope", |place| place.folder.join("camera_array.toml").is_file(), caliscope::read),
-    ("Pose2Sim", |place| pose2sim::calibration(place.folder).is_some(), pose2sim::read),
+    ("EasyMocap", easymocap::is_easymocap, easymocap::read),
+    ("anipose", pose2sim::is_anipose, pose2sim::read),
+    ("Pose2Sim", |place| pose2sim::calibration(place).is_some(), pose2sim::read),
     ("COLMAP rig", rig::is_rig, rig::read),
 ];
 
+/// A source in a folder or file, see [`crate::prepare::recognise`].
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Recognised {
+    /// An English phrase, such as `a Pose2Sim recording`.
+    pub what: String,
+    /// What to give to [`crate::prepare::prepare`]: the path itself or, of several recordings in it, the first.
+    pub source: PathBuf,
+}
+
 /// See [`crate::prepare::recognise`].
-pub(super) fn recognise(folder: &Path) -> Option<String> {
+pub(super) fn recognise(folder: &Path) -> Option<Recognised> {
     let settings = PrepareSettings::new(folder, Path::new(""));
     let place = Place { settings: &settings, folder, footage: folder };
-    match FORMATS.into_iter().find(|(_, is, _)| is(place)) {
-        Some((format, ..)) => Some(format!("a {format} recording")),
-        None => pictures(&settings).map(|pictures| pictures.name().to_owned()),
-    }
+    let (what, source) = match FORMATS.into_iter().find(|(_, is, _)| is(place)) {
+        Some((format, ..)) => match pose2sim::trials(place).as_slice() {
+            [] => (format!("{} {format} recording", if format.starts_with(['a', 'E']) { "an" } else { "a" }), None),
+            trials => (format!("a {format} project of {}", count(trials.len(), "trial")), trials.first().cloned()),
+        },
+        None => {
+            let poses = others::poses(folder).map_or_else(String::new, |poses| format!(" ({poses})"));
+            (pictures(&settings)?.name().to_owned() + &poses, None)
+        }
+    };
+    Some(Recognised { what, source: source.unwrap_or(folder.to_owned()) })
 }
 
 /// Pictures without cameras, where the source is nothing else.
@@ -54,27 +76,30 @@ impl Source {
     /// Reads the source of the settings; the format is recognised from the folder's content.
     ///
     /// # Errors
-    /// [`Error::Data`] when the folder is in no known format.
+    /// [`crate::Error::Data`] when the folder is in no known format.
     pub fn read(settings: &PrepareSettings, faults: &mut Faults) -> Result<Source> {
         let folder = settings.source.as_path();
         let place = Place { settings, folder, footage: settings.footage.as_deref().unwrap_or(folder) };
         let found = FORMATS.into_iter().find(|(_, is, _)| !is_unfinished(folder) && is(place));
         let source = match found {
             Some((format, _, read)) => {
-                let source = Source { format, ..read(place, faults) };
-                faults.take(check_downscale(folder, &settings.capture));
+                let mut source = Source { format, ..read(place, faults) };
+                source.notes.extend(footage::notes(&source.cameras));
+                faults.take(check_asked(folder, format, &settings.capture));
+                source.exclude(&settings.capture.exclude, faults);
                 Some(source)
             }
             None => captures::read(place, faults),
         };
         let Some(mut source) = source else {
-            let reason = if folder.is_dir() { "not a recognised recording" } else { "no such folder" };
-            let remedy = "give a folder with models.json, poses_bounds.npy, camera_array.toml, Pose2Sim's calibration/, \
-                          cameras.txt and images.txt beside videos, capture.toml, train_meta.json, transforms.json or a \
-                          COLMAP model in sparse/0; or photos, a video or a folder of videos, whose cameras COLMAP finds";
-            return Err(Error::data(folder, "", reason, remedy));
+            return Err(others::unknown(folder, |path| recognise(path).map(|known| (known.source, known.what))));
         };
         source.cameras.sort_by(|a, b| a.name.cmp(&b.name));
+        match &settings.masks {
+            Some(masks) => masks::find(&mut source, masks, faults),
+            None if found.is_some() => source.notes.extend(masks::note(folder)),
+            None => {}
+        }
         if source.cameras.is_empty() && faults.n() == 0 {
             faults.add(&source.calibration, "", "holds no camera", "give a calibration with at least one camera");
         }
@@ -92,6 +117,17 @@ impl Source {
         check_names("--shift", settings.shifts.keys(), &names, &source.calibration, faults);
         source.choose_test_cameras(settings, faults);
         Ok(source)
+    }
+
+    /// Leaves out the cameras of these names.
+    fn exclude(&mut self, names: &[String], faults: &mut Faults) {
+        if names.is_empty() {
+            return;
+        }
+        let known: Vec<&str> = self.cameras.iter().map(|camera| camera.name.as_str()).collect();
+        check_names("--exclude", names, &known, &self.calibration, faults);
+        self.cameras.retain(|camera| !names.contains(&camera.name));
+        self.notes.push(format!("left out with --exclude: {}", names.join(", ")));
     }
 
     fn choose_test_cameras(&mut self, settings: &PrepareSettings, faults: &mut Faults) {

@@ -1,15 +1,16 @@
-//! Pose2Sim: videos and, in `calibration/`, Qualisys' `*.qca.txt` or a `Calib*.toml` (also Anipose's format).
+//! Pose2Sim: videos and, in `calibration/`, Qualisys' `*.qca.txt` or a `Calib*.toml`; and what has such a file of any name beside the
+//! videos: anipose, freemocap, aniposelib.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node};
 
-use super::footage;
+use super::footage::{self, files};
 use super::opencv::{self, Rotation};
 use super::recording::{Place, Source, SourceCamera};
 use crate::files::read_text;
-use crate::scene::capture::Faults;
+use crate::scene::capture::{Faults, is_capture};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose, rotation_of_rows};
 use glam::DVec3;
@@ -20,45 +21,114 @@ const SUBPIXELS: f64 = 64.0;
 /// and lengths in millimetres.
 const MILLIMETRES: f64 = 1000.0;
 
-/// The calibration of a project: in its folder or, for one trial of several, beside it.
-pub(super) fn calibration(folder: &Path) -> Option<PathBuf> {
-    let files = std::fs::read_dir(folder.join("calibration")).ok()?.flatten().map(|entry| entry.path());
-    let name = |path: &PathBuf| path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_lowercase();
-    let mut found: Vec<_> = files
-        .filter(|path| {
-            let name = name(path);
-            name.ends_with(".qca.txt") || name.starts_with("calib") && name.ends_with(".toml")
-        })
-        .collect();
+/// What the name of a project's folder of calibrations holds.
+const CALIBRATION: &str = "calib";
+/// Videos of cameras that a calibration one folder up must have before it is taken for theirs.
+const LEAST_ALIKE: usize = 2;
+
+/// The calibration of a project: in a folder `calibration`, or beside its videos. Of a trial of several it lies one folder up.
+pub(super) fn calibration(place: Place) -> Option<PathBuf> {
+    in_folder(place.folder).or_else(|| above(place))
+}
+
+/// Whether the calibration lies beside the videos.
+pub(super) fn is_anipose(place: Place) -> bool {
+    in_folder(place.folder).is_some_and(|file| file.parent() == Some(place.folder))
+}
+
+fn in_folder(folder: &Path) -> Option<PathBuf> {
+    let name = |path: &Path| path.file_name().and_then(|name| name.to_str()).unwrap_or_default().to_lowercase();
+    let is_toml = |path: &PathBuf| name(path).ends_with(".toml");
+    let named = |path: &PathBuf| name(path).ends_with(".qca.txt") || is_toml(path) && name(path).starts_with("calib");
+    let folders: Vec<PathBuf> =
+        files(folder).into_iter().filter(|path| name(path).contains(CALIBRATION) && path.is_dir()).collect();
+    let mut found: Vec<PathBuf> = folders.iter().flat_map(|folder| files(folder)).filter(named).collect();
     // What Pose2Sim made of the file of Qualisys comes before that.
     found.sort_by_key(|path| (name(path).ends_with(".qca.txt"), path.clone()));
-    found.into_iter().next()
+    // What is a capture says more.
+    let own = (!is_capture(folder)).then(|| folder.to_owned());
+    let mut others = own.into_iter().chain(folders).flat_map(|folder| files(&folder));
+    found.into_iter().next().or_else(|| others.find(|path| is_toml(path) && has_cameras(path)))
+}
+
+/// The calibration of a project with several trials, where `place` is the folder of one.
+fn above(place: Place) -> Option<PathBuf> {
+    let folder = std::path::absolute(place.folder).ok().filter(|folder| !is_capture(folder))?;
+    let found = in_folder(folder.parent()?)?;
+    let videos = footage_names(place.footage);
+    let cameras = cameras(&found).ok()?;
+    let alike = cameras.iter().filter(|(name, _)| videos.iter().any(|video| bare(video) == bare(name)));
+    (alike.count() >= LEAST_ALIKE).then_some(found)
+}
+
+/// Whether a file is a calibration of this form, whatever its name: Pose2Sim and others have settings in files of this kind too.
+fn has_cameras(path: &Path) -> bool {
+    let table = read_text(path).ok().and_then(|text| toml::from_str::<toml::Table>(&text).ok());
+    let is_camera =
+        |value: &toml::Value| ["matrix", "rotation", "translation"].iter().all(|key| value.get(key).is_some());
+    table.is_some_and(|table| table.values().any(is_camera))
+}
+
+/// The folders of a project that has a calibration and no footage of its own, which have some: each is a trial.
+pub(super) fn trials(place: Place) -> Vec<PathBuf> {
+    let mut names = footage_names(place.footage);
+    names.retain(|name| !name.to_lowercase().contains(CALIBRATION));
+    if in_folder(place.folder).is_none() || !names.is_empty() {
+        return Vec::new();
+    }
+    let folders = files(place.folder).into_iter().filter(|path| path.is_dir());
+    folders.filter(|folder| above(Place { folder, footage: folder, ..place }).is_some()).collect()
+}
+
+fn footage_names(footage: &Path) -> Vec<String> {
+    [footage::video_names(footage), footage::sequence_names(footage)].concat()
+}
+
+/// `cam_01`, `int_cam01_img` and `cam01` are one camera.
+fn bare(name: &str) -> String {
+    let name = name.trim_start_matches("int_").trim_end_matches("_img").to_lowercase();
+    name.chars().filter(char::is_ascii_alphanumeric).collect::<String>()
 }
 
 /// A camera with the name of the calibration.
 type Calibrated = (String, Result<(Lens, Pose), String>);
 
+/// The cameras of a calibration.
+///
+/// # Errors
+/// Why it cannot be read.
+fn cameras(calibration: &Path) -> Result<Vec<Calibrated>, String> {
+    let is_toml = calibration.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
+    let text = read_text(calibration).map_err(|fault| format!("cannot be read: {fault}"))?;
+    if is_toml { of_toml(&text) } else { of_qualisys(&text) }
+}
+
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
-    let calibration = calibration(place.folder).unwrap_or_else(|| place.folder.join("calibration"));
+    let calibration = calibration(place).unwrap_or_else(|| place.folder.join("calibration"));
     let mut source = Source { calibration: calibration.clone(), ..Source::default() };
-    let is_toml = calibration.extension().is_some_and(|ending| ending == "toml");
-    let text = read_text(&calibration).map_err(|fault| format!("cannot be read: {fault}"));
-    let cameras = match text.and_then(|text| if is_toml { of_toml(&text) } else { of_qualisys(&text) }) {
+    let trials = trials(place);
+    if let Some(first) = trials.first() {
+        let names: Vec<_> =
+            trials.iter().filter_map(|trial| trial.file_name()).map(|name| name.to_string_lossy()).collect();
+        let reason = format!("holds {} trials and no footage of its own: {}", trials.len(), names.join(", "));
+        let remedy = format!("prepare one at a time: `ivv prepare {} -o CAPTURE`", first.display());
+        faults.add(place.folder, "", reason, remedy);
+        return source;
+    }
+    let cameras = match cameras(&calibration) {
         Ok(cameras) => cameras,
         Err(reason) => {
             faults.add(&calibration, "", reason, REMEDY);
             return source;
         }
     };
-    let videos = [footage::video_names(place.footage), footage::sequence_names(place.footage)].concat();
+    if !calibration.starts_with(place.folder) {
+        source.notes.push(format!("the calibration is that of the folder above, {}", calibration.display()));
+    }
+    let videos = footage_names(place.footage);
     for (name, calibrated) in cameras {
         match calibrated {
             Ok((lens, pose)) => {
-                // `cam_01`, `int_cam01_img` and `cam01` are one camera.
-                let bare = |name: &str| {
-                    let name = name.trim_start_matches("int_").trim_end_matches("_img").to_lowercase();
-                    name.chars().filter(char::is_ascii_alphanumeric).collect::<String>()
-                };
                 let alike = videos.iter().find(|video| bare(video) == bare(&name)).cloned();
                 let name = alike.unwrap_or(name);
                 let Some(footage) = footage::take(place.footage, &name, &calibration, faults) else { continue };
@@ -72,7 +142,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
 
 #[derive(serde::Deserialize)]
 struct Section {
-    name: String,
+    name: Option<String>,
     size: [f64; 2],
     matrix: [[f64; 3]; 3],
     distortions: Vec<f64>,
@@ -88,7 +158,7 @@ fn of_toml(text: &str) -> Result<Vec<Calibrated>, String> {
     let sections = table.into_iter().filter(|(key, value)| key != "metadata" && value.is_table());
     Ok(sections
         .map(|(key, value)| match value.try_into::<Section>() {
-            Ok(section) => (section.name.clone(), section.calibrated()),
+            Ok(section) => (section.name.clone().unwrap_or(key), section.calibrated()),
             Err(fault) => (key, Err(format!("is no camera: {}", fault.message()))),
         })
         .collect())

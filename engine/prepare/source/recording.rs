@@ -40,6 +40,9 @@ pub(in crate::prepare) struct SourceCamera {
     pub is_test: bool,
 }
 
+/// By camera, the mask of each frame of its footage.
+pub(in crate::prepare) type Masks = BTreeMap<String, BTreeMap<u32, PathBuf>>;
+
 /// A point and the names of the cameras that saw it.
 pub(in crate::prepare) type SourcePoint = (Point, Vec<String>);
 
@@ -71,6 +74,10 @@ pub(in crate::prepare) struct Source {
     pub frame_points: Option<FramePoints>,
     /// A folder of photographs of what rests, which are a capture of their own.
     pub photos: Option<PathBuf>,
+    /// Whether a camera may be without an image of some frames.
+    pub may_lack: bool,
+    /// Of a folder that was given for them.
+    pub masks: Masks,
     pub notes: Vec<String>,
 }
 

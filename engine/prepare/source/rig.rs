@@ -3,11 +3,11 @@
 //! camera's at those frames.
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::footage;
 use super::recording::{Footage, Place, Source, SourceCamera};
-use crate::scene::capture::{Faults, Posed, images_folder, model_folder, read_images};
+use crate::scene::capture::{Faults, Posed, chosen_model, images_folder, read_images};
 
 /// Whether the cameras of the model have footage: a video, or more images than the model has of them. Cameras of a rig that have none
 /// are reported as faults. But footage may also have strayed into a plain project: the film of a Live Photo, or a folder of which one
@@ -17,7 +17,7 @@ pub(super) fn is_rig(place: Place) -> bool {
     if place.folder.join("capture.toml").is_file() {
         return false;
     }
-    let Some(folder) = model_folder(place.folder) else { return false };
+    let Some(folder) = model(place) else { return false };
     let model = read_images(&folder, &mut Faults::default());
     let images = images_folder(place.folder, &place.settings.capture);
     // What is given as footage is no film of a Live Photo.
@@ -49,6 +49,11 @@ pub(super) fn is_rig(place: Place) -> bool {
     (n_with > 0 && !has_live) || n_with + n_perhaps > n_without
 }
 
+/// The model that is asked for, or the largest.
+fn model(place: Place) -> Option<PathBuf> {
+    Some(chosen_model(place.folder, &place.settings.capture).ok()??.0)
+}
+
 /// Whether a film lies beside an image of its name, as phones put it there.
 fn is_beside(posed: &[&Posed], film: &Path) -> bool {
     posed.iter().any(|posed| posed.name.file_name().is_some_and(|name| film.with_file_name(name).is_file()))
@@ -68,7 +73,7 @@ fn by_camera(images: &[Posed]) -> BTreeMap<String, Vec<&Posed>> {
 }
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
-    let model = model_folder(place.folder).map(|folder| read_images(&folder, faults)).unwrap_or_default();
+    let model = model(place).map(|folder| read_images(&folder, faults)).unwrap_or_default();
     let mut source = Source { calibration: model.file.clone(), ..Source::default() };
     // Frames may be counted from 0 or from 1; the lowest number of all moving cameras tells.
     let cameras = by_camera(&model.images);

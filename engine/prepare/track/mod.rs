@@ -21,7 +21,8 @@ use crate::prepare::model::{self, ModelCamera, ModelPoint};
 use crate::prepare::settings::{PrepareSettings, Progress};
 use crate::prepare::source::Footage;
 use crate::prepare::source::footage::{find, video_names};
-use crate::prepare::video::{self, Selection};
+use crate::prepare::timeline::Timeline;
+use crate::prepare::video::{self, Video};
 use crate::scene::Pose;
 use crate::scene::capture::{Faults, read_images, tracks};
 
@@ -39,31 +40,30 @@ fn keys(n: usize, step: usize) -> Vec<usize> {
     keys
 }
 
-/// Frames of the clip: those that are asked for and that all videos have, which are given with their shifts.
-fn clip(settings: &PrepareSettings, videos: &[(PathBuf, i32)]) -> Result<Vec<u32>> {
-    let mut available = u32::MAX;
-    for (path, shift) in videos {
-        let n = i64::from(video::probe(path)?.n_frames) - i64::from(*shift);
-        available = available.min(u32::try_from(n).unwrap_or(0));
-    }
+/// The time of the clip, and its frames: those that are asked for and that all videos have.
+fn clip(settings: &PrepareSettings, videos: &[(&str, &Video)]) -> Result<(Timeline, Vec<u32>)> {
+    let timeline = Timeline::new(videos.iter().copied(), settings).ok_or_else(|| {
+        Error::data(&settings.source, "", "holds no video", "give a folder with a video of each camera of the rig")
+    })?;
+    let available = videos.iter().filter_map(|(name, _)| timeline.n(name)).min().unwrap_or(0);
     let frames: Vec<u32> = settings.frames.of(available).collect();
     if frames.is_empty() {
         let reason = format!("begins at frame {}, the videos have {available} in common", settings.frames.from);
         return Err(Error::data(&settings.source, "--frames", reason, "begin earlier"));
     }
-    Ok(frames)
+    Ok((timeline, frames))
 }
 
 /// Pictures that COLMAP is given beside those of the first key frame, and pairs of them that it matches.
 pub(super) fn load(settings: &PrepareSettings, folder: &Path, step: u32) -> Result<(usize, usize)> {
-    let videos: Vec<(PathBuf, i32)> = video_names(folder)
-        .iter()
-        .filter_map(|name| match find(folder, name) {
-            Some(Footage::Video(path)) => Some((path, settings.shift(name))),
-            _ => None,
-        })
-        .collect();
-    let left = keys(clip(settings, &videos)?.len(), step as usize).len() - 1;
+    let mut videos = Vec::new();
+    for name in video_names(folder) {
+        if let Some(Footage::Video(path)) = find(folder, &name) {
+            videos.push((name, video::probe(&path)?));
+        }
+    }
+    let named: Vec<(&str, &Video)> = videos.iter().map(|(name, video)| (name.as_str(), video)).collect();
+    let left = keys(clip(settings, &named)?.1.len(), step as usize).len() - 1;
     let of_blocks = (0..left).step_by(BLOCK).map(|begin| 1 + BLOCK.min(left - begin));
     let n = videos.len();
     let count = |frames: usize| (n * frames, frames * MATCHED.count(n) + n * frames * (frames - 1) / 2);
@@ -77,6 +77,7 @@ pub(super) struct Track<'a> {
     project: &'a Path,
     progress: &'a (dyn Fn(Progress) + Sync),
     cameras: Vec<Tracked>,
+    timeline: Timeline,
     /// Of the clip.
     frames: Vec<u32>,
     /// Indices of key frames in `frames`.
@@ -100,21 +101,23 @@ impl<'a> Track<'a> {
         let mut cameras = Vec::new();
         for posed in &model.images {
             let name = posed.name.with_extension("").to_string_lossy().into_owned();
-            let Some(Footage::Video(video)) = find(folder, &name) else { continue };
-            let shift = settings.shift(&name);
-            let Some(start) = settings.frames.from.checked_add_signed(shift) else {
-                let reason = format!("`{name}` is to begin before its video: a shift of {shift} frames");
-                let remedy = format!("begin at frame {} or later: --frames {0}:", shift.unsigned_abs());
-                return Err(Error::data(&settings.source, "--shift", reason, remedy));
-            };
-            cameras.push(Tracked { name, video, lens: posed.lens, first: posed.pose, start });
+            let Some(Footage::Video(path)) = find(folder, &name) else { continue };
+            let video = video::probe(&path)?;
+            cameras.push(Tracked { name, path, video, lens: posed.lens, first: posed.pose, start: 0 });
         }
         cameras.sort_by(|a, b| a.name.cmp(&b.name));
-        let videos: Vec<_> =
-            cameras.iter().map(|camera| (camera.video.clone(), settings.shift(&camera.name))).collect();
-        let frames = clip(settings, &videos)?;
+        let videos: Vec<_> = cameras.iter().map(|camera| (camera.name.as_str(), &camera.video)).collect();
+        let (timeline, frames) = clip(settings, &videos)?;
+        for camera in &mut cameras {
+            let start = timeline.index(&camera.name, &camera.video, frames[0]).unwrap_or(0);
+            camera.start = u32::try_from(start).map_err(|_| {
+                let reason = format!("`{}` is to begin {} frames before its video", camera.name, -start);
+                let remedy = format!("begin at frame {} or later: --frames {0}:", i64::from(frames[0]) - start);
+                Error::data(&settings.source, "--shift", reason, remedy)
+            })?;
+        }
         let keys = keys(frames.len(), step as usize);
-        Ok(Track { settings, project, progress, cameras, frames, keys, step: step as usize })
+        Ok(Track { settings, project, progress, cameras, timeline, frames, keys, step: step as usize })
     }
 
     /// Places all key frames that are not placed yet, and writes the model of all frames to the folder `to`.
@@ -250,22 +253,14 @@ impl<'a> Track<'a> {
 
     /// Pictures of all key frames of every camera.
     fn take_pictures(&self) -> Result<()> {
-        let every = self.settings.frames.every.max(1);
-        let last = self.keys.len() - 1;
-        // The last may come sooner after the one before it than the others.
-        let even = if self.keys[last] == last * self.step { last + 1 } else { last };
-        let mut parts =
-            vec![(0, Selection { start: 0, every: every.saturating_mul(self.step as u32), n: even as u32 })];
-        if even == last {
-            parts.push((last, Selection { start: every * self.keys[last] as u32, every: 1, n: 1 }));
-        }
         for (index, camera) in self.cameras.iter().enumerate() {
             make_folder(&self.pictures().join(format!("{index:03}")))?;
-            for (key, select) in &parts {
-                let select = Selection { start: camera.start + select.start, ..*select };
-                let name = |n: u32| picture(index, key + n as usize);
-                take(&self.pictures(), &camera.video, select, self.settings.threads, name, self.progress)?;
-            }
+            // Of a lost frame the picture before or after it.
+            let of_key = |key: &usize| self.timeline.nearest(&camera.name, &camera.video, self.frames[*key]);
+            let pictures: Vec<usize> = self.keys.iter().filter_map(of_key).collect();
+            let name = |n: u32| picture(index, n as usize);
+            let video = (camera.path.as_path(), &camera.video);
+            take(&self.pictures(), video, &pictures, self.settings.threads, name, self.progress)?;
         }
         Ok(())
     }

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use crate::prepare::colmap::Matched;
+use crate::prepare::video::Video;
 use crate::scene::Pose;
 use crate::scene::undistort::Lens;
 
@@ -13,12 +14,13 @@ pub(super) const MATCHED: Matched = Matched { all: 12, neighbours: 8 };
 pub(super) struct Tracked {
     /// Of its video, without ending.
     pub name: String,
-    pub video: PathBuf,
+    pub path: PathBuf,
+    pub video: Video,
     /// Found at the first key frame.
     pub lens: Lens,
     /// At the first key frame.
     pub first: Pose,
-    /// Frame of its video at the first frame of the clip.
+    /// Frame of its video at the first frame of the clip, of those that it has at the clip's rate.
     pub start: u32,
 }
 
@@ -31,7 +33,7 @@ pub(super) struct Placed {
     pub predicted: Vec<bool>,
 }
 
-/// The name of a picture. A list of pairs has no way to tell of a name with a space, which a video's may have.
+/// The name by which COLMAP knows a picture: one without spaces, which its lists of pairs cannot hold, and a video's name may have.
 pub(super) fn picture(camera: usize, key: usize) -> String {
     format!("{camera:03}/{key:05}.jpg")
 }

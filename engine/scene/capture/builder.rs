@@ -1,11 +1,11 @@
 //! What every format ends in: cameras as they were read, checked against their images.
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
 use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use super::frames::Frames;
-use super::header::{has_alpha, read_size};
+use super::header::{has_alpha, is_turned, read_size};
 use super::opened::Capture;
 use super::picture::MAX_PIXELS;
 use super::points::FramePoints;
@@ -40,10 +40,20 @@ pub(crate) struct CaptureBuilder {
     /// See [`Capture::true_offsets`].
     pub true_offsets: BTreeMap<String, f64>,
     pub notes: Vec<String>,
+    /// Sound files of the capture.
+    pub n_sounds: usize,
     /// See [`Manifest::photos`](super::Manifest::photos).
     pub photos: Option<Box<CaptureBuilder>>,
+    /// The capture below the named folder that was read in its place.
+    pub inside: Option<PathBuf>,
     /// The file that the cameras come from, for faults.
-    pub calibration: std::path::PathBuf,
+    pub calibration: PathBuf,
+    /// COLMAP's model, and the names of the cameras of its images, by their ids: who saw its points.
+    pub model: Option<(PathBuf, HashMap<u32, String>)>,
+    /// How the format writes a pose, for faults; nothing where that is as [`View`](crate::scene::View) has it.
+    pub pose_remedy: Option<&'static str>,
+    /// Where images may be that are not where the files say.
+    pub elsewhere: Vec<PathBuf>,
 }
 
 impl CaptureBuilder {
@@ -55,6 +65,9 @@ impl CaptureBuilder {
         faults: &mut Faults,
         report: &mut Report,
     ) -> Capture {
+        let inside = self.inside.take();
+        let path = inside.as_deref().unwrap_or(path);
+        report.path = path.to_owned();
         self.cut(path, settings.frames, faults);
         let mut photo_points = Vec::new();
         if let Some(photos) = self.photos.take() {
@@ -64,11 +77,12 @@ impl CaptureBuilder {
             photo_points = photos.points;
         }
         self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
-        self.check_lenses(faults);
         self.check_clip(faults);
+        self.check_missing(path, settings, faults);
         self.check_images(settings, faults, report);
         self.check_cameras(settings, faults);
         self.choose_test_cameras(settings, faults);
+        self.check_lenses(path, faults);
         // An empty capture whose reason is known needs no second fault.
         if self.cameras.iter().all(|camera| camera.is_test || camera.shots.is_empty()) && faults.n() == 0 {
             faults.add(path, "", "has no image to train on", "add images, or choose other test cameras");
@@ -79,6 +93,7 @@ impl CaptureBuilder {
         report.n_test_cameras = self.cameras.iter().filter(|camera| camera.is_test).count();
         report.n_points = self.points.len();
         report.has_frame_points = self.frame_points.is_some();
+        report.n_sounds = self.n_sounds;
         for camera in &self.cameras {
             report.n_images += camera.shots.len();
             report.n_masks += camera.shots.iter().filter(|shot| shot.mask.is_some()).count();
@@ -87,7 +102,8 @@ impl CaptureBuilder {
             report.n_depths += camera.shots.iter().filter(|shot| shot.depth.is_some()).count();
             report.bytes_decoded += 4 * camera.intrinsics.n_pixels() * camera.shots.len() as u64;
         }
-        report.notes = self.notes;
+        self.foretell(faults);
+        report.notes.clone_from(&self.notes);
         Capture {
             path: path.to_owned(),
             fps: self.fps,
@@ -101,6 +117,7 @@ impl CaptureBuilder {
             true_offsets: self.true_offsets,
             viewpoints: Vec::new(),
             calibration: BTreeMap::new(),
+            notes: self.notes,
             settings: settings.clone(),
             moved: Similarity::default(),
         }
@@ -146,20 +163,23 @@ impl CaptureBuilder {
         Lens { intrinsics: camera.intrinsics, distortion }
     }
 
-    /// Only pinholes are trained; a lens that several cameras share is reported once.
-    fn check_lenses(&self, faults: &mut Faults) {
-        let mut told: Vec<Lens> = Vec::new();
-        for camera in &self.cameras {
-            let lens = self.lens(camera);
-            if lens.distortion == Distortion::None || told.contains(&lens) {
-                continue;
+    /// Only pinholes are trained: one fault for all lenses, behind those that `ivv prepare` would stop at too.
+    fn check_lenses(&self, path: &Path, faults: &mut Faults) {
+        let mut lenses: Vec<Lens> = Vec::new();
+        for lens in self.cameras.iter().map(|camera| self.lens(camera)) {
+            if lens.distortion != Distortion::None && !lenses.contains(&lens) {
+                lenses.push(lens);
             }
-            let reason =
-                format!("has the model {}, which distorts; only pinholes are trained", lens.distortion.model());
-            let place = format!("camera `{}`", camera.name.escape_debug());
-            faults.add(&self.calibration, place, reason, "run `ivv prepare` on it: it undistorts the images");
-            told.push(lens);
         }
+        let models: BTreeSet<&str> = lenses.iter().map(|lens| lens.distortion.model()).collect();
+        let models = models.into_iter().collect::<Vec<_>>().join(", ");
+        let reason = match lenses.len() {
+            0 => return,
+            1 => format!("the lens distorts ({models}); only pinholes are trained"),
+            n => format!("{n} lenses distort ({models}); only pinholes are trained"),
+        };
+        let remedy = format!("`ivv prepare {} -o CAPTURE` takes seconds: it undistorts the images", path.display());
+        faults.add(&self.calibration, "", reason, remedy);
     }
 
     fn check_clip(&self, faults: &mut Faults) {
@@ -180,18 +200,10 @@ impl CaptureBuilder {
         }
     }
 
-    /// Compares every image, mask and prior with its camera; drops missing images where that is asked for.
+    /// Compares every image, mask and prior with its camera.
     fn check_images(&mut self, settings: &CaptureSettings, faults: &mut Faults, report: &mut Report) {
-        let mut n_missing = 0_usize;
-        for camera in &mut self.cameras {
-            if settings.skip_missing {
-                let before = camera.shots.len();
-                camera.shots.retain(|shot| shot.image.exists());
-                n_missing += before - camera.shots.len();
-            }
-            if settings.rescale {
-                rescale(camera);
-            }
+        if settings.rescale {
+            self.cameras.iter_mut().for_each(rescale);
         }
         if let Some(factor) = common_factor(&self.cameras) {
             self.cameras.iter_mut().for_each(rescale);
@@ -200,17 +212,12 @@ impl CaptureBuilder {
         }
         self.check_sizes(faults);
         self.note_alpha(settings, report);
-        if n_missing > 0 {
-            self.notes.push(format!("{n_missing} images are missing and left out"));
-        }
-        if settings.skip_missing {
-            self.cameras.retain(|camera| !camera.shots.is_empty());
-        }
     }
 
     /// Compares the size of every image, mask and prior with its camera's. Their headers are read by all cores: on a disk of a network
     /// each waits for an answer.
-    fn check_sizes(&self, faults: &mut Faults) {
+    fn check_sizes(&mut self, faults: &mut Faults) {
+        let mut n_turned = 0_usize;
         let of_picture: ReadSize = |file| read_size(file).map_err(Error::from);
         let mut files: Vec<(&Camera, &PathBuf, ReadSize)> = Vec::new();
         for camera in &self.cameras {
@@ -229,11 +236,20 @@ impl CaptureBuilder {
         for ((camera, file, _), size) in files.iter().zip(sizes) {
             let calibrated = (camera.intrinsics.width, camera.intrinsics.height);
             let Some((width, height)) = faults.take(size).filter(|size| *size != calibrated) else { continue };
+            if (height, width) == calibrated && is_turned(file) {
+                n_turned += 1;
+                continue;
+            }
             // Without the camera's name, so that faults of one kind can be told together.
             let (w, h) = calibrated;
             let reason = format!("is {width} x {height}, its camera is calibrated for {w} x {h}");
             let remedy = "give the images of the calibration, or scale the calibration with --rescale";
             faults.add(file, "", reason, remedy);
+        }
+        if n_turned > 0 {
+            self.notes.push(format!(
+                "images that carry an EXIF turn, and fit their cameras only so: {n_turned}; they are turned"
+            ));
         }
     }
 
@@ -286,6 +302,7 @@ impl CaptureBuilder {
                 let checked = camera.view(frame, self.n_frames, pose, settings.background).check();
                 let far = pose.translation.abs().max_element() > MAX_COORDINATE;
                 if let Some((field, reason, remedy)) = checked {
+                    let remedy = self.pose_remedy.unwrap_or(remedy);
                     faults.add(&self.calibration, format!("{place}, frame {frame}, {field}"), reason, remedy);
                 } else if far {
                     let reason = format!("has a position beyond {MAX_COORDINATE}");

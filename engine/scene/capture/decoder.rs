@@ -6,7 +6,7 @@ use std::path::Path;
 
 use image::{ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::header::{BROKEN, fault, unreadable};
+use super::header::{BROKEN, fault, other_kind, unreadable};
 use super::report::Fault;
 use crate::files::open_file;
 
@@ -28,7 +28,7 @@ pub(in crate::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl I
     let start = file.fill_buf().map_err(failed)?;
     let format = match image::guess_format(start) {
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
-        _ => return Err(fault(path, "is neither a PNG nor a JPEG", "convert the image to PNG")),
+        _ => return Err(other_kind(path)),
     };
     // Looking at the start has not taken it.
     let mut reader = ImageReader::with_format(file, format);

@@ -5,7 +5,8 @@ use std::path::Path;
 
 use super::builder::{CaptureBuilder, MAX_FRAMES};
 use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
-use super::names::relative;
+use super::named::Named;
+use super::names::spelled;
 use super::npz;
 use super::report::Faults;
 use super::settings::CaptureSettings;
@@ -36,9 +37,10 @@ impl Meta {
     }
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+    let path = named.folder.as_path();
     let calibration = path.join("train_meta.json");
-    let mut found = Found { path, settings, cameras: BTreeMap::new(), n_listed: 0 };
+    let mut found = Found { path, settings, cameras: BTreeMap::new(), n_listed: 0, n_respelled: 0 };
     for (name, is_test) in [("train_meta.json", false), ("test_meta.json", true)] {
         let file = path.join(name);
         if is_test && !file.exists() {
@@ -50,6 +52,13 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     }
     let mut builder =
         CaptureBuilder { fps: settings.fps, n_frames: found.n_listed, calibration, ..CaptureBuilder::default() };
+    if found.n_respelled > 0 {
+        let n = found.n_respelled;
+        builder
+            .notes
+            .push(format!("names with backslashes, or that lead out of the capture: {n}; read below ims/ with /"));
+    }
+    builder.pose_remedy = Some("give w2c from world to camera, the camera's axes x right, y down, z forward");
     builder.cameras = found.cameras.into_values().collect();
     drop_absent_end(&mut builder);
     let cloud = path.join("init_pt_cld.npz");
@@ -65,6 +74,8 @@ struct Found<'a> {
     /// By id.
     cameras: BTreeMap<u32, Camera>,
     n_listed: u32,
+    /// Names that are not read as they stand.
+    n_respelled: usize,
 }
 
 impl Found<'_> {
@@ -93,7 +104,9 @@ impl Found<'_> {
     }
 
     fn add_shot(&mut self, meta: &Meta, t: usize, c: usize, is_test: bool) -> Result<(), String> {
-        let name = relative(&meta.names[t][c])?;
+        let spelled = spelled(&meta.names[t][c])?;
+        self.n_respelled += usize::from(spelled.has_backslash || spelled.leads_out);
+        let name = spelled.path;
         let (k, rows, id) = (meta.k[t][c], &meta.w2c[t][c], meta.cam_id[t][c]);
         if k[0][1] != 0.0 || k[1][0] != 0.0 || k[2] != [0.0, 0.0, 1.0] {
             return Err(format!("has the intrinsic matrix {k:?}, which is no pinhole without skew"));

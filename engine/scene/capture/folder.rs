@@ -1,6 +1,6 @@
 //! The project's own capture folder (SPEC 8).
 
-use std::collections::{BTreeMap, HashMap, HashSet};
+use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -9,6 +9,7 @@ use super::builder::{CaptureBuilder, MAX_FRAMES, check_names};
 use super::camera::{Camera, Shot};
 use super::colmap::{Posed, read_model};
 use super::frames::Frames;
+use super::named::Named;
 use super::names::with_image_extension;
 use super::points::FramePoints;
 use super::report::Faults;
@@ -33,7 +34,7 @@ const MAX_MISSING: u32 = 1000;
 pub struct Manifest {
     /// Frames per second.
     pub fps: f64,
-    /// Frames of the clip; every camera has an image of each.
+    /// Frames of the clip; every camera has an image of each, but for those that are [`Manifest::absent`].
     pub frames: u32,
     /// The frame of the static points (SPEC 5).
     #[serde(default)]
@@ -65,6 +66,9 @@ pub struct Manifest {
     /// `photos/` is a capture folder of one frame in the same world: photographs of what rests, taken at another time.
     #[serde(default)]
     pub photos: bool,
+    /// By camera, the frames of which it has no image: its video has lost them, or has fewer in a second.
+    #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
+    pub absent: BTreeMap<String, BTreeSet<u32>>,
 }
 
 impl Manifest {
@@ -83,7 +87,7 @@ impl Manifest {
             let start = fault.span().map_or(0, |span| span.start);
             let line = text.as_bytes().iter().take(start).filter(|byte| **byte == b'\n').count() + 1;
             let remedy = "give fps, frames and, where they apply, reference_frame, test_cameras, masks, foreground, \
-                          covisible, points, flow, depth, audio and photos";
+                          covisible, points, flow, depth, audio, photos and absent";
             Error::data(&path, format!("line {line}"), fault.message().to_owned(), remedy)
         })
     }
@@ -105,13 +109,14 @@ pub(crate) fn is_unfinished(path: &Path) -> bool {
 }
 
 /// What is said of an unfinished capture.
-pub(super) fn unfinished(path: &Path, _: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+pub(super) fn unfinished(named: &Named, _: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let remedy = "run the same `ivv prepare` command again to continue it";
-    faults.add(path, "", "is a capture that `ivv prepare` has not finished", remedy);
+    faults.add(&named.folder, "", "is a capture that `ivv prepare` has not finished", remedy);
     CaptureBuilder::default()
 }
 
-pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+    let path = named.folder.as_path();
     let manifest = faults.take(Manifest::read(path));
     let model = read_model(&path.join("sparse/0"), faults);
     let Some(manifest) = manifest else { return CaptureBuilder::default() };
@@ -123,11 +128,13 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
         n_frames: manifest.frames,
         reference_frame: manifest.reference_frame,
         points: model.points,
+        notes: model.notes,
+        n_sounds: if manifest.audio { n_files(&path.join("audio")) as usize } else { 0 },
         calibration: path.join(FILE),
         ..CaptureBuilder::default()
     };
     let ids = model.images.iter().filter_map(|posed| Some((posed.camera_id, camera_name(&posed.name)?))).collect();
-    for (camera, distortion) in cameras(path, &model.file, model.images, n_frames, faults) {
+    for (camera, distortion) in cameras(path, &model.file, model.images, (n_frames, &manifest.absent), faults) {
         builder.distorted.insert(camera.name.clone(), distortion);
         builder.cameras.push(camera);
     }
@@ -178,6 +185,7 @@ pub(super) fn read(path: &Path, settings: &CaptureSettings, faults: &mut Faults)
     }
     let names: Vec<&str> = builder.cameras.iter().map(|camera| camera.name.as_str()).collect();
     check_names("test cameras", &manifest.test_cameras, &names, &builder.calibration, faults);
+    check_names("absent", manifest.absent.keys(), &names, &builder.calibration, faults);
     builder.true_offsets = read_true_offsets(path, &names, faults);
     if manifest.photos {
         builder.photos = photos(&path.join(PHOTOS), faults).map(Box::new);
@@ -199,7 +207,8 @@ fn photos(folder: &Path, faults: &mut Faults) -> Option<CaptureBuilder> {
         faults.add(&folder.join(FILE), "", format!("{found}; photographs are a capture of one frame"), remedy);
         return None;
     }
-    let mut builder = read(folder, &CaptureSettings::default(), faults);
+    let named = Named { folder: folder.to_owned(), ..Named::default() };
+    let mut builder = read(&named, &CaptureSettings::default(), faults);
     builder.cameras.iter_mut().for_each(|camera| (camera.is_photo, camera.is_test) = (true, false));
     Some(builder)
 }
@@ -312,7 +321,7 @@ fn cameras(
     path: &Path,
     file: &Path,
     images: Vec<Posed>,
-    n_frames: u32,
+    (n_frames, absent): (u32, &BTreeMap<String, BTreeSet<u32>>),
     faults: &mut Faults,
 ) -> Vec<(Camera, Distortion)> {
     let mut by_name: BTreeMap<String, Vec<(PathBuf, Posed)>> = BTreeMap::new();
@@ -331,12 +340,15 @@ fn cameras(
         let Some((lens, moving)) = poses.check(n_frames, faults) else { continue };
         let folder = path.join("images").join(&name);
         let n_files = n_files(&folder);
-        let n_listed = n_frames.min(n_files.saturating_add(MAX_MISSING));
+        let absent = absent.get(&name);
+        let n_absent = absent.map_or(0, BTreeSet::len) as u32;
+        let n_listed = n_frames.min(n_files.saturating_add(n_absent).saturating_add(MAX_MISSING));
         if n_listed < n_frames {
             let reason = format!("has {n_files} files, the clip has {n_frames} frames");
             faults.add(&folder, "", reason, format!("add the images, or correct `frames` in {FILE}"));
         }
-        let shots = (0..n_listed).map(|frame| Shot {
+        let there = (0..n_listed).filter(|frame| absent.is_none_or(|absent| !absent.contains(frame)));
+        let shots = there.map(|frame| Shot {
             frame,
             image: with_image_extension(&folder.join(format!("{frame:05}"))),
             world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),

@@ -42,12 +42,17 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     let mut start = [0; 2];
     from.read_exact(&mut start).map_err(failed)?;
     let (size, end) = if start == PNG[..2] {
-        (png_size(&mut from), PNG_END)
+        (png_size(&mut from).map(|size| size.map(Ok)), PNG_END)
     } else if start == JPEG {
         (jpeg_size(&mut from), JPEG_END)
     } else {
-        return Err(fault(path, "is neither a PNG nor a JPEG", "convert the image to PNG"));
+        return Err(other_kind(path));
     };
+    if let Ok(Some(Err(unread))) = &size {
+        let remedy = "convert the image to PNG, as with `ffmpeg -i IN OUT.png`";
+        return Err(fault(path, format!("is {unread}, which is not read"), remedy));
+    }
+    let size = size.map(|size| size.and_then(Result::ok));
     let Some((width, height)) = size.map_err(failed)?.filter(|(width, height)| *width > 0 && *height > 0) else {
         return Err(fault(path, "has a broken header", BROKEN));
     };
@@ -63,6 +68,76 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
         return Ok((width, height));
     }
     Err(fault(path, "is cut off: the end of the image is missing", BROKEN))
+}
+
+/// The fault of a picture of a kind that is not read, with what it is.
+pub(in crate::scene) fn other_kind(path: &Path) -> Fault {
+    let mut start = [0; 12];
+    let is_read = open_file(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok());
+    let kind = match &start {
+        _ if !is_read => None,
+        [b'I', b'I', 42, 0, ..] | [b'M', b'M', 0, 42, ..] => Some("a TIFF, or a raw photo of that form"),
+        [b'R', b'I', b'F', b'F', _, _, _, _, b'W', b'E', b'B', b'P'] => Some("a WebP"),
+        [_, _, _, _, b'f', b't', b'y', b'p', b'a', b'v', b'i', ..] => Some("an AVIF"),
+        [_, _, _, _, b'f', b't', b'y', b'p', ..] => Some("a HEIC"),
+        [b'G', b'I', b'F', b'8', ..] => Some("a GIF"),
+        [b'B', b'M', ..] => Some("a BMP"),
+        [0x76, 0x2f, 0x31, 0x01, ..] => Some("an OpenEXR image"),
+        _ => None,
+    };
+    let Some(kind) = kind else { return fault(path, "is neither a PNG nor a JPEG", "convert the image to PNG") };
+    let remedy = "convert the images, as with `ffmpeg -i IN OUT.png`, beside them: a PNG of the same name is found too";
+    fault(path, format!("is {kind}, neither a PNG nor a JPEG"), remedy)
+}
+
+/// As [`read_size`], of a picture that is turned as its EXIF says if it fits its camera only then.
+pub(crate) fn size_for(path: &Path, calibrated: (u32, u32)) -> Result<(u32, u32), Fault> {
+    let size = read_size(path)?;
+    let fits = size != calibrated && (size.1, size.0) == calibrated && is_turned(path);
+    Ok(if fits { calibrated } else { size })
+}
+
+/// Whether a JPEG's EXIF says that its picture lies on its side: shown, its rows are columns.
+pub(super) fn is_turned(path: &Path) -> bool {
+    let turned = || {
+        let mut from = BufReader::new(open_file(path)?);
+        let start: [u8; 2] = read(&mut from)?;
+        Ok::<_, io::Error>(start == JPEG && exif_orientation(&mut from)?.is_some_and(|turn| (5..=8).contains(&turn)))
+    };
+    turned().unwrap_or(false)
+}
+
+/// After the start marker of a JPEG: the orientation of its EXIF, 1 to 8 (CIPA DC-008, 4.6.4).
+fn exif_orientation(from: &mut BufReader<File>) -> io::Result<Option<u16>> {
+    loop {
+        let [0xff, marker, a, b] = read(from)? else { return Ok(None) };
+        let Some(length) = u16::from_be_bytes([a, b]).checked_sub(2) else { return Ok(None) };
+        match marker {
+            0xe1 => {
+                let mut segment = vec![0; length.into()];
+                from.read_exact(&mut segment)?;
+                if let Some(tiff) = segment.strip_prefix(b"Exif\0\0") {
+                    return Ok(tiff_orientation(tiff));
+                }
+            }
+            // Other tables and texts before the image.
+            0xe0..=0xef | 0xfe | 0xdb | 0xc4 | 0xdd => from.seek_relative(length.into())?,
+            _ => return Ok(None),
+        }
+    }
+}
+
+/// The value of tag 0x0112 in the first directory.
+fn tiff_orientation(tiff: &[u8]) -> Option<u16> {
+    let is_little = tiff.starts_with(b"II");
+    let u16_at = |at: usize| {
+        let bytes = tiff.get(at..at.checked_add(2)?)?.try_into().ok()?;
+        Some(if is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
+    };
+    let (low, high) = if is_little { (u16_at(4)?, u16_at(6)?) } else { (u16_at(6)?, u16_at(4)?) };
+    let start = (usize::from(high) << 16) + usize::from(low);
+    let entries = (0..u16_at(start)?).map(|index| start + 2 + 12 * usize::from(index));
+    entries.into_iter().find(|at| u16_at(*at) == Some(0x0112)).and_then(|at| u16_at(at + 8))
 }
 
 /// Whether the end of a JPEG comes after its frame header; that of a thumbnail comes before.
@@ -98,7 +173,7 @@ fn png_size(from: &mut impl Read) -> io::Result<Option<(u32, u32)>> {
 }
 
 /// After the start marker: segments up to the frame header (ITU T.81, B.2.2).
-fn jpeg_size(from: &mut BufReader<File>) -> io::Result<Option<(u32, u32)>> {
+fn jpeg_size(from: &mut BufReader<File>) -> io::Result<Option<Result<(u32, u32), &'static str>>> {
     loop {
         let [0xff, mut marker] = read(from)? else { return Ok(None) };
         while marker == 0xff {
@@ -107,8 +182,16 @@ fn jpeg_size(from: &mut BufReader<File>) -> io::Result<Option<(u32, u32)>> {
         match marker {
             // SOF0 to SOF15 but for DHT, JPG and DAC: length, precision, height, width.
             0xc0..=0xcf if ![0xc4, 0xc8, 0xcc].contains(&marker) => {
-                let [_, _, _, a, b, c, d] = read(from)?;
-                return Ok(Some((u16::from_be_bytes([c, d]).into(), u16::from_be_bytes([a, b]).into())));
+                let [_, _, bits, a, b, c, d] = read(from)?;
+                let size = (u16::from_be_bytes([c, d]).into(), u16::from_be_bytes([a, b]).into());
+                return Ok(Some(match (marker, bits) {
+                    (0xc0..=0xc2, 8) => Ok(size),
+                    (0xc0..=0xc2, 12) => Err("a JPEG of 12 bits a sample"),
+                    (0xc3 | 0xc7 | 0xcb | 0xcf, _) => Err("a lossless JPEG"),
+                    (0xc9..=0xcf, _) => Err("an arithmetically coded JPEG"),
+                    (0xc5..=0xc6, _) => Err("a hierarchical JPEG"),
+                    _ => return Ok(None),
+                }));
             }
             // Image data or its end before a frame header.
             0xd9 | 0xda => return Ok(None),

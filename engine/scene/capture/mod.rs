@@ -11,11 +11,19 @@ pub(super) mod decoder;
 
 mod dynamic;
 mod folder;
+mod foreign;
 mod frames;
 pub(super) mod header;
+mod llff;
+mod locate;
+mod marks;
+mod masks;
+mod missing;
+mod named;
 mod names;
 mod npz;
 mod opened;
+mod opensfm;
 mod picture;
 mod points;
 mod priors;
@@ -37,11 +45,14 @@ pub use priors::{PriorPlan, half_bits, half_value};
 pub use report::{Fault, Report};
 pub use settings::{Alpha, CaptureSettings};
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use self::named::Named;
+use crate::error::Error;
 
 pub(crate) use builder::{CaptureBuilder, RATES, check_names};
-pub(crate) use colmap::{Posed, images_folder, model_folder, read_images, tracks};
-pub(crate) use header::{has_alpha, read_size};
+pub(crate) use colmap::{Posed, chosen_model, images_folder, read_images, seen_points, tracks};
+pub(crate) use header::{has_alpha, read_size, size_for};
 pub(crate) use names::{is_hidden, is_image, relative};
 pub(crate) use npz::read_npy;
 pub(crate) use picture::{alpha_of, decode_image};
@@ -77,43 +88,50 @@ impl Capture {
 ///
 /// A folder with `capture.toml` is the project's own (SPEC 8); with `train_meta.json`, Dynamic3DGaussians'; with
 /// `transforms.json` or `transforms_train.json`, nerfstudio's, instant-ngp's or D-NeRF's; with `cameras.bin` or
-/// `cameras.txt` in `sparse/0`, `sparse` or itself, COLMAP's.
+/// `cameras.txt` in a folder of `sparse`, in `sparse` or itself, COLMAP's; with `poses_bounds.npy` and images, LLFF's; with
+/// `reconstruction.json`, OpenSfM's. One of these files stands for its folder. Of a folder that is none of them, the only capture
+/// one or two folders below it is read, with a note.
 pub fn check_capture(path: &Path, settings: &CaptureSettings) -> Report {
     read(path, settings).1
 }
 
-type Recogniser = fn(&Path) -> bool;
-type Reader = fn(&Path, &CaptureSettings, &mut Faults) -> CaptureBuilder;
+type Recogniser = fn(&Named) -> bool;
+type Reader = fn(&Named, &CaptureSettings, &mut Faults) -> CaptureBuilder;
 
 /// Every format: its name, how a folder is recognised, how it is read. The first that fits is taken.
-const FORMATS: [(&str, Recogniser, Reader); 5] = [
-    ("ivv capture folder", |path| path.join("capture.toml").is_file(), folder::read),
-    ("ivv capture folder", folder::is_unfinished, folder::unfinished),
-    ("Dynamic3DGaussians", |path| path.join("train_meta.json").is_file(), dynamic::read),
-    (
-        "transforms.json",
-        |path| ["transforms.json", "transforms_train.json"].iter().any(|name| path.join(name).is_file()),
-        transforms::read,
-    ),
-    ("COLMAP", |path| colmap::model_folder(path).is_some(), colmap::read_capture),
+const FORMATS: [(&str, Recogniser, Reader); 7] = [
+    (OWN, |named| named.folder.join("capture.toml").is_file(), folder::read),
+    (OWN, |named| folder::is_unfinished(&named.folder), folder::unfinished),
+    ("Dynamic3DGaussians", |named| named.folder.join("train_meta.json").is_file(), dynamic::read),
+    ("transforms.json", transforms::is_transforms, transforms::read),
+    ("COLMAP", |named| named.model.is_some() || colmap::model_folder(&named.folder).is_some(), colmap::read_capture),
+    ("LLFF", llff::is_static, llff::read),
+    ("OpenSfM", opensfm::is_reconstruction, opensfm::read),
 ];
+/// The format of the project's own captures.
+const OWN: &str = "ivv capture folder";
 
-/// Whether a folder is in one of the [`FORMATS`].
+/// Whether a path, or the only capture below it, is in one of the [`FORMATS`].
 pub(crate) fn is_capture(path: &Path) -> bool {
-    FORMATS.into_iter().any(|(_, is, _)| is(path))
+    let named = Named::of(path);
+    FORMATS.into_iter().any(|(_, is, _)| is(&named)) || only_below(&named).is_ok()
 }
 
-/// Refuses folders of smaller images, for what is not a plain COLMAP project.
+/// Refuses what only a plain COLMAP project has: folders of smaller images, and several models.
 ///
 /// # Errors
-/// [`Error::Data`](crate::Error::Data) where `settings` ask for one.
-pub(crate) fn check_downscale(path: &Path, settings: &CaptureSettings) -> Result<()> {
-    if settings.downscale.is_none() {
-        return Ok(());
+/// [`Error::Data`] where `settings` ask for it.
+pub(crate) fn check_asked(path: &Path, format: &str, settings: &CaptureSettings) -> Result<()> {
+    let refused = |option, reason, remedy| Err(Error::data(path, option, reason, remedy));
+    if settings.model.is_some() && !["COLMAP", "COLMAP rig"].contains(&format) {
+        return refused("--model", "is for a plain COLMAP project, which may have several", "leave it out");
     }
-    let reason = "is for a plain COLMAP project, which has images_2, images_4 and so on";
-    let remedy = "leave it out; `ivv prepare --scale` makes smaller pictures of any capture";
-    Err(crate::Error::data(path, "--downscale", reason, remedy))
+    if settings.downscale.is_some() && !["COLMAP", "LLFF"].contains(&format) {
+        let reason = "is for a plain COLMAP project, which has images_2, images_4 and so on";
+        let remedy = "leave it out; `ivv prepare --scale` makes smaller pictures of any capture";
+        return refused("--downscale", reason, remedy);
+    }
+    Ok(())
 }
 
 /// What the files of a folder in one of the [`FORMATS`] say, lenses that distort included, before it is compared with the
@@ -123,22 +141,98 @@ pub(crate) fn describe(
     settings: &CaptureSettings,
     faults: &mut Faults,
 ) -> Option<(&'static str, CaptureBuilder)> {
-    let (name, _, read) = FORMATS.into_iter().find(|(_, is, _)| is(path))?;
-    let builder = read(path, settings, faults);
-    if name != "COLMAP" {
-        faults.take(check_downscale(path, settings));
+    let named = Named::of(path);
+    let found = described(&named, settings, faults);
+    let lacks_images = |found: &(&str, CaptureBuilder)| found.0 != OWN && found.1.has_no_image();
+    if found.as_ref().is_some_and(|found| !lacks_images(found)) {
+        return found;
     }
-    Some((name, builder))
+    // Where nothing is recognised, or no image is there, the capture that is meant may lie below: an undistorted copy, say.
+    let Ok(inside) = only_below(&named) else { return found };
+    let mut own = Faults::default();
+    let below = Named { folder: inside.clone(), ..Named::default() };
+    let Some((format, mut builder)) = described(&below, settings, &mut own) else { return found };
+    if found.is_none() && format == "COLMAP" && builder.has_no_image() {
+        // Many keep the images beside the folder in which COLMAP works.
+        let model = builder.model.as_ref().map(|(model, _)| model.clone());
+        let beside = Named { folder: named.folder.clone(), model, file: None };
+        let mut of_beside = Faults::default();
+        let found = described(&beside, settings, &mut of_beside);
+        if let Some((format, mut builder)) = found.filter(|(_, builder)| !builder.has_no_image()) {
+            let at =
+                builder.calibration.strip_prefix(&named.folder).unwrap_or(&builder.calibration).display().to_string();
+            builder.notes.insert(0, format!("{at} is read, with the images that lie beside"));
+            faults.append(of_beside);
+            return Some((format, builder));
+        }
+    }
+    let relative = |path: &Path| path.strip_prefix(&named.folder).unwrap_or(path).display().to_string();
+    let note = match &found {
+        Some(_) if builder.has_no_image() => return found,
+        Some((_, without)) => format!(
+            "none of the images that {} names is there; {}, whose images are, is read instead",
+            relative(&without.calibration),
+            relative(&builder.calibration)
+        ),
+        None => format!("{} is read, the only capture in {}", relative(&inside), path.display()),
+    };
+    builder.notes.insert(0, note);
+    builder.inside = Some(inside);
+    if found.is_some() {
+        // What was wrong with the capture that is not read.
+        *faults = Faults::default();
+    }
+    faults.append(own);
+    Some((format, builder))
+}
+
+fn described(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> Option<(&'static str, CaptureBuilder)> {
+    let (format, _, read) = FORMATS.into_iter().find(|(_, is, _)| is(named))?;
+    let mut builder = read(named, settings, faults);
+    faults.take(check_asked(&named.folder, format, settings));
+    builder.unmirror();
+    builder.exclude(&settings.exclude, faults);
+    Some((format, builder))
+}
+
+/// The only capture of others one or two folders below; or all that are there.
+fn only_below(named: &Named) -> std::result::Result<PathBuf, Vec<PathBuf>> {
+    if named.file.is_some() || named.model.is_some() {
+        return Err(Vec::new());
+    }
+    let found = named::captures_below(&named.folder);
+    let is_own = |path: &Path| path.join("capture.toml").exists() || path.join(JOURNAL).exists();
+    match found.as_slice() {
+        [one] if !is_own(one) && !named::has_videos(&named.folder) => Ok(one.clone()),
+        _ => Err(found),
+    }
+}
+
+/// What is said of a path that is no capture: a fault, and notes of what is there.
+fn unknown(path: &Path, faults: &mut Faults) -> Vec<String> {
+    let below = only_below(&Named::of(path)).err().unwrap_or_default();
+    let reason = match (path.is_dir(), path.exists()) {
+        (true, _) => "not a recognised capture",
+        (_, true) => "is a file of no capture",
+        _ => "no such folder",
+    };
+    let remedy = match below.first() {
+        Some(_) => "name the capture in it that is meant",
+        None => {
+            "give a folder with capture.toml, train_meta.json, transforms.json, a COLMAP model in sparse/0, \
+             poses_bounds.npy or reconstruction.json; `ivv prepare` makes one from other formats"
+        }
+    };
+    faults.add(path, "", reason, remedy);
+    let named = |inside: &PathBuf| format!("it holds a capture: `ivv check {}`", inside.display());
+    below.iter().take(5).map(named).chain(foreign::unread(path)).collect()
 }
 
 fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
     let mut faults = Faults::default();
     let (format, builder) = describe(path, settings, &mut faults).unwrap_or_else(|| {
-        let reason = if path.is_dir() { "not a recognised capture" } else { "no such folder" };
-        let remedy = "give a folder with capture.toml, train_meta.json, transforms.json or a COLMAP model in sparse/0; \
-                      `ivv prepare` makes one from other formats";
-        faults.add(path, "", reason, remedy);
-        ("", CaptureBuilder::default())
+        let notes = unknown(path, &mut faults);
+        ("", CaptureBuilder { notes, ..CaptureBuilder::default() })
     });
     let mut report = Report::new(path, format);
     let capture = builder.finish(path, settings, &mut faults, &mut report);

@@ -1,5 +1,6 @@
 //! Names that come from a capture's files: an attacker may have written them, so none may lead out of the capture.
 
+use std::cmp::Ordering;
 use std::path::{Component, Path, PathBuf};
 
 /// Longest name, bytes.
@@ -35,6 +36,72 @@ pub(crate) fn relative(name: &str) -> Result<PathBuf, String> {
     if path.as_os_str().is_empty() { refuse("is empty") } else { Ok(path) }
 }
 
+/// A name as a file spells it, without what leads out of the capture.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Spelled {
+    /// Relative, without `.` and `..`.
+    pub path: PathBuf,
+    /// Windows' separators were in it.
+    pub has_backslash: bool,
+    /// It was absolute, began with a drive, or had a `..` that leads out of its folder.
+    pub leads_out: bool,
+}
+
+/// The path that `name` spells below the capture: Windows' separators are read as `/`, and what leads out is left out. Or why it
+/// is refused.
+pub(crate) fn spelled(name: &str) -> Result<Spelled, String> {
+    let refuse = |why: &str| {
+        let start: String = name.chars().take(80).collect();
+        Err(format!("the name `{}` {why}", start.escape_debug()))
+    };
+    if name.len() > MAX_BYTES {
+        return refuse(&format!("has {} bytes, at most {MAX_BYTES} are allowed", name.len()));
+    }
+    if name.chars().any(char::is_control) {
+        return refuse("has a control character");
+    }
+    let has_backslash = name.contains('\\');
+    let name = name.replace('\\', "/");
+    let has_drive = name.as_bytes().get(1) == Some(&b':') && name.as_bytes()[0].is_ascii_alphabetic();
+    let rest = if has_drive { &name[2..] } else { &name };
+    let mut leads_out = has_drive || rest.starts_with('/');
+    let mut path = PathBuf::new();
+    for part in rest.split('/') {
+        match part {
+            "" | "." => {}
+            ".." => leads_out |= !path.pop(),
+            part => path.push(part),
+        }
+    }
+    if path.as_os_str().is_empty() { refuse("is empty") } else { Ok(Spelled { path, has_backslash, leads_out }) }
+}
+
+/// The order in which people count: numbers in names by their value, the rest as text. Names that differ in leading zeros alone are
+/// in the order of their text.
+pub(crate) fn by_number(a: &Path, b: &Path) -> Ordering {
+    let [text_a, text_b] = [a, b].map(|path| path.to_string_lossy().into_owned());
+    let (mut x, mut y) = (text_a.as_str(), text_b.as_str());
+    loop {
+        let [digits_x, digits_y] = [x, y].map(|rest| rest.bytes().take_while(u8::is_ascii_digit).count());
+        let order = if digits_x > 0 && digits_y > 0 {
+            let [n, m] = [&x[..digits_x], &y[..digits_y]].map(|digits| digits.trim_start_matches('0'));
+            (x, y) = (&x[digits_x..], &y[digits_y..]);
+            n.len().cmp(&m.len()).then_with(|| n.cmp(m))
+        } else {
+            let (mut chars_x, mut chars_y) = (x.chars(), y.chars());
+            let pair = (chars_x.next(), chars_y.next());
+            (x, y) = (chars_x.as_str(), chars_y.as_str());
+            if pair == (None, None) {
+                return text_a.cmp(&text_b);
+            }
+            pair.0.cmp(&pair.1)
+        };
+        if order != Ordering::Equal {
+            return order;
+        }
+    }
+}
+
 /// A name for output files from a relative path: without the extension of an image, `_` for the separators.
 pub(super) fn flat(path: &Path) -> String {
     let path = if is_image(path) { path.with_extension("") } else { path.to_owned() };
@@ -58,6 +125,14 @@ pub(crate) fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
+/// Whether the path ends in that of a picture of any kind, and is not hidden; those that are not read are told with what they are.
+pub(super) fn is_picture(path: &Path) -> bool {
+    const OTHERS: [&str; 12] =
+        ["tif", "tiff", "webp", "heic", "heif", "avif", "bmp", "exr", "gif", "jxl", "dng", "ppm"];
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    is_image(path) || !is_hidden(path) && extension.is_some_and(|e| OTHERS.contains(&e.as_str()))
+}
+
 /// Whether the path ends in the extension of an image, and is not hidden.
 pub(crate) fn is_image(path: &Path) -> bool {
     if is_hidden(path) {
@@ -65,4 +140,45 @@ pub(crate) fn is_image(path: &Path) -> bool {
     }
     let extension = path.extension().map(|e| e.to_ascii_lowercase());
     extension.and_then(|e| e.into_string().ok()).is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_lead_nowhere_but_below_the_capture() {
+        let below = |name: &str| spelled(name).map(|found| (found.path, found.has_backslash, found.leads_out));
+        for (name, path, has_backslash, leads_out) in [
+            ("./images//a.png", "images/a.png", false, false),
+            ("images\\a b.png", "images/a b.png", true, false),
+            ("C:\\Users\\x\\a.png", "Users/x/a.png", true, true),
+            ("C:a.png", "a.png", false, true),
+            ("\\\\server\\share\\a.png", "server/share/a.png", true, true),
+            ("/etc/passwd", "etc/passwd", false, true),
+            ("../../images/a.png", "images/a.png", false, true),
+            ("x/../a.png", "a.png", false, false),
+            ("x/../../a.png", "a.png", false, true),
+        ] {
+            assert_eq!(below(name), Ok((PathBuf::from(path), has_backslash, leads_out)), "{name}");
+        }
+        for (name, says) in
+            [("", "is empty"), ("..", "is empty"), ("C:\\", "is empty"), ("a\u{1}", "control character")]
+        {
+            assert!(below(name).unwrap_err().contains(says), "{name}");
+        }
+        assert!(below(&"x".repeat(5000)).unwrap_err().contains("at most 4096"));
+    }
+
+    #[test]
+    fn numbers_sort_as_numbers() {
+        let mut names: Vec<PathBuf> =
+            ["cam_10", "cam_2", "cam_02", "a/2", "a/10", "cam", "cam_1x", "cam_1", "99999999999999999999", "é2"]
+                .map(PathBuf::from)
+                .into();
+        names.sort_by(|a, b| by_number(a, b));
+        let expected =
+            ["99999999999999999999", "a/2", "a/10", "cam", "cam_1", "cam_1x", "cam_02", "cam_2", "cam_10", "é2"];
+        assert_eq!(names, expected.map(PathBuf::from));
+    }
 }

@@ -45,6 +45,8 @@ pub struct Capture {
     /// What an earlier run learnt of the cameras, by name: poses are corrected by it, and so are the times of views. Empty unless
     /// set.
     pub calibration: BTreeMap<String, Calibration>,
+    /// What reading it dropped, guessed or converted, one sentence each.
+    pub notes: Vec<String>,
     pub(super) frame_points: Option<FramePoints>,
     /// How it was read.
     pub(super) settings: CaptureSettings,

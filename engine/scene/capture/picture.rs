@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use image::{DynamicImage, ImageDecoder};
 
 use super::decoder::{DECODER_SLACK, decoder_of, guarded};
-use super::header::{BROKEN, fault, read_size};
+use super::header::{BROKEN, fault, is_turned, read_size};
 use super::priors::{PriorSource, half_bits, half_value, is_prior};
 use super::report::Fault;
 use crate::error;
@@ -190,11 +190,23 @@ fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
     // 16 bits for each of four channels is the most that a PNG has.
     let decoder = decoder_of(path, 8 * pixels + DECODER_SLACK)?;
     let (width, height) = decoder.dimensions();
+    if (height, width) == (source.width, source.height) && is_turned(path) {
+        return turned(path, decoder);
+    }
     if (width, height) != (source.width, source.height) {
         let reason = format!("is {width} x {height}, its camera is {} x {}", source.width, source.height);
         return Err(fault(path, reason, "give an image of the size of the calibration"));
     }
     DynamicImage::from_decoder(decoder).map_err(|cause| fault(path, format!("does not decode: {cause}"), BROKEN))
+}
+
+/// The picture as its EXIF says that it is shown.
+fn turned(path: &Path, mut decoder: impl ImageDecoder) -> Result<DynamicImage, Fault> {
+    let broken = |cause| fault(path, format!("does not decode: {cause}"), BROKEN);
+    let turn = decoder.orientation().map_err(broken)?;
+    let mut image = DynamicImage::from_decoder(decoder).map_err(broken)?;
+    image.apply_orientation(turn);
+    Ok(image)
 }
 
 /// Opaque pixels as they are; others over the background, in the stored values (SPEC 1: no gamma), rounded.

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::camera::MAX_COORDINATE;
+use super::camera::{MAX_COORDINATE, Point};
 use super::frames::Frames;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Scalar};
@@ -22,6 +22,42 @@ pub struct FramePoint {
     pub color: [u8; 3],
     /// Indices of the cameras that saw it, ascending, each once.
     pub seen_by: Vec<usize>,
+}
+
+/// The points of a PLY: `x y z`, and `red green blue` as bytes or, from 0 to 1, as floats; grey where they are absent. Lists and
+/// other elements are passed over.
+///
+/// # Errors
+/// [`Error::Data`] when the file is damaged, has no positions, or one that is not finite.
+pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
+    let missing = |what: &str| Error::data(path, "header", format!("has no {what}"), "export the points again");
+    let (header, mut rows) = Rows::open(path)?;
+    let vertex = header.element("vertex").ok_or_else(|| missing("element `vertex`"))?;
+    let plain = |name: &str| Column::find(vertex, name).ok_or_else(|| missing(&format!("property `{name}`")));
+    let position = [plain("x")?, plain("y")?, plain("z")?];
+    let color = ["red", "green", "blue"].map(|name| Column::find(vertex, name));
+    let level = |column: Option<Column>, row: &[u8]| match column {
+        Some(column) if column.is(Scalar::U8) => column.u8(row),
+        Some(column) => (column.f64(row).clamp(0.0, 1.0) * 255.0).round() as u8,
+        None => 128,
+    };
+    let mut points = Vec::new();
+    for element in &header.elements {
+        if element.name != "vertex" {
+            rows.skip(element)?;
+            continue;
+        }
+        rows.read_with_list(element, "", |row, bytes, _| {
+            let position = position.map(|column| column.f64(bytes));
+            if !position.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
+                let reason = format!("is at {position:?}, not finite or beyond {MAX_COORDINATE}");
+                return Err(Error::data(path, format!("element `vertex`, row {row}"), reason, "remove the point"));
+            }
+            points.push(Point { position, color: color.map(|column| level(column, bytes)) });
+            Ok(())
+        })?;
+    }
+    Ok(points)
 }
 
 /// Where the points of the frames are, and whom their CAMERA_IDs mean.

@@ -49,6 +49,13 @@ impl Faults {
         self.push(Fault { file: file.to_owned(), place: place.into(), reason: reason.into(), remedy: remedy.into() });
     }
 
+    /// Notes those of another list.
+    pub fn append(&mut self, others: Faults) {
+        let n_uncounted = others.n - others.kept.len() as u64;
+        others.kept.into_iter().for_each(|fault| self.push(fault));
+        self.n += n_uncounted;
+    }
+
     /// Notes a fault.
     pub fn push(&mut self, fault: Fault) {
         self.n += 1;
@@ -86,7 +93,7 @@ impl Faults {
 /// What `ivv check` tells of a capture.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Report {
-    /// The folder.
+    /// The folder; of a folder that only holds a capture, that one.
     #[serde(serialize_with = "as_text")]
     pub path: PathBuf,
     /// Its format; empty when none was recognised.
@@ -113,6 +120,8 @@ pub struct Report {
     pub n_flows: usize,
     /// Images that have a depth prior.
     pub n_depths: usize,
+    /// Sound files of the capture.
+    pub n_sounds: usize,
     /// Sparse points.
     pub n_points: usize,
     /// Whether every frame has points of its own.
@@ -143,6 +152,7 @@ impl Report {
             n_alphas: 0,
             n_flows: 0,
             n_depths: 0,
+            n_sounds: 0,
             n_points: 0,
             has_frame_points: false,
             bytes_decoded: 0,
@@ -157,13 +167,13 @@ impl Report {
         self.faults = faults.kept;
     }
 
-    /// The faults with those of one kind (the same reason and remedy, of different files) together, in the order of the first
-    /// of each kind.
+    /// The faults with those of one kind (the same reason and remedy but for numbers, of different files) together, in the order
+    /// of the first of each kind.
     pub fn grouped(&self) -> Vec<Vec<&Fault>> {
         let mut groups: Vec<Vec<&Fault>> = Vec::new();
-        let mut of: HashMap<(&str, &str), usize> = HashMap::new();
+        let mut of: HashMap<(String, String), usize> = HashMap::new();
         for fault in &self.faults {
-            let group = *of.entry((&fault.reason, &fault.remedy)).or_insert(groups.len());
+            let group = *of.entry((masked(&fault.reason), masked(&fault.remedy))).or_insert(groups.len());
             if group == groups.len() {
                 groups.push(Vec::new());
             }
@@ -180,5 +190,34 @@ impl Report {
             first.remedy += &format!(" ({more} more: `ivv check {path}` lists them all)");
         }
         Some(first.into())
+    }
+}
+
+/// A text with one sign in the place of each of its numbers, however it was written.
+fn masked(text: &str) -> String {
+    let mut masked = String::with_capacity(text.len());
+    let mut is_number = false;
+    for (at, c) in text.char_indices() {
+        let before = text[..at].chars().next_back();
+        // A fraction, an exponent and its sign go on with the number; a word that ends in a digit, as a name does, is masked there too.
+        let goes_on = is_number && (c == '.' || c == 'e' || c == '-' && before == Some('e'));
+        is_number = c.is_ascii_digit() || goes_on;
+        if c.is_ascii_digit() && !masked.ends_with('#') {
+            masked.push('#');
+        } else if !is_number {
+            masked.push(c);
+        }
+    }
+    masked
+}
+
+#[cfg(test)]
+mod tests {
+    #[test]
+    fn numbers_are_masked_however_they_are_written() {
+        let masked = |text: &str| super::masked(text);
+        assert_eq!(masked("of length 1.01, not 1"), masked("of length 1.0099999999999998, not 1"));
+        assert_eq!(masked("has fx = 1e-320 pixels"), masked("has fx = 25 pixels"));
+        assert_ne!(masked("image 7 is missing"), masked("image 7 is broken"));
     }
 }

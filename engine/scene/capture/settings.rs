@@ -1,7 +1,7 @@
 //! How a capture is read.
 
 use super::frames::Frames;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What the alpha channel of images is. Either way the background shows through where it is below 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -35,8 +35,13 @@ pub struct CaptureSettings {
     /// Takes the foreground masks of Dynamic3DGaussians (`seg/`) as masks too. Off: they label what moves, not what is
     /// valid, and a training that ignores what they leave out has no background.
     pub foreground_masks: bool,
-    /// Folder of the images of a plain COLMAP project, relative to the capture. Where it is absent the largest of `images_2`,
-    /// `images_4` and `images_8` is taken, with a note.
+    /// Names of cameras that are left out, as if the capture did not have them.
+    pub exclude: Vec<String>,
+    /// Which model of a plain COLMAP project is read, by its number in `sparse`; `None` takes that of the most images.
+    pub model: Option<u32>,
+    /// Folder of the images, relative to the capture, of a plain COLMAP project, a `transforms.json`, LLFF or OpenSfM. The default
+    /// is where these formats have them. Of COLMAP and LLFF the largest of `images_2`, `images_4` and `images_8` is taken where
+    /// there is no `images`, with a note.
     pub images: PathBuf,
     /// Takes the folder of images of 1/N of the size, `images_N`, instead.
     pub downscale: Option<u32>,
@@ -58,10 +63,19 @@ impl Default for CaptureSettings {
             fps: 30.0,
             skip_missing: false,
             foreground_masks: false,
+            exclude: Vec::new(),
+            model: None,
             images: PathBuf::from("images"),
             downscale: None,
             rescale: false,
             alpha: Alpha::default(),
         }
+    }
+}
+
+impl CaptureSettings {
+    /// The folder of images that is asked for, other than by default.
+    pub(super) fn asked_images(&self) -> Option<&Path> {
+        (self.images != CaptureSettings::default().images).then_some(self.images.as_path())
     }
 }

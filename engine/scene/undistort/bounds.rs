@@ -1,6 +1,8 @@
 //! What a camera's numbers may be. The bounds are far beyond every lens that is made; what lies outside is a damaged or
 //! mistaken calibration, and would make pictures of no size or of billions of pixels.
 
+use std::f64::consts::PI;
+
 use super::lens::{Distortion, Lens};
 use crate::scene::Intrinsics;
 
@@ -38,6 +40,15 @@ impl Lens {
                 ));
             }
         }
+        let named = match distortion {
+            Distortion::Unified { alpha, .. } if !(0.0..=1.0).contains(&alpha) => Some(("alpha", alpha, "0 to 1")),
+            Distortion::Unified { beta, .. } if !(1e-6..=1e6).contains(&beta) => Some(("beta", beta, "1e-6 to 1e6")),
+            Distortion::FieldOfView(omega) if !(1e-6..PI).contains(&omega) => Some(("omega", omega, "0 to pi")),
+            _ => None,
+        };
+        if let Some((name, value, allowed)) = named {
+            return Some(format!("has the distortion {name} = {value:?}, expected {allowed}"));
+        }
         let corner = |center: f64, side: u32, focal: f64| center.abs().max((f64::from(side) - center).abs()) / focal;
         let radius = corner(cx, width, fx).hypot(corner(cy, height, fy));
         let moves = |(name, value, power): (&str, f64, i32)| {
@@ -64,6 +75,8 @@ impl Distortion {
                 ("p1", p1, 1),
                 ("p2", p2, 1),
             ],
+            Distortion::Division(k) => vec![("k", k, 2)],
+            Distortion::Unified { .. } | Distortion::FieldOfView(_) => Vec::new(),
             Distortion::Fisheye([k1, k2, k3, k4]) => vec![("k1", k1, 2), ("k2", k2, 4), ("k3", k3, 6), ("k4", k4, 8)],
         }
     }

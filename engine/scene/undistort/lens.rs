@@ -7,6 +7,8 @@ const MAX_TANGENT: f64 = 20.0;
 /// Steps in which the first fold of a lens is looked for.
 const FOLD_STEPS: u32 = 4000;
 const NEWTON_STEPS: usize = 50;
+/// A last step of Newton's method, relative to where it leads.
+const CLOSE: f64 = 4.0 * f64::EPSILON;
 /// Residual of the inverse, on the plane at distance 1.
 const CONVERGED: f64 = 1e-12;
 /// How far the rectangle of a pinhole may reach beyond the size of the image, in multiples of it, from the principal point
@@ -30,6 +32,18 @@ pub enum Distortion {
     /// Kannala and Brandt's, as in OpenCV: OPENCV_FISHEYE, RADIAL_FISHEYE and SIMPLE_RADIAL_FISHEYE of COLMAP. The angle t
     /// becomes the radius `t (1 + k1 t^2 + k2 t^4 + k3 t^6 + k4 t^8)`.
     Fisheye([f64; 4]),
+    /// Fitzgibbon's, DIVISION of COLMAP: r becomes `2 r / (1 + sqrt(1 - 4 k r^2))`.
+    Division(f64),
+    /// The enhanced unified model of Khomutenko et al., EUCM of COLMAP: r becomes
+    /// `r / (alpha sqrt(beta r^2 + 1) + 1 - alpha)`.
+    Unified {
+        /// 0, a pinhole, to 1.
+        alpha: f64,
+        /// Positive.
+        beta: f64,
+    },
+    /// Devernay and Faugeras's, FOV of COLMAP: r becomes `atan(2 r tan(omega / 2)) / omega`.
+    FieldOfView(f64),
 }
 
 impl Distortion {
@@ -41,11 +55,29 @@ impl Distortion {
         Distortion::Brown { radial, tangential }
     }
 
+    /// The division model; [`Distortion::None`] when it is a pinhole.
+    pub fn division(k: f64) -> Self {
+        if k == 0.0 { Distortion::None } else { Distortion::Division(k) }
+    }
+
+    /// The enhanced unified model; [`Distortion::None`] when it is a pinhole.
+    pub fn unified(alpha: f64, beta: f64) -> Self {
+        if alpha == 0.0 { Distortion::None } else { Distortion::Unified { alpha, beta } }
+    }
+
+    /// The field-of-view model; [`Distortion::None`] when it is a pinhole.
+    pub fn field_of_view(omega: f64) -> Self {
+        if omega == 0.0 { Distortion::None } else { Distortion::FieldOfView(omega) }
+    }
+
     /// COLMAP's name of the simplest model that holds the parameters.
     pub fn model(&self) -> &'static str {
         match self {
             Distortion::None => "PINHOLE",
             Distortion::Fisheye(_) => "OPENCV_FISHEYE",
+            Distortion::Division(_) => "DIVISION",
+            Distortion::Unified { .. } => "EUCM",
+            Distortion::FieldOfView(_) => "FOV",
             Distortion::Brown { radial: [_, k2, rest @ ..], tangential } => {
                 match (rest == &[0.0; 4], tangential == &[0.0; 2], *k2 == 0.0) {
                     (false, _, _) => "FULL_OPENCV",
@@ -59,13 +91,10 @@ impl Distortion {
 
     /// Whether the lens maps angles from the optical axis; else radii of the plane at distance 1.
     fn is_angular(&self) -> bool {
-        match self {
-            Distortion::None | Distortion::Brown { .. } => false,
-            Distortion::Fisheye(_) => true,
-        }
+        matches!(self, Distortion::Fisheye(_))
     }
 
-    /// What becomes of a radius (Brown, without the tangential part) or an angle (fisheye), and its derivative.
+    /// What becomes of a radius (of Brown's without the tangential part) or an angle (fisheye), and its derivative.
     fn radial(&self, at: f64) -> (f64, f64) {
         let square = at * at;
         match self {
@@ -78,6 +107,20 @@ impl Distortion {
                 let value = 1.0 + square * (k1 + square * (k2 + square * (k3 + square * k4)));
                 let slope = 1.0 + square * (3.0 * k1 + square * (5.0 * k2 + square * (7.0 * k3 + square * 9.0 * k4)));
                 (at * value, slope)
+            }
+            Distortion::Division(k) => {
+                let root = (1.0 - 4.0 * k * square).sqrt();
+                let scale = 2.0 / (1.0 + root);
+                (at * scale, scale + 2.0 * k * square * scale * scale / root)
+            }
+            Distortion::Unified { alpha, beta } => {
+                let root = (beta * square + 1.0).sqrt();
+                let below = alpha * root + 1.0 - alpha;
+                (at / below, (below - alpha * beta * square / root) / (below * below))
+            }
+            Distortion::FieldOfView(omega) => {
+                let wide = 2.0 * (omega / 2.0).tan();
+                ((at * wide).atan() / omega, wide / (omega * (1.0 + square * wide * wide)))
             }
         }
     }
@@ -100,17 +143,18 @@ impl Distortion {
         let mut at = value.min(reach);
         for _ in 0..NEWTON_STEPS {
             let (found, slope) = self.radial(at);
+            let newton = at - (found - value) / slope;
+            // Before the bracket is asked: rounding may put the last step just outside of it, and bisection would lead far away.
+            if (newton - at).abs() <= CLOSE * at {
+                break;
+            }
             if found > value {
                 high = at;
             } else {
                 low = at;
             }
-            let next = at - (found - value) / slope;
             // Newton's step where it stays in the bracket, bisection elsewhere.
-            let next = if next > low && next < high { next } else { 0.5 * (low + high) };
-            if (next - at).abs() <= f64::EPSILON * at {
-                break;
-            }
+            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
             at = next;
         }
         at
@@ -127,9 +171,11 @@ impl Distortion {
                     y * scale + p1 * (square + 2.0 * y * y) + 2.0 * p2 * x * y,
                 ]
             }
-            Distortion::Fisheye(_) => {
+            _ => {
                 let r = x.hypot(y);
-                let scale = if r > 0.0 { self.radial(r.atan()).0 / r } else { 1.0 };
+                let measure = if self.is_angular() { r.atan() } else { r };
+                // In the middle the scale is the slope of the radius.
+                let scale = if r > 0.0 { self.radial(measure).0 / r } else { self.radial(0.0).1 };
                 [x * scale, y * scale]
             }
         }
@@ -144,7 +190,8 @@ impl Distortion {
         let inverse = self.radial_inverse(r, reach);
         let Distortion::Brown { radial, tangential: [p1, p2] } = self else {
             let found = (self.radial(inverse).0 - r).abs() <= CONVERGED * r.max(1.0);
-            return found.then(|| at.map(|v| v / r * inverse.tan()));
+            let inverse = if self.is_angular() { inverse.tan() } else { inverse };
+            return found.then(|| at.map(|v| v / r * inverse));
         };
         // The radial part is where Newton's method in the plane begins.
         let [mut x, mut y] = at.map(|v| v / r * inverse);

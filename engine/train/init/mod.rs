@@ -25,6 +25,7 @@ use crate::error::{Error, Result};
 use crate::scene::capture::{Camera, Capture};
 use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
+use crate::train::density::most_first;
 use crate::words::count;
 use eye::Axis;
 use glam::DVec3;
@@ -97,7 +98,8 @@ impl fmt::Display for Initial {
         if let Some(counts) = counts {
             write!(f, "; {counts}")?;
         }
-        thinned_from.map_or(Ok(()), |all| write!(f, "; evenly chosen from {all} to keep max_gaussians"))
+        thinned_from
+            .map_or(Ok(()), |all| write!(f, "; evenly chosen from {all} to keep max_gaussians, with room to grow"))
     }
 }
 
@@ -109,7 +111,7 @@ impl Initial {
 
 /// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says. Where nothing is found they
 /// are at random places. Where static ones are not trained, only those of what moves are made, whatever `config.init` says, and there may
-/// be none. Of more than [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as
+/// be none. Of more than density control leaves below [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as
 /// (pieces done, pieces in all).
 ///
 /// # Errors
@@ -125,9 +127,9 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
         splats.source_row = (0..splats.len() as u32).collect();
         initial.splats = splats;
     }
-    let n = initial.splats.len();
-    if n > config.max_gaussians {
-        let keep: Vec<usize> = (0..config.max_gaussians).map(|i| i * n / config.max_gaussians).collect();
+    let (n, most) = (initial.splats.len(), most_first(config));
+    if n > most {
+        let keep: Vec<usize> = (0..most).map(|i| i * n / most).collect();
         initial.splats = initial.splats.in_order(&keep);
         initial.splats.source_row = (0..initial.splats.len() as u32).collect();
         initial.thinned_from = Some(n);

@@ -9,9 +9,8 @@ use crate::train::trainer::{Seen, Trainer};
 use std::time::{Duration, Instant};
 use std::vec::IntoIter;
 
-/// The images of the steps to come.
+/// The images of the steps to come: of all of them, or of as many as are listed at a time.
 pub(super) struct Coming {
-    /// All of them.
     images: IntoIter<(usize, u32)>,
     /// Those that this process sees.
     feed: Feed,
@@ -20,8 +19,8 @@ pub(super) struct Coming {
 }
 
 impl Coming {
-    /// The images of the steps after step `done` of `total`, of a run on `frames`, which `trainer` takes. At most `cache_bytes` of
-    /// them are kept on the host and `image_bytes` on the device.
+    /// The next images of a run of `total` steps on `frames`, which `trainer` takes: those of whole steps, `listed` images or somewhat
+    /// fewer, but of one step at least. At most `cache_bytes` of them are kept on the host and `image_bytes` on the device.
     ///
     /// # Errors
     /// As [`Feed::new`].
@@ -30,11 +29,12 @@ impl Coming {
         frames: &[(usize, u32)],
         (config, plan): (&Config, &PriorPlan),
         (trainer, total): (&Trainer, u64),
-        (cache_bytes, image_bytes): (u64, u64),
+        (cache_bytes, image_bytes, listed): (u64, u64, u64),
     ) -> Result<Self> {
         let (done, batch) = (trainer.step(), config.batch as usize);
         let images = |steps: u64| steps.saturating_mul(u64::from(config.batch));
-        let order = training_order(frames, config.seed, images(done), images(total));
+        let until = done.saturating_add((listed / u64::from(config.batch)).max(1)).min(total);
+        let order = training_order(frames, config.seed, images(done), images(until));
         let own = trainer.own_images(batch);
         let asked = reduced_order(&order, config, done, total).enumerate();
         let asked = asked.filter(|(at, _)| own.contains(&(at % batch))).map(|(_, asked)| asked).collect();
@@ -42,7 +42,7 @@ impl Coming {
         Ok(Coming { images: order.into_iter(), feed, batch })
     }
 
-    /// The images of the next step, loaded by `trainer`, and how long that took; no images at the end of the run. None where one that
+    /// The images of the next step, loaded by `trainer`, and how long that took; no images where no more are listed. None where one that
     /// should be on the device is not.
     ///
     /// # Errors

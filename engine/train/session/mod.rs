@@ -74,6 +74,10 @@ pub struct Session<'a> {
     cache_bytes: u64,
     /// Bytes of images that stay on the device.
     image_bytes: u64,
+    /// Images that are listed at a time.
+    listed_images: u64,
+    /// Seconds in which steps waited for those that were listed before.
+    waited: f64,
     /// A step, and what is due after it and has not been done.
     owed: (u64, Owed),
     /// Of the scenes near the end.
@@ -107,7 +111,7 @@ impl<'a> Session<'a> {
         };
         let known = options.priors.take();
         let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
-        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory);
+        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory)?;
         watch(Notice::Planned(&plan));
         let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
         let constants = options.constants.unwrap_or_else(|| constants_of(capture));
@@ -132,7 +136,7 @@ impl<'a> Session<'a> {
         let memory = options.image_memory();
         let (known, watch) = (options.priors.take(), &mut options.watch);
         let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
-        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory);
+        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory)?;
         watch(Notice::Planned(&plan));
         let constants = options.constants.unwrap_or_else(|| constants_of(capture));
         let trainer = Trainer::resume(gpu.clone(), checkpoint, constants, setup)?;
@@ -149,7 +153,7 @@ impl<'a> Session<'a> {
         (total, priors, plan, n_first): (u64, Priors, Plan, usize),
         options: SessionOptions<'a>,
     ) -> Self {
-        let SessionOptions { cache_bytes, watch, ranks, .. } = options;
+        let SessionOptions { cache_bytes, listed_images, watch, ranks, .. } = options;
         trainer.join(ranks);
         Session {
             gpu,
@@ -167,6 +171,8 @@ impl<'a> Session<'a> {
             trainer,
             coming: None,
             cache_bytes,
+            listed_images,
+            waited: 0.0,
             events: Vec::new(),
             seconds: 0.0,
             watch,
@@ -221,7 +227,7 @@ impl<'a> Session<'a> {
 
     /// Seconds in which steps waited for images.
     pub fn waited(&self) -> f64 {
-        self.coming.as_ref().map_or(0.0, |coming| coming.stats().waited.as_secs_f64())
+        self.waited + self.coming.as_ref().map_or(0.0, |coming| coming.stats().waited.as_secs_f64())
     }
 
     /// The images of the steps to come, as camera and frame, see [`training_order`].
@@ -415,15 +421,21 @@ impl<'a> Session<'a> {
                 Some(coming) => coming,
                 None => {
                     self.trainer.release_images();
-                    let bytes = (self.cache_bytes, self.image_bytes);
+                    let bytes = (self.cache_bytes, self.image_bytes, self.listed_images);
                     let (settings, at) = ((&self.config, &self.priors.plan), (&self.trainer, self.total));
                     Coming::new(self.capture, &self.frames, settings, at, bytes)?
                 }
             };
             let step = coming.next_step(self.capture, &mut self.trainer)?;
+            let is_listed = step.as_ref().is_none_or(|(images, _)| !images.is_empty());
+            if !is_listed && self.trainer.step() < self.total {
+                self.waited += coming.stats().waited.as_secs_f64();
+                continue;
+            }
             let Some((images, spent)) = step else {
                 // Images gave way to what needed the device's memory more. From here on as many stay as there are now.
                 self.image_bytes = self.trainer.image_bytes();
+                self.waited += coming.stats().waited.as_secs_f64();
                 continue;
             };
             self.coming = Some(coming);

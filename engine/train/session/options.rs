@@ -27,6 +27,8 @@ pub struct SessionOptions<'a> {
     /// Bytes of images that stay in the device's memory once they are there; none for what the plan says. Steps on them
     /// neither decode nor copy anything, and have the same bits.
     pub device_image_bytes: Option<u64>,
+    /// Images whose order is known ahead, at most: what each is known by takes some 100 bytes. All have the same bits.
+    pub listed_images: u64,
     /// The other processes, where several share the images of each step: the run has the same bits for any number of them that
     /// divides `batch`. All begin with the same capture and settings.
     pub ranks: Option<Arc<dyn Ranks>>,
@@ -43,6 +45,7 @@ impl Default for SessionOptions<'_> {
             priors: None,
             cache_bytes: share_of_memory(),
             device_image_bytes: None,
+            listed_images: 1 << 18,
             ranks: None,
             watch: Box::new(|_| ()),
         }

@@ -22,8 +22,8 @@ use crate::stage::{
     AdamMode, Batch, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings,
     Workspace, adam_params, constants_on, lazy_sums,
 };
-use crate::train::config::Config;
-use crate::train::density::{density_round, regularisers, with_room};
+use crate::train::config::{Config, Strategy};
+use crate::train::density::{density_round, most_gaussians, regularisers};
 use crate::train::images::{Loaded, Shot};
 use crate::train::objective::{Objective, Report, Taken, Truth};
 use crate::train::poses::Correction;
@@ -378,9 +378,20 @@ impl Trainer {
         let (n, n_trained, origin) = (self.scene.n, self.scene.n_trained(), self.scene.origin);
         let round =
             density_round(&self.config, (self.step, self.total), (n, n_trained), &self.setup.extent, origin, n_frames)?;
-        // The end of the run needs room, too.
+        Some(DensityRound { max_gaussians: self.most_gaussians(), ..round })
+    }
+
+    /// The most Gaussians that density control makes: the end of the run needs room, too.
+    fn most_gaussians(&self) -> u32 {
         let backdrop = if self.shows_background() { 0 } else { self.config.backdrop };
-        Some(with_room(round, self.room.active_of(u32::MAX, self.gpu.caps()), backdrop))
+        most_gaussians(&self.config, self.room.active_of(u32::MAX, self.gpu.caps()), backdrop)
+    }
+
+    /// How many Gaussians density control may add to those of now; none where it is to add no more.
+    pub fn room_to_grow(&self) -> Option<u32> {
+        let density = &self.config.density;
+        let grows = density.strategy == Strategy::Adc && density.grows_after(self.step, self.total);
+        grows.then(|| self.most_gaussians().saturating_sub(self.scene.n))
     }
 
     /// The density control due after the step handed over last, once.

@@ -95,7 +95,6 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     }
     let hrtf = if setting.sounds.is_empty() { None } else { Some(HrtfSet::open(&args.hrtf)?) };
     let mut shown = source.seen()?;
-    let constants = shown.constants.unwrap_or(setting.constants);
 
     let stop = Stop::listen()?;
     let no_display = "expected a display, found none; set DISPLAY to that of an X server, or use `ivv serve`";
@@ -103,7 +102,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?, args.validation)?;
     let navigator = Navigator::new(&views, &*shown.splats.some()?);
     let is_still = shown.splats.are_static() && setting.sounds.is_empty();
-    let renderer = shown.splats.renderer(gpu, constants)?;
+    let renderer = shown.splats.renderer(gpu, setting.constants)?;
     let is_playing = args.at.is_none() && args.screenshot.is_none();
     let clip = Playhead::new(if is_still { 0.0 } else { length }, args.at.unwrap_or_default(), is_playing);
     let flow_dt = setting.clock.map_or(1.0, |clock| 1.0 / f64::from(clock.frames));

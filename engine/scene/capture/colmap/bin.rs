@@ -13,8 +13,8 @@ use crate::scene::capture::report::Faults;
 const MAX_NAME_BYTES: usize = 4096;
 /// Bytes of a 2D observation: x, y, id of its point.
 const OBSERVATION_BYTES: u64 = 24;
-/// Fewest bytes of a camera: id, model, width, height, three parameters.
-const CAMERA_BYTES: u64 = 24 + 3 * 8;
+/// Fewest bytes of a camera: id, model, width, height, two parameters.
+const CAMERA_BYTES: u64 = 24 + 2 * 8;
 /// Fewest bytes of an image: id, pose, camera, an empty name, the number of observations.
 const IMAGE_BYTES: u64 = 4 + 7 * 8 + 4 + 1 + 8;
 /// Fewest bytes of a point: id, position, colour, error, length of its track.
@@ -88,7 +88,7 @@ impl<'a> Reader<'a> {
     }
 
     /// A name that a zero byte ends.
-    fn name(&mut self) -> Result<String> {
+    fn name(&mut self) -> Result<Vec<u8>> {
         let start = self.place();
         let mut name = Vec::new();
         loop {
@@ -101,7 +101,7 @@ impl<'a> Reader<'a> {
                 [byte] => name.push(byte),
             }
         }
-        String::from_utf8(name).map_err(|_| Error::data(self.path, start, "a name is not UTF-8", DAMAGED))
+        Ok(name)
     }
 
     fn end(&self) -> Result<()> {
@@ -159,6 +159,12 @@ pub(super) fn images(path: &Path, faults: &mut Faults) -> Vec<RawImage> {
         Ok(())
     });
     images
+}
+
+/// Images of `images.bin`, as its first bytes say, and no more than there may be; 0 where it cannot be read.
+pub(super) fn n_images(path: &Path) -> usize {
+    let counted = Reader::open(path).and_then(|mut reader| reader.count("images", IMAGE_BYTES));
+    counted.map_or(0, |n| n as usize)
 }
 
 /// `points3D.bin`, point by point.

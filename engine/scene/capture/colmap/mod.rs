@@ -1,33 +1,49 @@
 //! COLMAP's sparse model, and a plain COLMAP project as a static capture.
 
 mod bin;
+mod choice;
+mod facing;
+mod lens;
 mod raw;
 mod text;
 
 use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint};
+pub(crate) use self::choice::chosen_model;
+pub(super) use self::choice::model_folder;
+use self::facing::Facing;
+use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint, STEMS, is_there};
+use crate::scene::Pose;
 use crate::scene::capture::builder::CaptureBuilder;
 use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Shot};
-use crate::scene::capture::decoder::MAX_SIDE;
-use crate::scene::capture::names::{flat, relative};
+use crate::scene::capture::locate::{Wanted, listed, locate};
+use crate::scene::capture::masks::find as find_masks;
+use crate::scene::capture::named::Named;
+use crate::scene::capture::names::{flat, spelled};
+use crate::scene::capture::points::read_cloud;
 use crate::scene::capture::report::Faults;
 use crate::scene::capture::settings::CaptureSettings;
-use crate::scene::undistort::{Distortion, Lens};
-use crate::scene::{Intrinsics, Pose};
+use crate::scene::undistort::Lens;
+use encoding_rs::{BIG5, EUC_KR, Encoding, GBK, SHIFT_JIS, WINDOWS_1251, WINDOWS_1252};
 use glam::{DVec3, DVec4};
 
-/// Largest deviation of a quaternion's length from 1; COLMAP writes all digits.
+/// Largest deviation of a quaternion's length from 1 that is not worth a note; COLMAP writes all digits.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
+/// Below this length a quaternion is no rotation.
+const SHORTEST_QUATERNION: f64 = 1e-6;
+/// In what COLMAP on Windows writes names of files that are not plain: its user's code page.
+const ENCODINGS: [&Encoding; 6] = [GBK, SHIFT_JIS, EUC_KR, BIG5, WINDOWS_1251, WINDOWS_1252];
 
 /// An image of the model: where it is, and what took it.
 pub(crate) struct Posed {
-    /// Relative, without `..`.
+    /// Relative, without `..`; the likeliest, where its encoding is unknown.
     pub name: PathBuf,
+    pub id: u32,
     pub camera_id: u32,
     pub pose: Pose,
     pub lens: Lens,
+    wanted: Wanted,
 }
 
 /// A sparse model.
@@ -37,12 +53,8 @@ pub(crate) struct Model {
     pub points: Vec<Point>,
     /// The file of the images.
     pub file: PathBuf,
-}
-
-/// The folder of a COLMAP model in a project: `sparse/0`, `sparse` or the project itself.
-pub(crate) fn model_folder(path: &Path) -> Option<PathBuf> {
-    let folders = [path.join("sparse/0"), path.join("sparse"), path.to_owned()];
-    folders.into_iter().find(|folder| ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file()))
+    /// What is worth knowing of them, and no fault.
+    pub notes: Vec<String>,
 }
 
 /// Reads a model; `points3D` may be absent. What is faulty is left out.
@@ -56,22 +68,44 @@ pub(crate) fn read_images(folder: &Path, faults: &mut Faults) -> Model {
 }
 
 fn read(folder: &Path, with_points: bool, faults: &mut Faults) -> Model {
-    let binary = folder.join("cameras.bin").is_file();
-    let file = |stem: &str| folder.join(format!("{stem}.{}", if binary { "bin" } else { "txt" }));
-    let (cameras, images, points) = (file("cameras"), file("images"), file("points3D"));
-    let raw = if binary { bin::cameras(&cameras, faults) } else { text::cameras(&cameras, faults) };
+    // All files of a model are of one kind, but for a copy of which some were left behind.
+    let is_binary = is_there(folder, STEMS[0]).is_none_or(|(_, is_binary)| is_binary);
+    let file = |stem: &str| folder.join(format!("{stem}.{}", if is_binary { "bin" } else { "txt" }));
+    let [cameras, images, _] = STEMS.map(file);
+    let raw = if is_binary { bin::cameras(&cameras, faults) } else { text::cameras(&cameras, faults) };
     let known = check_cameras(&cameras, raw, faults);
-    let raw = if binary { bin::images(&images, faults) } else { text::images(&images, faults) };
-    let ids: HashSet<u32> = raw.iter().map(|image| image.id).collect();
-    let mut model = Model { images: check_images(&images, raw, &known, faults), points: Vec::new(), file: images };
-    if with_points && points.is_file() {
-        let mut checked = CheckedPoints::new(&points, &ids);
-        if binary {
-            bin::points(&points, faults, |point, faults| checked.add(point, faults));
-        } else {
-            text::points(&points, faults, |point, faults| checked.add(point, faults));
+    let n_before = faults.n();
+    let (raw, n_alone) = if is_binary { (bin::images(&images, faults), 0) } else { text::images(&images, faults) };
+    // What could not be read whole says nothing of the tracks.
+    let ids = (faults.n() == n_before).then(|| raw.iter().map(|image| image.id).collect());
+    let mut facing = Facing::default();
+    for image in &raw {
+        if let Some(Some(lens)) = known.get(&image.camera_id) {
+            facing.add_camera(image.id, *lens, image.quaternion, image.translation);
         }
-        model.points = checked.points;
+    }
+    let mut model = Model { file: images.clone(), ..Model::default() };
+    if n_alone > 0 {
+        model.notes.push(format!("images without a line of observations behind them, not even a blank one: {n_alone}"));
+    }
+    check_images(raw, &known, &mut model, faults);
+    if with_points {
+        let mut checked = CheckedPoints::new(folder, ids);
+        checked.read(faults, |point, seen_in| {
+            facing.add(point.position, seen_in);
+            model.points.push(point);
+        });
+        model.notes.extend(checked.note());
+        // Programs of Gaussian splatting leave their copy of the points beside the cameras.
+        let cloud = folder.join("points3D.ply");
+        if checked.file.is_none() && cloud.is_file() {
+            model.points = faults.take(read_cloud(&cloud)).unwrap_or_default();
+        }
+        match facing.verdict() {
+            Some((reason, Some(remedy))) => faults.add(&images, "", reason, remedy),
+            Some((reason, None)) => model.notes.push(reason),
+            None => {}
+        }
     }
     model
 }
@@ -97,57 +131,19 @@ fn check_cameras(file: &Path, raw: Vec<RawCamera>, faults: &mut Faults) -> HashM
     known
 }
 
-impl RawCamera {
-    fn lens(&self) -> Result<Lens, (String, &'static str)> {
-        let side = |side: u64| u32::try_from(side).ok().filter(|side| (1..=MAX_SIDE).contains(side));
-        let (Some(width), Some(height)) = (side(self.width), side(self.height)) else {
-            let reason = format!("has {} x {} pixels, 1 to {MAX_SIDE} each is allowed", self.width, self.height);
-            return Err((reason, "give the size of the images"));
-        };
-        let brown =
-            |k1, k2, k3, rest: [f64; 3], p: [f64; 2]| Distortion::brown([k1, k2, k3, rest[0], rest[1], rest[2]], p);
-        let (none, zeros) = (Distortion::None, [0.0; 3]);
-        let (fx, fy, cx, cy, distortion) = match (self.kind.name, self.params.as_slice()) {
-            ("SIMPLE_PINHOLE", &[f, cx, cy]) => (f, f, cx, cy, none),
-            ("PINHOLE", &[fx, fy, cx, cy]) => (fx, fy, cx, cy, none),
-            ("SIMPLE_RADIAL", &[f, cx, cy, k]) => (f, f, cx, cy, brown(k, 0.0, 0.0, zeros, [0.0; 2])),
-            ("RADIAL", &[f, cx, cy, k1, k2]) => (f, f, cx, cy, brown(k1, k2, 0.0, zeros, [0.0; 2])),
-            ("OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2]) => (fx, fy, cx, cy, brown(k1, k2, 0.0, zeros, [p1, p2])),
-            ("FULL_OPENCV", &[fx, fy, cx, cy, k1, k2, p1, p2, k3, ref rest @ ..]) => {
-                let rest = std::array::from_fn(|k| rest.get(k).copied().unwrap_or(0.0));
-                (fx, fy, cx, cy, brown(k1, k2, k3, rest, [p1, p2]))
-            }
-            ("OPENCV_FISHEYE", &[fx, fy, cx, cy, k1, k2, k3, k4]) => {
-                (fx, fy, cx, cy, Distortion::Fisheye([k1, k2, k3, k4]))
-            }
-            ("SIMPLE_RADIAL_FISHEYE", &[f, cx, cy, k]) => (f, f, cx, cy, Distortion::Fisheye([k, 0.0, 0.0, 0.0])),
-            ("RADIAL_FISHEYE", &[f, cx, cy, k1, k2]) => (f, f, cx, cy, Distortion::Fisheye([k1, k2, 0.0, 0.0])),
-            (name, _) => {
-                let remedy = "undistort the images with `colmap image_undistorter`";
-                return Err((format!("has the model {name}, which is not undistorted here"), remedy));
-            }
-        };
-        let lens = Lens { intrinsics: Intrinsics { width, height, fx, fy, cx, cy }, distortion };
-        lens.fault().map_or(Ok(lens), |reason| Err((reason, DAMAGED)))
-    }
-}
-
-fn check_images(
-    file: &Path,
-    raw: Vec<RawImage>,
-    known: &HashMap<u32, Option<Lens>>,
-    faults: &mut Faults,
-) -> Vec<Posed> {
+/// Checks the images one by one; what is good goes into the model.
+fn check_images(raw: Vec<RawImage>, known: &HashMap<u32, Option<Lens>>, model: &mut Model, faults: &mut Faults) {
     let (mut ids, mut names) = (HashSet::new(), HashSet::new());
-    let mut images = Vec::new();
+    let file = model.file.clone();
+    let (mut n_long, mut largest) = (0_usize, 1.0_f64);
     for image in raw {
         let place = format!("{}, image {}", image.place, image.id);
-        let mut fault = |reason: String| faults.add(file, &place, reason, DAMAGED);
+        let mut fault = |reason: String| faults.add(&file, &place, reason, DAMAGED);
         if !ids.insert(image.id) {
             fault("has the id of an earlier image".to_owned());
             continue;
         }
-        let (name, pose) = (relative(&image.name), image.pose());
+        let (name, pose) = (image.wanted(), image.pose());
         for reason in [name.as_ref().err(), pose.as_ref().err()].into_iter().flatten() {
             fault(reason.clone());
         }
@@ -155,18 +151,29 @@ fn check_images(
         if lens.is_none() {
             fault(format!("was taken by camera {}, which is not in the list of cameras", image.camera_id));
         }
-        let (Ok(name), Ok(pose), Some(Some(lens))) = (name, pose, lens) else { continue };
+        let (Ok(wanted), Ok((pose, length)), Some(Some(lens))) = (name, pose, lens) else { continue };
+        if (length - 1.0).abs() > QUATERNION_TOLERANCE {
+            n_long += 1;
+            largest = if (length - 1.0).abs() > (largest - 1.0).abs() { length } else { largest };
+        }
+        let name = wanted.readings[0].clone();
         if names.insert(name.clone()) {
-            images.push(Posed { name, camera_id: image.camera_id, pose, lens: *lens });
+            let (id, camera_id) = (image.id, image.camera_id);
+            model.images.push(Posed { name, id, camera_id, pose, lens: *lens, wanted });
         } else {
             fault(format!("has the name of an earlier image, `{}`", name.display()));
         }
     }
-    images
+    if n_long > 0 {
+        model
+            .notes
+            .push(format!("quaternions that are not of length 1: {n_long} (up to {largest:.4}); they are normalised"));
+    }
 }
 
 impl RawImage {
-    fn pose(&self) -> Result<Pose, String> {
+    /// The pose, and the length of the quaternion.
+    fn pose(&self) -> Result<(Pose, f64), String> {
         let (length, translation) = (DVec4::from(self.quaternion).length(), DVec3::from(self.translation));
         // Written positively, so that NaN fails.
         let is_near = translation.abs().cmple(DVec3::splat(MAX_COORDINATE)).all();
@@ -174,69 +181,119 @@ impl RawImage {
             let reason = format!("has the pose {:?}, {:?}", self.quaternion, self.translation);
             return Err(reason + ": a number is not finite or too large");
         }
-        if (length - 1.0).abs() > QUATERNION_TOLERANCE {
-            return Err(format!("has a quaternion of length {length}, not 1"));
+        if length < SHORTEST_QUATERNION {
+            return Err(format!("has a quaternion of length {length}, which is no rotation"));
         }
-        Ok(Pose::of_quaternion(self.quaternion, translation))
+        Ok((Pose::of_quaternion(self.quaternion, translation), length))
+    }
+
+    /// What the name may mean: more than one path where it is not UTF-8, as COLMAP writes it on some Windows.
+    fn wanted(&self) -> Result<Wanted, String> {
+        if let Ok(name) = std::str::from_utf8(&self.name) {
+            return spelled(name).map(Wanted::from);
+        }
+        let mut wanted: Option<Wanted> = None;
+        for encoding in ENCODINGS {
+            let Some(text) = encoding.decode_without_bom_handling_and_without_replacement(&self.name) else { continue };
+            let Ok(found) = spelled(&text) else { continue };
+            match &mut wanted {
+                Some(wanted) if wanted.readings.contains(&found.path) => {}
+                Some(wanted) => wanted.readings.push(found.path),
+                None => wanted = Some(found.into()),
+            }
+        }
+        wanted.ok_or_else(|| {
+            let start: String =
+                self.name.iter().take(80).flat_map(|byte| byte.escape_ascii()).map(char::from).collect();
+            format!("the name `{start}` is not UTF-8, nor in any encoding that COLMAP may have written")
+        })
     }
 }
 
 /// Points as they come; a file of them can be far larger than what is kept.
-struct CheckedPoints<'a> {
-    file: &'a Path,
-    images: &'a HashSet<u32>,
+struct CheckedPoints {
+    /// The file, and whether it is binary; nothing where the model has none.
+    file: Option<(PathBuf, bool)>,
+    /// Of the images; nothing where they could not be read.
+    images: Option<HashSet<u32>>,
     ids: HashSet<u64>,
-    points: Vec<Point>,
+    n_astray: usize,
 }
 
-impl<'a> CheckedPoints<'a> {
-    fn new(file: &'a Path, images: &'a HashSet<u32>) -> Self {
-        CheckedPoints { file, images, ids: HashSet::new(), points: Vec::new() }
+impl CheckedPoints {
+    fn new(folder: &Path, images: Option<HashSet<u32>>) -> Self {
+        CheckedPoints { file: is_there(folder, STEMS[2]), images, ids: HashSet::new(), n_astray: 0 }
     }
 
-    fn add(&mut self, point: RawPoint, faults: &mut Faults) {
+    /// Hands out every good point with the images that saw it.
+    fn read(&mut self, faults: &mut Faults, mut take: impl FnMut(Point, &[u32])) {
+        let Some((file, is_binary)) = self.file.clone() else { return };
+        let mut add = |point: RawPoint, faults: &mut Faults| {
+            if let Some((point, seen_in)) = self.check(&file, point, faults) {
+                take(point, &seen_in);
+            }
+        };
+        if is_binary { bin::points(&file, faults, &mut add) } else { text::points(&file, faults, &mut add) }
+    }
+
+    fn check(&mut self, file: &Path, mut point: RawPoint, faults: &mut Faults) -> Option<(Point, Vec<u32>)> {
         let place = || format!("{}, point {}", point.place, point.id);
         if !self.ids.insert(point.id) {
-            return faults.add(self.file, place(), "has the id of an earlier point", DAMAGED);
+            faults.add(file, place(), "has the id of an earlier point", DAMAGED);
+            return None;
         }
         if !point.position.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
             let reason = format!("is at {:?}, not finite or beyond {MAX_COORDINATE}", point.position);
-            return faults.add(self.file, place(), reason, DAMAGED);
+            faults.add(file, place(), reason, DAMAGED);
+            return None;
         }
-        if let Some(id) = point.seen_in.iter().find(|id| !self.images.contains(id)) {
-            return faults.add(self.file, place(), format!("was seen in image {id}, which does not exist"), DAMAGED);
+        if let Some(images) = &self.images {
+            let before = point.seen_in.len();
+            point.seen_in.retain(|id| images.contains(id));
+            self.n_astray += usize::from(point.seen_in.len() < before);
         }
-        self.points.push(Point { position: point.position, color: point.color });
+        Some((Point { position: point.position, color: point.color }, point.seen_in))
+    }
+
+    fn note(&self) -> Option<String> {
+        let n = self.n_astray;
+        (n > 0).then(|| format!("points seen in images that the model does not have: {n}"))
     }
 }
 
-/// The points of a binary model that COLMAP wrote, each with the names of the images that saw it.
+/// The points of a model, each with the ids of the images that saw it, ascending, each once.
+///
+/// # Errors
+/// [`Error::Data`](crate::Error::Data) with the first fault.
+pub(crate) fn seen_points(folder: &Path) -> crate::Result<Vec<(Point, Vec<u32>)>> {
+    let mut faults = Faults::default();
+    let mut points = Vec::new();
+    CheckedPoints::new(folder, None).read(&mut faults, |point, seen_in| {
+        let mut seen_in = seen_in.to_vec();
+        seen_in.sort_unstable();
+        seen_in.dedup();
+        points.push((point, seen_in));
+    });
+    faults.first().map_or(Ok(points), Err)
+}
+
+/// The points of a model that COLMAP wrote, each with the names of the images that saw it.
 ///
 /// # Errors
 /// [`Error::Data`](crate::Error::Data) with the first fault.
 pub(crate) fn tracks(folder: &Path) -> crate::Result<Vec<(Point, Vec<PathBuf>)>> {
     let mut faults = Faults::default();
-    let raw = bin::images(&folder.join("images.bin"), &mut faults);
-    let names: HashMap<u32, PathBuf> = raw.into_iter().map(|image| (image.id, PathBuf::from(image.name))).collect();
-    let ids = names.keys().copied().collect();
-    let mut tracks = Vec::new();
-    let file = folder.join("points3D.bin");
-    let mut checked = CheckedPoints::new(&file, &ids);
-    bin::points(&file, &mut faults, |point, faults| {
-        let seen_in = point.seen_in.clone();
-        let n_before = checked.points.len();
-        checked.add(point, faults);
-        if checked.points.len() > n_before {
-            let mut seen_in: Vec<PathBuf> = seen_in.iter().filter_map(|id| names.get(id).cloned()).collect();
-            seen_in.sort_unstable();
-            seen_in.dedup();
-            tracks.push(seen_in);
-        }
-    });
-    match faults.first() {
-        Some(error) => Err(error),
-        None => Ok(checked.points.into_iter().zip(tracks).collect()),
+    let images = read_images(folder, &mut faults).images;
+    let names: HashMap<u32, PathBuf> = images.into_iter().map(|image| (image.id, image.name)).collect();
+    if let Some(error) = faults.first() {
+        return Err(error);
     }
+    let named = |(point, seen_in): (Point, Vec<u32>)| {
+        let mut names: Vec<PathBuf> = seen_in.iter().filter_map(|id| names.get(id).cloned()).collect();
+        names.sort_unstable();
+        (point, names)
+    };
+    Ok(seen_points(folder)?.into_iter().map(named).collect())
 }
 
 /// The folder of a plain COLMAP project's images: the one that is asked for, or where it is absent the largest of its smaller
@@ -257,39 +314,97 @@ pub(crate) fn images_folder(path: &Path, settings: &CaptureSettings) -> PathBuf 
 }
 
 /// A plain COLMAP project as a clip of one frame, every image a camera of its own.
-pub(super) fn read_capture(path: &Path, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
-    let mut model = model_folder(path).map_or_else(Model::default, |folder| read_model(&folder, faults));
+pub(super) fn read_capture(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+    let path = named.folder.as_path();
+    let chosen = match &named.model {
+        Some(model) => Ok(Some((model.clone(), None))),
+        None => chosen_model(path, settings),
+    };
+    let Some(Some((folder, note))) = faults.take(chosen) else { return CaptureBuilder::default() };
+    let mut model = read_model(&folder, faults);
     if model.images.is_empty() && faults.n() == 0 {
         faults.add(&model.file, "", "holds no image", "run COLMAP's mapper, or export the model again");
     }
     model.images.sort_by(|a, b| a.name.cmp(&b.name));
     let images = images_folder(path, settings);
-    let camera = |(index, posed): (usize, &Posed)| Camera {
-        is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
-        ..posed.camera(flat(&posed.name), &images.join(&posed.name))
-    };
     let mut builder = CaptureBuilder {
         fps: settings.fps,
         n_frames: 1,
-        cameras: model.images.iter().enumerate().map(camera).collect(),
-        points: model.points,
-        calibration: model.file,
+        points: std::mem::take(&mut model.points),
+        calibration: model.file.clone(),
+        notes: note.into_iter().chain(model.notes.clone()).collect(),
         ..CaptureBuilder::default()
     };
     let asked = path.join(&settings.images);
     if let Some(n) = settings.downscale.filter(|_| !images.is_dir()) {
         let remedy = format!("make it with pictures of 1/{n} of the size, or choose another --downscale");
         faults.add(&images, "", "is missing", remedy);
-        builder.cameras.clear();
+        return builder;
     } else if settings.downscale.is_none() && images != asked {
         let [taken, asked] =
             [&images, &asked].map(|path| path.strip_prefix(path.parent().unwrap_or(path)).unwrap_or(path));
         builder.notes.push(format!("there is no folder {}: {} is taken", asked.display(), taken.display()));
     }
-    for (camera, posed) in builder.cameras.iter().zip(&model.images) {
-        builder.distorted.insert(camera.name.clone(), posed.lens.distortion);
-    }
+    add_cameras(named, settings, &folder, &images, &model, &mut builder);
     builder
+}
+
+/// Gives the builder a camera for each image of the model, with the file of the image.
+fn add_cameras(
+    named: &Named,
+    settings: &CaptureSettings,
+    folder: &Path,
+    images: &Path,
+    model: &Model,
+    builder: &mut CaptureBuilder,
+) {
+    // What somebody has chosen is not looked for elsewhere.
+    let is_asked = settings.asked_images().is_some() || settings.downscale.is_some();
+    let root = if is_asked { images } else { &named.folder };
+    let wanted: Vec<Wanted> = model.images.iter().map(|posed| posed.wanted.clone()).collect();
+    let file = model.file.file_name().unwrap_or_default().to_string_lossy();
+    let located = locate(root, images, &file, &wanted);
+    builder.notes.extend(located.notes);
+    builder.elsewhere = located.elsewhere;
+    let mut ids = HashMap::new();
+    for (index, (posed, (image, reading))) in model.images.iter().zip(&located.files).enumerate() {
+        let name = flat(&posed.wanted.readings[*reading]);
+        ids.insert(posed.id, name.clone());
+        builder.distorted.insert(name.clone(), posed.lens.distortion);
+        let is_test = settings.test_every > 0 && index.is_multiple_of(settings.test_every);
+        builder.cameras.push(Camera { is_test, ..posed.camera(name, image) });
+    }
+    builder.model = Some((folder.to_owned(), ids));
+    note_encodings(&model.images, &located.files, &mut builder.notes);
+    let used: HashSet<&Path> = located.files.iter().map(|(file, _)| file.as_path()).collect();
+    let there = listed(images, 3);
+    let mut unused = there.iter().filter(|name| !used.contains(images.join(name).as_path()));
+    let n = unused.clone().count();
+    if let Some(first) = unused.next().filter(|_| n < there.len() && located.n_missing < located.files.len()) {
+        let folder = images.strip_prefix(&named.folder).unwrap_or(images).display();
+        builder.notes.push(format!(
+            "pictures in {folder} without a camera: {n} of {}, as {}",
+            there.len(),
+            first.display()
+        ));
+    }
+    find_masks(&named.folder, images, builder);
+}
+
+/// Says which names were read as what.
+fn note_encodings(images: &[Posed], files: &[(PathBuf, usize)], notes: &mut Vec<String>) {
+    let odd = || images.iter().zip(files).filter(|(posed, _)| posed.wanted.readings.len() > 1);
+    let n = odd().count();
+    if let Some((_, (file, _))) = odd().find(|(_, (file, _))| file.exists()) {
+        notes.push(format!(
+            "names that are not UTF-8: {n}; they are those of files that are there, as {}",
+            file.display()
+        ));
+    } else if let Some((posed, _)) = odd().next() {
+        let readings: Vec<String> = posed.wanted.readings.iter().map(|path| path.display().to_string()).collect();
+        notes
+            .push(format!("names that are not UTF-8: {n}; no file has one of their readings: {}", readings.join(", ")));
+    }
 }
 
 impl Posed {

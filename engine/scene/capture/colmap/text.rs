@@ -1,36 +1,56 @@
 //! COLMAP's text files: one record in a line, an image in two.
 
 use std::fs::File;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 use std::str::{FromStr, SplitAsciiWhitespace};
 
 use super::raw::{MODELS, RawCamera, RawImage, RawPoint};
-use crate::error;
+use crate::error::{self, Error};
 use crate::files::{cannot_read, open_file};
 use crate::scene::capture::report::Faults;
 
 const REMEDY: &str = "correct this line, or export the model again";
+/// Longest line: the observations of an image of 10,000 features have 400 kB.
+const MAX_LINE_BYTES: u64 = 1 << 30;
 
 /// The lines of a file with their numbers; comments and blank lines are left out where a record begins.
 struct Lines<'a> {
     path: &'a Path,
     from: BufReader<File>,
+    /// What is not UTF-8 in it stands as a sign for that.
     line: String,
+    bytes: Vec<u8>,
     number: u64,
+    /// The line has not been used: it comes again.
+    is_held: bool,
 }
 
 impl<'a> Lines<'a> {
     fn open(path: &'a Path) -> error::Result<Self> {
         let file = open_file(path).map_err(|fault| cannot_read(path, &fault))?;
-        Ok(Lines { path, from: BufReader::new(file), line: String::new(), number: 0 })
+        let from = BufReader::new(file);
+        Ok(Lines { path, from, line: String::new(), bytes: Vec::new(), number: 0, is_held: false })
     }
 
     /// The next line, whatever it holds; `false` at the end.
     fn any(&mut self) -> error::Result<bool> {
-        self.line.clear();
+        if std::mem::take(&mut self.is_held) {
+            return Ok(true);
+        }
+        self.bytes.clear();
         self.number += 1;
-        let read = self.from.read_line(&mut self.line).map_err(|fault| cannot_read(self.path, &fault))?;
+        let mut limited = (&mut self.from).take(MAX_LINE_BYTES);
+        let read = limited.read_until(b'\n', &mut self.bytes).map_err(|fault| cannot_read(self.path, &fault))?;
+        if read as u64 == MAX_LINE_BYTES {
+            let reason = format!("has more than {MAX_LINE_BYTES} bytes");
+            return Err(Error::data(self.path, self.place(), reason, REMEDY));
+        }
+        // Some programs on Windows begin UTF-8 with a mark.
+        if self.number == 1 && self.bytes.starts_with(b"\xef\xbb\xbf") {
+            self.bytes.drain(..3);
+        }
+        self.line = String::from_utf8_lossy(&self.bytes).into_owned();
         Ok(read > 0)
     }
 
@@ -109,22 +129,40 @@ fn camera(lines: &Lines) -> Result<RawCamera, String> {
     Ok(RawCamera { place: lines.place(), id, kind, width, height, params })
 }
 
-/// `images.txt`. The second line of an image, its observations, may be blank but not absent.
-pub(super) fn images(path: &Path, faults: &mut Faults) -> Vec<RawImage> {
-    let mut images = Vec::new();
+/// `images.txt`, and how many images have no line of observations. The second line of an image, its observations, may be blank.
+/// Some programs and editors leave out blank lines: then the next image comes at once.
+pub(super) fn images(path: &Path, faults: &mut Faults) -> (Vec<RawImage>, usize) {
+    let (mut images, mut n_alone) = (Vec::new(), 0);
     records(path, faults, |lines, _| {
         let image = image(lines);
         // The last image's blank line may have been lost by an editor.
         if lines.any()? {
-            let n_fields = lines.line.split_ascii_whitespace().count();
-            if n_fields % 3 != 0 {
-                let reason = format!("the line of its observations has {n_fields} fields, not three for each");
+            let fields: Vec<&str> = lines.line.split_ascii_whitespace().collect();
+            if !are_observations(&fields) && begins_image(&fields) {
+                lines.is_held = true;
+                n_alone += 1;
+            } else if !fields.len().is_multiple_of(3) {
+                let reason = format!("the line of its observations has {} fields, not three for each", fields.len());
                 return Ok(Err(reason));
             }
         }
         Ok(image.map(|image| images.push(image)))
     });
-    images
+    (images, n_alone)
+}
+
+/// Whether fields are x, y and the number of a point, again and again.
+fn are_observations(fields: &[&str]) -> bool {
+    let (all, rest) = fields.as_chunks::<3>();
+    let is_one = |[x, y, id]: &[&str; 3]| [x, y].iter().all(|v| v.parse::<f64>().is_ok()) && id.parse::<i64>().is_ok();
+    rest.is_empty() && all.iter().all(is_one)
+}
+
+/// Whether fields are those of an image: its number, seven numbers of its pose, the number of its camera, a name.
+fn begins_image(fields: &[&str]) -> bool {
+    let is_number = |field: &&str| field.parse::<f64>().is_ok();
+    let is_id = |at: usize| fields.get(at).is_some_and(|field| field.parse::<u32>().is_ok());
+    fields.len() > 9 && is_id(0) && is_id(8) && fields[1..8].iter().all(is_number)
 }
 
 fn image(lines: &Lines) -> Result<RawImage, String> {
@@ -133,9 +171,10 @@ fn image(lines: &Lines) -> Result<RawImage, String> {
     let (quaternion, translation) = (numbers(&mut fields, "quaternion")?, numbers(&mut fields, "translation")?);
     let camera_id = next(&mut fields, "id of the camera")?;
     // A name may have spaces, so it is the rest of the line.
-    let mut name = lines.line.trim_ascii();
+    let mut name = lines.bytes.trim_ascii();
     for _ in 0..9 {
-        name = name.split_once(|c: char| c.is_ascii_whitespace()).map_or("", |(_, rest)| rest.trim_ascii_start());
+        let end = name.iter().position(u8::is_ascii_whitespace).unwrap_or(name.len());
+        name = name[end..].trim_ascii_start();
     }
     Ok(RawImage { place: lines.place(), id, quaternion, translation, camera_id, name: name.to_owned() })
 }

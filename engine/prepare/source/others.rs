@@ -1,0 +1,131 @@
+//! What others wrote into a folder and ivv does not read: poses, named so that nobody believes them used; and what a folder holds that
+//! is no source at all.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::footage::{clips, files};
+use crate::error::Error;
+use crate::files::open_file;
+use crate::prepare::foreign::{Kind, counts, kind};
+use crate::scene::capture::is_capture;
+
+/// What is read of a file to tell what it is, bytes.
+const START: u64 = 4096;
+/// Folders that are searched for a source, at each depth.
+const SEARCHED: usize = 64;
+/// Folders that a message names.
+const NAMED: usize = 5;
+/// What leads on from every program that has poses.
+const EXPORT: &str = "export them as a COLMAP model or transforms.json";
+
+/// Programs whose poses are not read: by the ending of a file, and by what its first bytes hold, one of these.
+const PROGRAMS: [(&str, &str, &[&str]); 16] = [
+    ("RealityScan", "csv", &["#name,", "#cameras", "Name,X,Y,", "#Image"]),
+    ("RealityScan", "rcproj", &[]),
+    ("RealityScan", "xmp", &["xcr:"]),
+    ("Metashape", "xml", &["<chunk", "agisoft", "Agisoft"]),
+    ("Metashape", "psx", &[]),
+    ("Metashape", "psz", &[]),
+    ("ContextCapture", "xml", &["BlocksExchange"]),
+    ("Meshroom", "sfm", &[]),
+    ("Meshroom", "mg", &[]),
+    ("OpenMVG", "json", &["sfm_data_version"]),
+    ("OpenSfM", "json", &["\"shots\""]),
+    ("3D Gaussian Splatting", "json", &["\"img_name\""]),
+    ("VisualSFM", "nvm", &["NVM_"]),
+    ("Bundler", "out", &["# Bundle file"]),
+    ("Blender", "blend", &[]),
+    ("Postshot", "psht", &[]),
+];
+
+/// A note of poses beside pictures that COLMAP places anew.
+pub(in crate::prepare) fn poses(folder: &Path) -> Option<String> {
+    let folder = if folder.is_dir() { folder } else { folder.parent()? };
+    files(folder).into_iter().find_map(|file| {
+        let ending = file.extension()?.to_str()?.to_lowercase();
+        let of_ending = PROGRAMS.iter().filter(|(_, own, _)| *own == ending);
+        let mut start = Vec::new();
+        open_file(&file).ok()?.take(START).read_to_end(&mut start).ok()?;
+        let start = String::from_utf8_lossy(&start);
+        let (program, ..) = of_ending
+            .into_iter()
+            .find(|(.., signs)| signs.is_empty() || signs.iter().any(|sign| start.contains(sign)))?;
+        let name = file.file_name()?.to_string_lossy().into_owned();
+        Some(format!("the poses of {program} in {name} are not read; to use them, {EXPORT}"))
+    })
+}
+
+/// What is to be given of a path that is a source, and what it is.
+type Recognise = fn(&Path) -> Option<(PathBuf, String)>;
+
+/// The fault of a path that is no source.
+pub(super) fn unknown(path: &Path, recognise: Recognise) -> Error {
+    let bad = |reason: String, remedy: String| Error::data(path, "", reason, remedy);
+    if !path.exists() {
+        return bad("no such folder".to_owned(), "check its name".to_owned());
+    }
+    if path.is_file() {
+        let reason = format!("is {}, no folder and no video", counts(&[path.to_owned()]));
+        return bad(reason, "give the folder that it lies in".to_owned());
+    }
+    let held = files(path);
+    if held.is_empty() {
+        return bad("is empty".to_owned(), "give a folder of photos, of videos, or of a recording".to_owned());
+    }
+    let pictures = held.iter().filter(|file| kind(file) != Kind::Other).count();
+    if pictures == 1 && held.len() < 3 {
+        let remedy = "give three or more that overlap, from different places".to_owned();
+        return bad("holds one picture, which is not enough".to_owned(), remedy);
+    }
+    let reason = format!("not a recognised recording: it holds {}", counts(&held));
+    let inside = inside(&held, recognise);
+    if let Some((first, _)) = inside.first() {
+        let told: Vec<String> =
+            inside.iter().take(NAMED).map(|(folder, what)| format!("{} ({what})", folder.display())).collect();
+        let more = if inside.len() > NAMED { ", ..." } else { "" };
+        let of_several = if inside.len() > 1 && inside.iter().all(|(folder, _)| is_of_photos(folder)) {
+            "; photos of one scene go into one folder, and images of cameras that filmed together into a video of each"
+        } else {
+            ""
+        };
+        let remedy = format!(
+            "give what lies in it: {}{more}; as `ivv prepare {} -o CAPTURE`{of_several}",
+            told.join(", "),
+            first.display()
+        );
+        return bad(reason, remedy);
+    }
+    let poses = poses(path).map_or_else(String::new, |poses| format!("{poses}; "));
+    let remedy = "give a folder with models.json, poses_bounds.npy, camera_array.toml, intri.yml and extri.yml, a calibration of Pose2Sim \
+                  or anipose, cameras.txt and images.txt beside videos, capture.toml, train_meta.json, transforms.json or a COLMAP model \
+                  in sparse/0; or photos, a video or a folder of videos, whose cameras COLMAP finds";
+    bad(reason, poses + remedy)
+}
+
+/// Whether a folder has pictures, enough for a scene.
+fn is_of_photos(folder: &Path) -> bool {
+    files(folder).iter().filter(|file| kind(file) != Kind::Other).nth(1).is_some()
+}
+
+/// What lies one or two folders down and is a source.
+fn inside(held: &[PathBuf], recognise: Recognise) -> Vec<(PathBuf, String)> {
+    let mut found = Vec::new();
+    for folder in held.iter().filter(|path| path.is_dir()).take(SEARCHED) {
+        let deeper = files(folder).into_iter().filter(|path| path.is_dir()).take(SEARCHED);
+        found.extend(std::iter::once(folder.clone()).chain(deeper).find_map(|folder| known(folder, recognise)));
+    }
+    found
+}
+
+/// A source, and what it is.
+fn known(folder: PathBuf, recognise: Recognise) -> Option<(PathBuf, String)> {
+    if is_capture(&folder) {
+        return Some((folder, "a capture".to_owned()));
+    }
+    // One clip is that of a scene that stands still.
+    if let [clip] = clips(&folder).as_slice() {
+        return Some((clip.clone(), "a video".to_owned()));
+    }
+    recognise(&folder)
+}

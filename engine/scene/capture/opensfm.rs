@@ -1,0 +1,187 @@
+//! OpenSfM's and ODM's `reconstruction.json`: normalised lenses, poses from world to camera as rotation vectors, points.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use super::builder::CaptureBuilder;
+use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
+use super::locate::{Wanted, locate};
+use super::named::Named;
+use super::names::{flat, spelled};
+use super::report::Faults;
+use super::settings::CaptureSettings;
+use crate::error::{self, Error};
+use crate::files::read_bytes;
+use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Pose};
+use glam::{DMat3, DQuat, DVec3};
+
+const FILE: &str = "reconstruction.json";
+const REMEDY: &str = "correct the file, or export the reconstruction again";
+
+/// One of the parts that could not be joined.
+#[derive(serde::Deserialize)]
+struct Reconstruction {
+    cameras: BTreeMap<String, Given>,
+    shots: BTreeMap<String, Posed>,
+    #[serde(default)]
+    points: BTreeMap<String, Seen>,
+}
+
+/// A lens. Lengths are multiples of the picture's larger side, the principal point is counted from its middle.
+#[derive(serde::Deserialize)]
+#[serde(default)]
+struct Given {
+    projection_type: String,
+    width: f64,
+    height: f64,
+    focal: Option<f64>,
+    focal_x: Option<f64>,
+    focal_y: Option<f64>,
+    c_x: f64,
+    c_y: f64,
+    k1: f64,
+    k2: f64,
+    k3: f64,
+    k4: f64,
+    p1: f64,
+    p2: f64,
+}
+
+impl Default for Given {
+    fn default() -> Self {
+        let zero = 0.0;
+        Given {
+            projection_type: "perspective".to_owned(),
+            width: zero,
+            height: zero,
+            focal: None,
+            focal_x: None,
+            focal_y: None,
+            c_x: zero,
+            c_y: zero,
+            k1: zero,
+            k2: zero,
+            k3: zero,
+            k4: zero,
+            p1: zero,
+            p2: zero,
+        }
+    }
+}
+
+#[derive(serde::Deserialize)]
+struct Posed {
+    rotation: [f64; 3],
+    translation: [f64; 3],
+    camera: String,
+}
+
+#[derive(serde::Deserialize)]
+struct Seen {
+    color: [f64; 3],
+    coordinates: [f64; 3],
+}
+
+/// Whether the file is there, as OpenSfM or in ODM's folder of that name.
+pub(super) fn is_reconstruction(named: &Named) -> bool {
+    file(&named.folder).is_some()
+}
+
+fn file(folder: &Path) -> Option<std::path::PathBuf> {
+    [folder.join(FILE), folder.join("opensfm").join(FILE)].into_iter().find(|file| file.is_file())
+}
+
+pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+    let path = named.folder.as_path();
+    let calibration = file(path).unwrap_or_else(|| path.join(FILE));
+    let mut builder = CaptureBuilder {
+        fps: settings.fps,
+        n_frames: 1,
+        calibration: calibration.clone(),
+        ..CaptureBuilder::default()
+    };
+    let Some(mut parts) = faults.take(parse(&calibration)) else { return builder };
+    let sizes: Vec<String> = parts.iter().map(|part| part.shots.len().to_string()).collect();
+    // The first of those that are as large.
+    let largest = (0..parts.len()).max_by_key(|at| (parts[*at].shots.len(), std::cmp::Reverse(*at)));
+    let Some(part) = largest.map(|at| parts.swap_remove(at)).filter(|part| !part.shots.is_empty()) else {
+        faults.add(&calibration, "", "holds no shot", "reconstruct again");
+        return builder;
+    };
+    if sizes.len() > 1 {
+        let (n, listed) = (sizes.len(), sizes.join(", "));
+        builder.notes.push(format!("the reconstruction has {n} parts, of {listed} images: the largest is taken"));
+    }
+    let (mut names, mut wanted) = (Vec::new(), Vec::new());
+    for (name, shot) in &part.shots {
+        match spelled(name).and_then(|spelled| Ok((spelled, part.lens(shot)?))) {
+            Ok((spelled, lens)) => {
+                names.push((flat(&spelled.path), lens, shot));
+                wanted.push(Wanted::from(spelled));
+            }
+            Err(reason) => faults.add(&calibration, format!("shot `{}`", name.escape_debug()), reason, REMEDY),
+        }
+    }
+    let images = path.join(&settings.images);
+    let root = if settings.asked_images().is_some() { &images } else { path };
+    let located = locate(root, &images, FILE, &wanted);
+    builder.notes.extend(located.notes);
+    builder.elsewhere = located.elsewhere;
+    for (index, ((name, lens, shot), (image, _))) in names.into_iter().zip(located.files).enumerate() {
+        let rotation = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from(shot.rotation)));
+        builder.distorted.insert(name.clone(), lens.distortion);
+        builder.cameras.push(Camera {
+            name,
+            intrinsics: lens.intrinsics,
+            world_to_camera: Pose { rotation, translation: DVec3::from(shot.translation) },
+            is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
+            is_photo: false,
+            shots: vec![Shot { image, ..Shot::default() }],
+        });
+    }
+    for (id, Seen { color, coordinates }) in part.points {
+        if !coordinates.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
+            let reason = format!("is at {coordinates:?}, not finite or beyond {MAX_COORDINATE}");
+            faults.add(&calibration, format!("point `{}`", id.escape_debug()), reason, REMEDY);
+            continue;
+        }
+        let color = color.map(|level| level.clamp(0.0, 255.0).round() as u8);
+        builder.points.push(Point { position: coordinates, color });
+    }
+    builder
+}
+
+fn parse(file: &Path) -> error::Result<Vec<Reconstruction>> {
+    serde_json::from_slice(&read_bytes(file)?).map_err(|fault| {
+        let place = format!("line {}, column {}", fault.line(), fault.column());
+        Error::data(file, place, format!("is no reconstruction of OpenSfM: {fault}"), REMEDY)
+    })
+}
+
+impl Reconstruction {
+    fn lens(&self, shot: &Posed) -> Result<Lens, String> {
+        let name = shot.camera.escape_debug();
+        let given =
+            self.cameras.get(&shot.camera).ok_or_else(|| format!("was taken by `{name}`, which is not listed"))?;
+        let &Given { width, height, c_x, c_y, k1, k2, k3, k4, p1, p2, .. } = given;
+        let is_side = |side: f64| side.fract() == 0.0 && (1.0..=65_536.0).contains(&side);
+        if !(is_side(width) && is_side(height)) {
+            return Err(format!("has {width} x {height} pixels"));
+        }
+        let distortion = match given.projection_type.as_str() {
+            "perspective" => Distortion::brown([k1, k2, 0.0, 0.0, 0.0, 0.0], [0.0; 2]),
+            "brown" => Distortion::brown([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2]),
+            "fisheye" => Distortion::Fisheye([k1, k2, 0.0, 0.0]),
+            "fisheye_opencv" => Distortion::Fisheye([k1, k2, k3, k4]),
+            kind => return Err(format!("has a {} lens, which is not undistorted here", kind.escape_debug())),
+        };
+        let side = width.max(height);
+        let [fx, fy] = [given.focal_x, given.focal_y].map(|focal| focal.or(given.focal));
+        let (Some(fx), Some(fy)) = (fx, fy) else { return Err("has a lens without focal length".to_owned()) };
+        let (fx, fy) = (fx * side, fy * side);
+        let (cx, cy) = (width / 2.0 + c_x * side, height / 2.0 + c_y * side);
+        let intrinsics = Intrinsics { width: width as u32, height: height as u32, fx, fy, cx, cy };
+        Ok(Lens { intrinsics, distortion })
+    }
+}

@@ -1,0 +1,245 @@
+//! What a `transforms.json` says, in the dialects of those who write it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use super::entry::REMEDY;
+use crate::error::{self, Error};
+use crate::files::read_bytes;
+use crate::scene::Intrinsics;
+use crate::scene::capture::decoder::MAX_SIDE;
+use crate::scene::undistort::{Distortion, Lens};
+use serde_json::Value;
+
+/// Keys that hold a 3 x 3 matrix of intrinsics.
+const MATRICES: [&str; 5] = ["K", "k", "intrinsic", "intrinsics", "intrinsic_matrix"];
+/// What unknown keys may mean, in lower case and without `_`: keys of ours, and what others write.
+const MEANT: [(&str, &[&str]); 8] = [
+    ("fl_x", &["f1x", "flx", "fx", "focalx", "focallengthx", "focal", "f", "focallength"]),
+    ("fl_y", &["f1y", "fly", "fy", "focaly", "focallengthy"]),
+    ("cx", &["c1x", "clx", "cx", "ppx", "centerx", "principalx", "px"]),
+    ("cy", &["c1y", "cly", "cy", "ppy", "centery", "principaly", "py"]),
+    ("w", &["width", "imagewidth", "imgw", "imgwidth", "resx"]),
+    ("h", &["height", "imageheight", "imgh", "imgheight", "resy"]),
+    ("camera_angle_x", &["cameraanglex", "fovx", "anglex", "hfov"]),
+    ("camera_angle_y", &["cameraangley", "fovy", "angley", "vfov"]),
+];
+
+/// Intrinsics; each may stand in the file, in a frame, or nowhere.
+#[derive(Clone, Debug, Default, PartialEq, serde::Deserialize)]
+#[serde(default)]
+pub(super) struct GivenLens {
+    pub camera_model: Option<String>,
+    pub w: Option<f64>,
+    pub h: Option<f64>,
+    fl_x: Option<f64>,
+    fl_y: Option<f64>,
+    cx: Option<f64>,
+    cy: Option<f64>,
+    camera_angle_x: Option<f64>,
+    camera_angle_y: Option<f64>,
+    k1: Option<f64>,
+    k2: Option<f64>,
+    k3: Option<f64>,
+    k4: Option<f64>,
+    p1: Option<f64>,
+    p2: Option<f64>,
+    /// What instant-ngp says instead of a model.
+    is_fisheye: Option<bool>,
+    /// All other keys.
+    #[serde(flatten)]
+    others: BTreeMap<String, Value>,
+}
+
+#[derive(serde::Deserialize)]
+pub(super) struct Document {
+    pub frames: Vec<Frame>,
+    pub test_filenames: Option<Vec<String>>,
+    pub ply_file_path: Option<String>,
+    #[serde(flatten)]
+    pub lens: GivenLens,
+}
+
+#[derive(serde::Deserialize)]
+pub(super) struct Frame {
+    pub file_path: String,
+    pub mask_path: Option<String>,
+    pub depth_file_path: Option<String>,
+    /// Rows of numbers, or these one after another.
+    #[serde(alias = "transform")]
+    pub transform_matrix: Value,
+    pub time: Option<f64>,
+    #[serde(flatten)]
+    pub lens: GivenLens,
+}
+
+impl Document {
+    /// Reads a file: an object with `frames`, or the list of frames alone.
+    pub fn read(file: &Path) -> error::Result<Document> {
+        let bytes = read_bytes(file)?;
+        // Some programs on Windows begin UTF-8 with a mark.
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
+        let fault = |fault: serde_json::Error| {
+            let place = format!("line {}, column {}", fault.line(), fault.column());
+            Error::data(file, place, format!("is no transforms.json: {fault}"), REMEDY)
+        };
+        let is_list = bytes.trim_ascii_start().starts_with(b"[");
+        if !is_list {
+            return serde_json::from_slice(bytes).map_err(fault);
+        }
+        let frames = serde_json::from_slice(bytes).map_err(fault)?;
+        Ok(Document { frames, test_filenames: None, ply_file_path: None, lens: GivenLens::default() })
+    }
+
+    /// What is said of keys that are not read, though they may have been meant to be.
+    pub fn notes(&self) -> Vec<String> {
+        let mut notes = Vec::new();
+        let lenses = || self.frames.iter().map(|frame| &frame.lens);
+        let unread: BTreeSet<&str> = lenses().chain([&self.lens]).flat_map(GivenLens::unread).collect();
+        for key in unread {
+            let plain: String = key.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase();
+            let meant = MEANT.iter().find(|(_, spelled)| spelled.contains(&plain.as_str()));
+            if let Some((meant, _)) = meant {
+                notes.push(format!("`{}` is not read: `{meant}` may be meant", key.escape_debug()));
+            }
+        }
+        let both: BTreeSet<&str> = lenses().flat_map(|lens| lens.differing(&self.lens)).collect();
+        if !both.is_empty() {
+            let names = both.into_iter().collect::<Vec<_>>().join(", ");
+            notes.push(format!(
+                "{names} stand in the file and, with other values, in its frames: those of the frames are taken"
+            ));
+        }
+        notes
+    }
+}
+
+/// Why a frame has no camera.
+pub(super) struct Unfit {
+    pub reason: String,
+    pub remedy: &'static str,
+    pub needs_size: bool,
+}
+
+pub(super) fn unfit(reason: String) -> Unfit {
+    Unfit { reason, remedy: REMEDY, needs_size: false }
+}
+
+/// The numbers of a list, or of a list of lists.
+pub(super) fn numbers(value: &Value) -> Option<Vec<f64>> {
+    let row = |row: &Value| row.as_array().map_or_else(|| row.as_f64().map(|v| vec![v]), |_| flat(row));
+    value.as_array()?.iter().map(row).collect::<Option<Vec<_>>>().map(|rows| rows.concat())
+}
+
+fn flat(row: &Value) -> Option<Vec<f64>> {
+    row.as_array()?.iter().map(Value::as_f64).collect()
+}
+
+impl GivenLens {
+    /// The numbers by name.
+    fn numbers(&self) -> [(&'static str, Option<f64>); 14] {
+        [
+            ("w", self.w),
+            ("h", self.h),
+            ("fl_x", self.fl_x),
+            ("fl_y", self.fl_y),
+            ("cx", self.cx),
+            ("cy", self.cy),
+            ("camera_angle_x", self.camera_angle_x),
+            ("camera_angle_y", self.camera_angle_y),
+            ("k1", self.k1),
+            ("k2", self.k2),
+            ("k3", self.k3),
+            ("k4", self.k4),
+            ("p1", self.p1),
+            ("p2", self.p2),
+        ]
+    }
+
+    /// Names of the numbers that stand here and in `file` with other values.
+    fn differing(&self, file: &GivenLens) -> Vec<&'static str> {
+        let pairs = self.numbers().into_iter().zip(file.numbers());
+        let differ = |(a, b): (Option<f64>, Option<f64>)| a.zip(b).is_some_and(|(a, b)| a != b);
+        pairs.filter(|((_, a), (_, b))| differ((*a, *b))).map(|((name, _), _)| name).collect()
+    }
+
+    fn unread(&self) -> impl Iterator<Item = &str> {
+        self.others.keys().map(String::as_str).filter(|key| !MATRICES.contains(key))
+    }
+
+    /// The matrix of intrinsics, if there is one: fx, fy, cx, cy.
+    fn matrix(&self) -> Result<Option<[f64; 4]>, Unfit> {
+        let Some(value) = MATRICES.iter().find_map(|key| self.others.get(*key)) else { return Ok(None) };
+        match numbers(value).as_deref() {
+            Some(&[fx, skew, cx, zero, fy, cy, ..]) if skew == 0.0 && zero == 0.0 => Ok(Some([fx, fy, cx, cy])),
+            Some(&[fx, fy, cx, cy]) => Ok(Some([fx, fy, cx, cy])),
+            _ => Err(unfit(format!("has the matrix of intrinsics {value}, which is no pinhole without skew"))),
+        }
+    }
+
+    /// What stands here, else in `file`, else what follows from the size of the images.
+    pub fn or(&self, file: &GivenLens, size: Option<(u32, u32)>) -> Result<GivenLens, Unfit> {
+        let (w, h) = size.unzip();
+        let with_matrix = |lens: &GivenLens| {
+            let [fx, fy, cx, cy] = lens.matrix()?.map_or([None; 4], |matrix| matrix.map(Some));
+            let (fl_x, fl_y) = (lens.fl_x.or(fx), lens.fl_y.or(fy));
+            Ok::<_, Unfit>(GivenLens { fl_x, fl_y, cx: lens.cx.or(cx), cy: lens.cy.or(cy), ..lens.clone() })
+        };
+        let (own, file) = (with_matrix(self)?, with_matrix(file)?);
+        // An angle of the frame goes before a focal length of the file.
+        let has_angle = own.fl_x.is_none() && own.camera_angle_x.is_some();
+        Ok(GivenLens {
+            camera_model: own.camera_model.or(file.camera_model),
+            w: own.w.or(file.w).or(w.map(f64::from)),
+            h: own.h.or(file.h).or(h.map(f64::from)),
+            fl_x: own.fl_x.or(file.fl_x.filter(|_| !has_angle)),
+            fl_y: own.fl_y.or(file.fl_y.filter(|_| !has_angle)),
+            cx: own.cx.or(file.cx),
+            cy: own.cy.or(file.cy),
+            camera_angle_x: own.camera_angle_x.or(file.camera_angle_x),
+            camera_angle_y: own.camera_angle_y.or(file.camera_angle_y),
+            k1: own.k1.or(file.k1),
+            k2: own.k2.or(file.k2),
+            k3: own.k3.or(file.k3),
+            k4: own.k4.or(file.k4),
+            p1: own.p1.or(file.p1),
+            p2: own.p2.or(file.p2),
+            is_fisheye: own.is_fisheye.or(file.is_fisheye),
+            others: BTreeMap::new(),
+        })
+    }
+
+    /// The numbers without gaps.
+    pub fn resolved(&self) -> Result<Lens, Unfit> {
+        let [k1, k2, k3, k4, p1, p2] =
+            [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].map(Option::unwrap_or_default);
+        let usual = if self.is_fisheye == Some(true) { "OPENCV_FISHEYE" } else { "OPENCV" };
+        let distortion = match self.camera_model.as_deref().unwrap_or(usual) {
+            "PINHOLE" | "SIMPLE_PINHOLE" | "SIMPLE_RADIAL" | "RADIAL" | "OPENCV" if k4 == 0.0 => {
+                Distortion::brown([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2])
+            }
+            "OPENCV_FISHEYE" => Distortion::Fisheye([k1, k2, k3, k4]),
+            "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" => Distortion::Fisheye([k1, k2, 0.0, 0.0]),
+            model => {
+                let reason =
+                    format!("has the model {} with k4 = {k4}, which is not undistorted here", model.escape_debug());
+                return Err(unfit(reason));
+            }
+        };
+        let (Some(w), Some(h)) = (self.w, self.h) else {
+            return Err(Unfit { needs_size: true, ..unfit("gives no w and h".to_owned()) });
+        };
+        let is_side = |side: f64| side.fract() == 0.0 && (1.0..=f64::from(MAX_SIDE)).contains(&side);
+        if !(is_side(w) && is_side(h)) {
+            return Err(unfit(format!("has {w} x {h} pixels, whole numbers of 1 to {MAX_SIDE} are allowed")));
+        }
+        let by_angle = |side: f64, angle: f64| side / (2.0 * (angle / 2.0).tan());
+        let Some(fx) = self.fl_x.or_else(|| Some(by_angle(w, self.camera_angle_x?))) else {
+            return Err(unfit("gives neither fl_x nor camera_angle_x nor a matrix K".to_owned()));
+        };
+        let fy = self.fl_y.or_else(|| Some(by_angle(h, self.camera_angle_y?))).unwrap_or(fx);
+        let (cx, cy) = (self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0));
+        let intrinsics = Intrinsics { width: w as u32, height: h as u32, fx, fy, cx, cy };
+        Ok(Lens { intrinsics, distortion })
+    }
+}

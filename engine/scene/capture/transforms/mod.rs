@@ -1,0 +1,234 @@
+//! `transforms.json` of nerfstudio and instant-ngp, and D-NeRF's split into `transforms_train.json` and
+//! `transforms_test.json`. Poses map camera to world, the camera x right, y up, z backward (OpenGL).
+
+mod document;
+mod entry;
+mod group;
+mod pose;
+mod split;
+mod times;
+
+use std::path::{Path, PathBuf};
+
+use self::document::{Document, Frame, Unfit};
+use self::entry::{Entry, REMEDY};
+use crate::scene::Pose;
+use crate::scene::capture::builder::CaptureBuilder;
+use crate::scene::capture::camera::{Camera, Shot};
+use crate::scene::capture::header::read_size;
+use crate::scene::capture::locate::{Located, Wanted, locate};
+use crate::scene::capture::named::Named;
+use crate::scene::capture::names::{flat, spelled};
+use crate::scene::capture::points::read_cloud;
+use crate::scene::capture::report::Faults;
+use crate::scene::capture::settings::CaptureSettings;
+use crate::scene::prior::depth_size;
+use crate::scene::undistort::Lens;
+
+const POSE_REMEDY: &str = "give transform_matrix from camera to world, the camera's axes x right, y up, z back";
+/// The files by whose names a folder is recognised, the likelier first.
+const FILES: [&str; 2] = ["transforms_train.json", "transforms.json"];
+
+/// Whether a file was named, or one of [`FILES`] is there.
+pub(super) fn is_transforms(named: &Named) -> bool {
+    named.file.is_some() || FILES.iter().any(|name| named.folder.join(name).is_file())
+}
+
+pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
+    let path = named.folder.as_path();
+    let [train, plain] = FILES.map(|name| path.join(name));
+    let split = train.is_file() && named.file.as_ref().is_none_or(|file| file.ends_with(FILES[0]));
+    let calibration = named.file.clone().unwrap_or(if split { train } else { plain.clone() });
+    let mut builder = CaptureBuilder {
+        fps: settings.fps,
+        n_frames: 1,
+        calibration: calibration.clone(),
+        pose_remedy: Some(POSE_REMEDY),
+        ..CaptureBuilder::default()
+    };
+    let mut entries = read_file(path, &calibration, settings, &mut builder, faults);
+    let mut has_test = entries.iter().any(|entry| entry.camera.is_test);
+    let test = path.join("transforms_test.json");
+    if split && test.is_file() {
+        let tests = read_file(path, &test, settings, &mut builder, faults);
+        has_test |= split::join(&mut entries, tests, &mut builder.notes);
+    }
+    let unread = [plain, path.join("transforms_val.json")].into_iter().filter(|file| split && file.is_file());
+    for file in unread {
+        let name = file.file_name().unwrap_or_default().display();
+        builder.notes.push(format!("{name} is not read: transforms_train.json and transforms_test.json are"));
+    }
+    entries.sort_by(|a, b| a.name.cmp(&b.name));
+    split::check_twice(&mut entries, &calibration, &mut builder.notes, faults);
+    if !has_test && settings.test_every > 0 {
+        entries.iter_mut().step_by(settings.test_every).for_each(|entry| entry.camera.is_test = true);
+    }
+    match times::frames_of(&entries) {
+        Ok((frames, n_frames)) => {
+            entries.iter_mut().zip(frames).for_each(|(entry, frame)| entry.shot.frame = frame);
+            builder.n_frames = n_frames;
+        }
+        Err(reason) => faults.add(&calibration, "field `time`", reason, "give every frame a time on one grid, or none"),
+    }
+    group::group(entries, &mut builder);
+    builder
+}
+
+/// The images that a file lists. Notes, points and places of images go into the builder.
+fn read_file(
+    path: &Path,
+    file: &Path,
+    settings: &CaptureSettings,
+    builder: &mut CaptureBuilder,
+    faults: &mut Faults,
+) -> Vec<Entry> {
+    let Some(document) = faults.take(Document::read(file)) else { return Vec::new() };
+    if document.frames.is_empty() {
+        faults.add(file, "field `frames`", "holds no frame", "add at least one");
+    }
+    builder.notes.extend(document.notes());
+    let below = Below { path, file, settings };
+    let frames = below.images(&document.frames, builder, faults);
+    let of_masks = Others { kind: "mask", of: |frame| frame.mask_path.as_ref(), size: |file| read_size(file).ok() };
+    let of_depths =
+        Others { kind: "depth", of: |frame| frame.depth_file_path.as_ref(), size: |file| depth_size(file).ok() };
+    let [masks, depths] = [of_masks, of_depths].map(|others| below.others(&frames, &others, builder, faults));
+    if let Some(name) = &document.ply_file_path {
+        below.points(name, builder, faults);
+    }
+    // Where the file gives no size, its images share one.
+    let size = || frames.iter().find_map(|found| read_size(&found.image).ok());
+    let size = if document.lens.w.is_some() && document.lens.h.is_some() { None } else { size() };
+    let (mut entries, mut scales, mut unsized_images) = (Vec::new(), pose::Scales::default(), Vec::new());
+    for ((found, mask), depth) in frames.into_iter().zip(masks).zip(depths) {
+        let lens = found.frame.lens.or(&document.lens, size).and_then(|lens| lens.resolved());
+        let pose = pose::world_to_camera(&found.frame.transform_matrix, &mut scales);
+        match lens.and_then(|lens| Ok((lens, pose?))) {
+            Ok((lens, pose)) => {
+                let tests = document.test_filenames.as_ref();
+                let is_test = tests.is_some_and(|names| names.contains(&found.frame.file_path));
+                entries.push(found.entry(lens, pose, [mask, depth], is_test));
+            }
+            Err(Unfit { needs_size: true, .. }) if size.is_none() => unsized_images.push(found.image),
+            Err(Unfit { reason, remedy, .. }) => faults.add(file, found.place, reason, remedy),
+        }
+    }
+    builder.notes.extend(scales.note());
+    add_unsized(path, file, &unsized_images, faults);
+    entries
+}
+
+/// Without any image that can be read the size is unknown; that they are missing says it better.
+fn add_unsized(path: &Path, file: &Path, images: &[PathBuf], faults: &mut Faults) {
+    let Some(first) = images.first() else { return };
+    let there = images.iter().filter(|image| image.exists());
+    let broken: Vec<_> = there.filter_map(|image| read_size(image).err()).collect();
+    if broken.is_empty() {
+        let (n, at) = (images.len(), first.strip_prefix(path).unwrap_or(first).display());
+        let reason = format!("gives no w and h, and none of the {n} images that it names is there: looked for {at}");
+        faults.add(file, "", reason, "add the images, or name their folder with --images FOLDER");
+    }
+    broken.into_iter().for_each(|fault| faults.push(fault));
+}
+
+/// A frame and its image.
+struct Found<'a> {
+    place: String,
+    frame: &'a Frame,
+    name: PathBuf,
+    image: PathBuf,
+}
+
+impl Found<'_> {
+    fn entry(&self, lens: Lens, world_to_camera: Pose, [mask, depth]: [Option<PathBuf>; 2], is_test: bool) -> Entry {
+        let Lens { intrinsics, distortion } = lens;
+        let name = flat(&self.name);
+        let camera = Camera { name, intrinsics, world_to_camera, is_test, is_photo: false, shots: Vec::new() };
+        let shot = Shot { image: self.image.clone(), mask, depth, ..Shot::default() };
+        Entry { camera, distortion, name: self.name.clone(), shot, time: self.frame.time }
+    }
+}
+
+/// Files that frames may name beside their images.
+struct Others {
+    kind: &'static str,
+    of: fn(&Frame) -> Option<&String>,
+    size: fn(&Path) -> Option<(u32, u32)>,
+}
+
+/// Where the files are that a file names.
+struct Below<'a> {
+    path: &'a Path,
+    file: &'a Path,
+    settings: &'a CaptureSettings,
+}
+
+impl Below<'_> {
+    fn located(&self, base: &Path, root: &Path, wanted: &[Wanted]) -> Located {
+        locate(root, base, &self.file.file_name().unwrap_or_default().to_string_lossy(), wanted)
+    }
+
+    /// The frames whose names are good, each with its image.
+    fn images<'a>(&self, frames: &'a [Frame], builder: &mut CaptureBuilder, faults: &mut Faults) -> Vec<Found<'a>> {
+        let (mut named, mut wanted) = (Vec::new(), Vec::new());
+        for (index, frame) in frames.iter().enumerate() {
+            let place = format!("frame {index}");
+            match spelled(&frame.file_path) {
+                Ok(name) => {
+                    named.push((place, frame, name.path.clone()));
+                    wanted.push(Wanted::from(name));
+                }
+                Err(reason) => faults.add(self.file, place, reason, REMEDY),
+            }
+        }
+        let asked = self.settings.asked_images().map(|images| self.path.join(images));
+        let base = asked.as_deref().unwrap_or(self.path);
+        let located = self.located(base, base, &wanted);
+        builder.notes.extend(located.notes);
+        builder.elsewhere.extend(located.elsewhere);
+        let found = |((place, frame, name), (image, _))| Found { place, frame, name, image };
+        named.into_iter().zip(located.files).map(found).collect()
+    }
+
+    /// The files of another kind that frames name, by frame. What is not there, or not of its image's size, is not used.
+    fn others(
+        &self,
+        frames: &[Found],
+        others: &Others,
+        builder: &mut CaptureBuilder,
+        faults: &mut Faults,
+    ) -> Vec<Option<PathBuf>> {
+        let mut files = vec![None; frames.len()];
+        let (mut n_named, mut n_absent, mut n_unfit) = (0_usize, 0_usize, 0_usize);
+        for (found, file) in frames.iter().zip(&mut files) {
+            let Some(name) = (others.of)(found.frame) else { continue };
+            n_named += 1;
+            match spelled(name).map(|name| self.path.join(name.path)) {
+                Ok(path) if !path.is_file() => n_absent += 1,
+                // Where there is no image, that is told.
+                Ok(path) if read_size(&found.image).is_ok_and(|size| (others.size)(&path) != Some(size)) => {
+                    n_unfit += 1
+                }
+                Ok(path) => *file = Some(path),
+                Err(reason) => faults.add(self.file, &found.place, reason, REMEDY),
+            }
+        }
+        for (n, what) in
+            [(n_absent, "that are not there"), (n_unfit, "that cannot be read, or are not of the size of their images")]
+        {
+            if n > 0 {
+                builder.notes.push(format!("{} files {what}: {n} of {n_named}; they are not used", others.kind));
+            }
+        }
+        files
+    }
+
+    /// Points of nerfstudio's `ply_file_path`, which are in the world of the frames.
+    fn points(&self, name: &str, builder: &mut CaptureBuilder, faults: &mut Faults) {
+        match spelled(name).map(|name| self.path.join(name.path)) {
+            Ok(cloud) if cloud.is_file() => builder.points = faults.take(read_cloud(&cloud)).unwrap_or_default(),
+            Ok(_) => builder.notes.push(format!("the points of `{}` are not there", name.escape_debug())),
+            Err(reason) => faults.add(self.file, "field `ply_file_path`", reason, REMEDY),
+        }
+    }
+}

@@ -1,0 +1,97 @@
+//! Training and test views of two files: none is both, and none is listed twice.
+
+use std::collections::HashMap;
+use std::fs;
+use std::path::Path;
+
+use super::entry::{Entry, REMEDY};
+use crate::scene::capture::report::Faults;
+
+/// How far two poses may differ, in any entry, to be one: files are written with as few digits.
+const SAME_POSE: f64 = 1e-6;
+
+/// Adds the test views to the training views. A view that is both would be scored as held out though it was trained on: it is left
+/// out of training, unless less than half of the training would remain; then it is left out of the test views. Whether any test
+/// view is left.
+pub(super) fn join(entries: &mut Vec<Entry>, mut tests: Vec<Entry>, notes: &mut Vec<String>) -> bool {
+    tests.iter_mut().for_each(|entry| entry.camera.is_test = true);
+    let mut by_image: HashMap<&Path, usize> = HashMap::new();
+    let mut by_place: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
+    for (index, entry) in entries.iter().enumerate() {
+        by_image.insert(&entry.shot.image, index);
+        by_place.entry(cell(entry)).or_default().push(index);
+    }
+    let twin = |test: &Entry| {
+        let near = || by_place.get(&cell(test)).into_iter().flatten().copied();
+        by_image.get(test.shot.image.as_path()).copied().or_else(|| near().find(|at| is_same(&entries[*at], test)))
+    };
+    let twins: Vec<Option<usize>> = tests.iter().map(twin).collect();
+    let mut of_training: Vec<usize> = twins.iter().flatten().copied().collect();
+    of_training.sort_unstable();
+    of_training.dedup();
+    let n_both = twins.iter().flatten().count();
+    let n_tests = tests.len();
+    if n_both > 0 && 2 * of_training.len() <= entries.len() {
+        let mut index = 0;
+        entries.retain(|_| (of_training.binary_search(&index).is_err(), index += 1).0);
+        notes.push(format!("{n_both} of {n_tests} test views are training views: they are left out of training"));
+    } else if n_both > 0 {
+        let mut twins = twins.iter();
+        tests.retain(|_| twins.next().is_some_and(Option::is_none));
+        let why = "without them too little would be left to train on";
+        let instead = if tests.is_empty() { "; other views are kept for testing" } else { "" };
+        notes.push(format!(
+            "{n_both} of {n_tests} test views are training views: they are left out of the test views, because {why}{instead}"
+        ));
+    }
+    let has_test = n_tests == 0 || !tests.is_empty();
+    entries.append(&mut tests);
+    has_test
+}
+
+/// Where a camera is, roughly: the same for poses that are the same, but at the border of two cells.
+fn cell(entry: &Entry) -> [i64; 3] {
+    entry.camera.world_to_camera.translation.to_array().map(|v| (v / 1e-3).round() as i64)
+}
+
+/// Whether two views have one pose, one time and one picture.
+fn is_same(a: &Entry, b: &Entry) -> bool {
+    let rows = [a, b].map(|entry| entry.camera.world_to_camera.rows());
+    let size = a.camera.world_to_camera.translation.abs().max_element().max(1.0);
+    let pairs = rows[0].as_flattened().iter().zip(rows[1].as_flattened());
+    let is_pose = pairs.into_iter().all(|(v, w)| (v - w).abs() <= SAME_POSE * size);
+    let length = |entry: &Entry| fs::metadata(&entry.shot.image).map(|file| file.len()).ok();
+    let is_picture = || {
+        let bytes = |entry: &Entry| fs::read(&entry.shot.image).ok();
+        length(a).is_some() && length(a) == length(b) && bytes(a) == bytes(b)
+    };
+    is_pose && a.time == b.time && is_picture()
+}
+
+/// Leaves out what is listed again just as before; a picture that is listed with two poses or at two times is a fault.
+pub(super) fn check_twice(entries: &mut Vec<Entry>, file: &Path, notes: &mut Vec<String>, faults: &mut Faults) {
+    let mut first: HashMap<std::path::PathBuf, usize> = HashMap::new();
+    let mut again = vec![false; entries.len()];
+    for (index, entry) in entries.iter().enumerate() {
+        let Some(&before) = first.get(&entry.shot.image) else {
+            first.insert(entry.shot.image.clone(), index);
+            continue;
+        };
+        let before = &entries[before];
+        let is_same = before.camera.world_to_camera == entry.camera.world_to_camera
+            && before.camera.intrinsics == entry.camera.intrinsics
+            && before.camera.is_test == entry.camera.is_test
+            && before.time == entry.time;
+        if is_same {
+            again[index] = true;
+        } else {
+            faults.add(file, format!("`{}`", entry.name.display()), "is listed twice", REMEDY);
+        }
+    }
+    let n = again.iter().filter(|again| **again).count();
+    if n > 0 {
+        let mut again = again.into_iter();
+        entries.retain(|_| !again.next().unwrap_or(false));
+        notes.push(format!("frames that are listed twice: {n}; they are read once"));
+    }
+}

@@ -1,0 +1,71 @@
+//! Videos whose pictures tell their own number, so that what a capture shows can be read back.
+
+use std::fmt::Write as _;
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use ivv::scene::capture::Capture;
+
+use crate::capture::Folder;
+
+/// Sides of a picture, and of a block of it that is a bit of its number.
+const SIZE: [u32; 2] = [64, 48];
+const BLOCK: u32 = 16;
+
+/// A rig of cameras of 64 x 48 that stand side by side, as COLMAP's text, in `source/`.
+pub fn rig(folder: &Folder, names: &[&str]) {
+    let (mut cameras, mut images) = (String::new(), String::new());
+    for (id, name) in (1..).zip(names) {
+        writeln!(cameras, "{id} PINHOLE 64 48 60 60 32 24").unwrap();
+        writeln!(images, "{id} 1 0 0 0 {id} 0 1 {id} {name}.png\n").unwrap();
+    }
+    folder.write("source/cameras.txt", cameras);
+    folder.write("source/images.txt", images);
+}
+
+/// A video of `n` frames at `rate` per second; `options` are ffmpeg's, for what it writes.
+pub fn coded(path: &Path, n: u32, rate: &str, options: &[&str]) {
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let mut command = Command::new("ffmpeg");
+    command
+        .args(["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "gray", "-s", "64x48", "-r", rate, "-i", "pipe:0"]);
+    let codec: &[&str] =
+        if options.contains(&"-c:v") { &[] } else { &["-c:v", "mpeg4", "-q:v", "2", "-g", "12", "-bf", "2"] };
+    let mut running = command.args(codec).args(options).arg(path).stdin(Stdio::piped()).spawn().unwrap();
+    let mut to = running.stdin.take().unwrap();
+    for frame in 0..n {
+        to.write_all(&picture(frame)).unwrap();
+    }
+    drop(to);
+    assert!(running.wait().unwrap().success());
+}
+
+/// A picture with the bits of a number.
+fn picture(number: u32) -> Vec<u8> {
+    let [width, height] = SIZE;
+    let bit = |x: u32, y: u32| number >> (x / BLOCK + width / BLOCK * (y / BLOCK)) & 1;
+    (0..height).flat_map(|y| (0..width).map(move |x| if bit(x, y) == 1 { 220 } else { 30 })).collect()
+}
+
+/// By frame, the number that a camera's picture tells; none where it has no picture.
+pub fn numbers(capture: &Capture, camera: usize) -> Vec<Option<u32>> {
+    let told = |frame: u32| {
+        capture.cameras[camera].shots.iter().find(|shot| shot.frame == frame)?;
+        let picture = capture.picture(camera, frame).unwrap();
+        let [width, height] = [capture.cameras[camera].intrinsics.width, capture.cameras[camera].intrinsics.height];
+        let [across, down] = [width / (SIZE[0] / BLOCK), height / (SIZE[1] / BLOCK)];
+        let bits = (0..12_u32).map(|bit| {
+            let (x, y) = (across * (bit % 4) + across / 2, down * (bit / 4) + down / 2);
+            u32::from(picture.pixels[(y * width + x) as usize].to_le_bytes()[1] > 125) << bit
+        });
+        Some(bits.sum())
+    };
+    (0..capture.n_frames).map(told).collect()
+}
+
+/// Runs ffmpeg with these arguments.
+pub fn ffmpeg(arguments: &[&str]) {
+    let done = Command::new("ffmpeg").args(["-v", "error", "-y"]).args(arguments).status().unwrap();
+    assert!(done.success(), "{arguments:?}");
+}

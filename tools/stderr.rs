@@ -1,0 +1,123 @@
+//! Standard error, written by a thread of its own: a pipe that nobody reads, or a terminal that is held, keeps no work waiting, and
+//! so no signal. What waits to be written is bounded. Progress is left out first; other lines are lost only where a reader takes
+//! nothing for a while, and how many were is told once it does.
+
+use std::collections::VecDeque;
+use std::io::{self, Write};
+use std::sync::{Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
+use std::time::{Duration, Instant};
+
+/// Bytes that wait, at most.
+const MOST_BYTES: usize = 1 << 20;
+/// Bytes from which on progress is left out.
+const BUSY: usize = 1 << 12;
+/// How long a reader may take nothing before nobody waits for it.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+struct Queue {
+    waiting: VecDeque<String>,
+    bytes: usize,
+    /// Whether the thread is writing, and has been for so long that nobody waits for it.
+    is_writing: bool,
+    is_stuck: bool,
+    /// Texts that were written, or could not be.
+    n_done: u64,
+    /// Texts that found no room.
+    n_lost: u64,
+}
+
+static QUEUE: Mutex<Queue> =
+    Mutex::new(Queue { waiting: VecDeque::new(), bytes: 0, is_writing: false, is_stuck: false, n_done: 0, n_lost: 0 });
+/// There is something to write.
+static MORE: Condvar = Condvar::new();
+/// Something was written.
+static DONE: Condvar = Condvar::new();
+
+fn queue() -> MutexGuard<'static, Queue> {
+    QUEUE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Writes `text` in its turn.
+pub fn put(text: String) {
+    let mut queue = queue();
+    if !queue.has_room(&text, MOST_BYTES) {
+        queue = wait(queue, |queue| queue.has_room(&text, MOST_BYTES));
+    }
+    if queue.has_room(&text, MOST_BYTES) {
+        queue.add(text);
+    } else {
+        queue.n_lost += 1;
+    }
+}
+
+/// Writes `text` in its turn, unless much waits: a later one says more.
+pub fn put_progress(text: String) {
+    let mut queue = queue();
+    if queue.has_room(&text, BUSY) {
+        queue.add(text);
+    }
+}
+
+/// Waits until all is written, but not for a reader that takes nothing.
+pub fn finish() {
+    drop(wait(queue(), |queue| queue.waiting.is_empty() && !queue.is_writing));
+}
+
+/// Waits until the queue is as `is_met` asks, or the reader takes nothing.
+fn wait(mut queue: MutexGuard<'static, Queue>, is_met: impl Fn(&Queue) -> bool) -> MutexGuard<'static, Queue> {
+    let (mut n_done, mut since) = (queue.n_done, Instant::now());
+    while !is_met(&queue) && !queue.is_stuck {
+        queue = DONE.wait_timeout(queue, PATIENCE).unwrap_or_else(PoisonError::into_inner).0;
+        if queue.n_done > n_done {
+            (n_done, since) = (queue.n_done, Instant::now());
+        }
+        queue.is_stuck = since.elapsed() >= PATIENCE;
+    }
+    queue
+}
+
+impl Queue {
+    fn has_room(&self, text: &str, most: usize) -> bool {
+        self.waiting.is_empty() || self.bytes + text.len() <= most
+    }
+
+    fn add(&mut self, text: String) {
+        static HAS_THREAD: OnceLock<bool> = OnceLock::new();
+        let begin = || std::thread::Builder::new().name("stderr".to_owned()).spawn(write_all).is_ok();
+        if !HAS_THREAD.get_or_init(begin) {
+            return write(&text);
+        }
+        self.bytes += text.len();
+        self.waiting.push_back(text);
+        MORE.notify_one();
+    }
+}
+
+/// The work of the thread.
+fn write_all() {
+    let mut queue = queue();
+    loop {
+        let Some(mut text) = queue.waiting.pop_front() else {
+            queue = MORE.wait(queue).unwrap_or_else(PoisonError::into_inner);
+            continue;
+        };
+        queue.bytes -= text.len();
+        if let (true, n @ 1..) = (queue.waiting.is_empty(), queue.n_lost) {
+            text += &format!("{n} lines are missing here: nobody read them\n");
+            queue.n_lost = 0;
+        }
+        queue.is_writing = true;
+        drop(queue);
+        write(&text);
+        queue = self::queue();
+        (queue.is_writing, queue.is_stuck) = (false, false);
+        queue.n_done += 1;
+        DONE.notify_all();
+    }
+}
+
+/// Standard error may be closed, full or gone.
+fn write(text: &str) {
+    let mut to = io::stderr().lock();
+    let _ = to.write_all(text.as_bytes()).and_then(|()| to.flush());
+}
