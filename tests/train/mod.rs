@@ -4,6 +4,7 @@ mod background;
 mod base;
 mod changed;
 mod compare;
+mod cut_out;
 mod density;
 mod fall;
 mod feed;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 
 use super::calibration::Calibration;
 use super::camera::{Camera, Extent, Point, Shot, extent};
+use super::header::has_alpha;
 use super::picture::{self, Picture};
 use super::points::{FramePoint, FramePoints};
 use super::priors::{PriorPlan, PriorSource};
@@ -137,6 +138,14 @@ impl Capture {
     /// As [`Capture::picture`].
     pub fn foreground(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
         self.bright(camera, frame, |shot| shot.foreground.as_ref())
+    }
+
+    /// Whether each pixel of an image, row by row, is at least half opaque; `None` when the image has no alpha channel.
+    ///
+    /// # Errors
+    /// As [`Capture::picture`].
+    pub fn opaque(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
+        self.bright(camera, frame, |shot| Some(&shot.image).filter(|image| has_alpha(image)))
     }
 
     /// Whether each pixel of a test image, row by row, shows what a training camera sees too; `None` when nothing says so.

@@ -79,12 +79,14 @@ fn middle_distance(eye: &Eye, places: &[Vec3]) -> Option<f32> {
     (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-/// Those of a capture's points that stand still, by the foreground masks of most cameras that see their places.
+/// Those of a capture's points that stand still, by the foreground masks of most cameras that see their places, where these show
+/// something.
 pub(super) fn still(points: &[Point], eyes: &[Eye]) -> Vec<Found> {
     let rests = |point: &&Point| {
         let position = DVec3::from_array(point.position).as_vec3();
         let grounds: Vec<Ground> = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(position)?.0])).collect();
-        2 * grounds.iter().filter(|ground| **ground == Ground::Moving).count() <= grounds.len()
+        let n_other = grounds.iter().filter(|ground| matches!(ground, Ground::Moving | Ground::Empty)).count();
+        2 * n_other <= grounds.len()
     };
     points.iter().filter(rests).map(Found::from).collect()
 }

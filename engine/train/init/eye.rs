@@ -14,22 +14,29 @@ pub(super) enum Ground {
     Still,
     /// Something that moves.
     Moving,
+    /// Nothing: the picture is cut out and transparent there.
+    Empty,
 }
 
-/// A picture and its foreground mask, decoded.
+/// A picture with its foreground mask and, where it is cut out, its opaque pixels, decoded.
 pub(super) struct Seen {
     view: View,
     picture: Picture,
     foreground: Option<Vec<bool>>,
+    opaque: Option<Vec<bool>>,
 }
 
 impl Seen {
-    /// Decodes the picture of `camera` at `frame`.
-    pub fn read(capture: &Capture, camera: usize, frame: u32) -> Result<Self> {
+    /// Decodes the picture of `camera` at `frame`. Where pictures are `cut_out`, their alpha tells what is empty, and in a rig's clip,
+    /// where no mask does, what moves.
+    pub fn read(capture: &Capture, camera: usize, frame: u32, cut_out: bool) -> Result<Self> {
+        let opaque = if cut_out { capture.opaque(camera, frame)? } else { None };
+        let foreground = capture.foreground(camera, frame)?;
         Ok(Seen {
             view: capture.view(camera, frame)?,
             picture: capture.picture(camera, frame)?,
-            foreground: capture.foreground(camera, frame)?,
+            foreground: foreground.or_else(|| opaque.clone().filter(|_| capture.is_rig_clip())),
+            opaque,
         })
     }
 
@@ -96,35 +103,51 @@ impl Trace<'_> {
     }
 }
 
+/// The least whole number by which both sides are divided to be at most `longest` pixels.
+fn block(width: usize, height: usize, longest: usize) -> usize {
+    width.max(height).div_ceil(longest).max(1)
+}
+
 impl Eye {
     /// Reduces a picture by the least whole number that leaves at most `longest` pixels on each side.
     pub fn new(seen: &Seen, longest: usize) -> Self {
-        let Seen { view, picture, foreground } = seen;
+        let Seen { view, picture, foreground, opaque } = seen;
         let (full_width, full_height) = (picture.width as usize, picture.height as usize);
-        let block = full_width.max(full_height).div_ceil(longest).max(1);
+        let block = block(full_width, full_height, longest);
         let (width, height) = (full_width.div_ceil(block), full_height.div_ceil(block));
         let (mut color, mut ground) = (Vec::new(), Vec::new());
+        let is_opaque = |at: usize| opaque.as_ref().is_none_or(|opaque| opaque[at]);
         for (row, column) in (0..height).flat_map(|row| (0..width).map(move |column| (row, column))) {
             let rows = row * block..((row + 1) * block).min(full_height);
             let columns = column * block..((column + 1) * block).min(full_width);
             let n_all = rows.len() * columns.len();
-            let (mut sum, mut n_valid, mut n_moving) = ([0.0; 3], 0, 0);
+            let (mut sum, mut n_valid, mut n_shown, mut n_moving) = ([0.0; 3], 0, 0, 0);
             for at in rows.flat_map(|y| columns.clone().map(move |x| y * full_width + x)) {
                 let [r, g, b, valid] = picture.pixels[at].to_le_bytes();
-                if valid > 0 {
-                    n_valid += 1;
+                n_valid += usize::from(valid > 0);
+                if valid > 0 && is_opaque(at) {
+                    n_shown += 1;
                     n_moving += usize::from(foreground.as_ref().is_some_and(|is_moving| is_moving[at]));
                     sum.iter_mut().zip([r, g, b]).for_each(|(sum, c)| *sum += f32::from(c));
                 }
             }
-            color.push(sum.map(|sum| sum / (255.0 * n_valid.max(1) as f32)));
+            color.push(sum.map(|sum| sum / (255.0 * n_shown.max(1) as f32)));
             ground.push(match () {
                 () if 2 * n_valid < n_all => Ground::Unknown,
-                () if 2 * n_moving >= n_valid => Ground::Moving,
+                () if 2 * n_shown < n_valid => Ground::Empty,
+                () if 2 * n_moving >= n_shown => Ground::Moving,
                 () => Ground::Still,
             });
         }
-        let (pose, intrinsics) = (view.pose, view.intrinsics);
+        Eye { color, ground, ..Eye::blank(view, longest) }
+    }
+
+    /// The camera with a reduced picture of which nothing is known but that something stands still everywhere; it has no colours.
+    pub fn blank(view: &View, longest: usize) -> Self {
+        let View { pose, intrinsics, .. } = view;
+        let (full_width, full_height) = (intrinsics.width as usize, intrinsics.height as usize);
+        let block = block(full_width, full_height, longest);
+        let (width, height) = (full_width.div_ceil(block), full_height.div_ceil(block));
         Eye {
             width,
             height,
@@ -132,8 +155,8 @@ impl Eye {
             focal: (intrinsics.focal() / block as f64).as_vec2(),
             principal: (intrinsics.principal() / block as f64).as_vec2(),
             rotation: pose.rotation.as_mat3(),
-            color,
-            ground,
+            color: Vec::new(),
+            ground: vec![Ground::Still; width * height],
         }
     }
 

@@ -1,13 +1,21 @@
-//! The visual hull of what moves: the space that every camera sees as foreground.
+//! The visual hull: the space that every camera sees as foreground, be it what moves or what was cut out.
 
 use super::eye::{Axis, Eye, Ground};
 use super::points::{Found, median_color};
-use crate::random::permutation;
-use glam::{IVec3, Mat3, Vec2, Vec3};
+use crate::random::{Keyed, permutation};
+use crate::scene::View;
+use glam::{DVec3, IVec3, Mat3, Vec2, Vec3};
 use std::collections::HashSet;
 
 /// Halvings of the cube: leaves are 1/256 of its side.
 const LEVELS: u32 = 8;
+/// Halvings that tell how much of the cube is needed; where that is less than a part of `SMALL`, it alone is carved. One zoom makes the
+/// cube up to 64 times smaller.
+const COARSE_LEVELS: u32 = 6;
+const SMALL: f32 = 0.25;
+const MOST_ZOOMS: usize = 4;
+/// Longest side of a camera's picture of which nothing is known, pixels.
+const BLANK_SIDE: usize = 64;
 /// Cells at which halving ends early: masks that are all foreground would fill the cube.
 const MOST_CELLS: usize = 200_000;
 /// Cameras that must see a cell, as a fraction of all and at least 3: fewer leave long phantoms. Cameras that look outward
@@ -81,14 +89,15 @@ enum Occupancy {
 }
 
 impl<'a> Silhouette<'a> {
-    fn new(eye: &'a Eye) -> Self {
+    /// Of the pixels that show `of`.
+    fn new(eye: &'a Eye, of: Ground) -> Self {
         let stride = eye.width + 1;
         let mut sums = vec![0; stride * (eye.height + 1)];
         for (row, pixels) in eye.ground.chunks_exact(eye.width).enumerate() {
             let mut in_row = 0;
             for (column, ground) in pixels.iter().enumerate() {
                 // Where nothing is known, nothing is carved.
-                in_row += u32::from(*ground != Ground::Still);
+                in_row += u32::from(*ground == of || *ground == Ground::Unknown);
                 sums[(row + 1) * stride + column + 1] = sums[row * stride + column + 1] + in_row;
             }
         }
@@ -123,36 +132,99 @@ impl<'a> Silhouette<'a> {
     }
 }
 
-/// At most `most` points of the hull's surface, chosen at random with `key`.
-pub(super) fn surface(eyes: &[Eye], most: usize, key: &[u64]) -> Vec<Found> {
-    let cube = Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>());
-    let silhouettes: Vec<Silhouette> = eyes.iter().map(Silhouette::new).collect();
-    let (mut cells, mut side) = (vec![IVec3::ZERO], 2.0 * cube.half);
-    let corner = cube.center - cube.half;
-    let middle = |cell: IVec3, side: f32| corner + (cell.as_vec3() + 0.5) * side;
-    for level in 1..=LEVELS {
-        if cells.len() > MOST_CELLS {
-            break;
-        }
-        side /= 2.0;
-        // The ball around a cell; of a leaf the one inside it, so that the hull does not grow.
-        let radius = if level == LEVELS { 0.5 * side } else { 0.87 * side };
-        let corners = (0..8).map(|part| IVec3::new(part & 1, part >> 1 & 1, part >> 2));
-        let halves = cells.iter().flat_map(|cell| corners.clone().map(|corner| 2 * *cell + corner));
-        let is_kept = |cell: &IVec3| may_be_inside(&silhouettes, cube.least_seen, middle(*cell, side), radius);
-        cells = halves.filter(is_kept).collect();
+/// Cells of a cube that may be inside.
+struct Carved {
+    corner: Vec3,
+    /// Of a cell.
+    side: f32,
+    cells: Vec<IVec3>,
+}
+
+impl Carved {
+    fn middle(&self, cell: IVec3) -> Vec3 {
+        self.corner + (cell.as_vec3() + 0.5) * self.side
     }
-    let inside: HashSet<IVec3> = cells.iter().copied().collect();
+
+    /// Halves a cube `levels` times. The ball around a cell decides; that of the last level is the one inside it where `is_tight`, so
+    /// that the hull does not grow.
+    fn new(silhouettes: &[Silhouette], cube: &Cube, levels: u32, is_tight: bool) -> Self {
+        let (corner, side) = (cube.center - cube.half, 2.0 * cube.half);
+        let mut carved = Carved { corner, side, cells: vec![IVec3::ZERO] };
+        for level in 1..=levels {
+            if carved.cells.len() > MOST_CELLS {
+                break;
+            }
+            carved.side /= 2.0;
+            let radius = if level == levels && is_tight { 0.5 * carved.side } else { 0.87 * carved.side };
+            let corners = (0..8).map(|part| IVec3::new(part & 1, part >> 1 & 1, part >> 2));
+            let halves = carved.cells.iter().flat_map(|cell| corners.clone().map(|corner| 2 * *cell + corner));
+            let is_kept = |cell: &IVec3| may_be_inside(silhouettes, cube.least_seen, carved.middle(*cell), radius);
+            carved.cells = halves.filter(is_kept).collect();
+        }
+        carved
+    }
+
+    /// Carves the space that the eyes look at. What is small in it, as before long lenses, is carved in a cube of its own.
+    fn around(eyes: &[Eye], silhouettes: &[Silhouette]) -> Self {
+        let mut cube = Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>());
+        for _ in 0..MOST_ZOOMS {
+            let coarse = Carved::new(silhouettes, &cube, COARSE_LEVELS, false);
+            let corners = coarse.cells.iter().copied();
+            let Some((low, high)) = corners.map(|cell| (cell, cell)).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))) else {
+                break;
+            };
+            let half = 0.5 * coarse.side * (high - low + 1).max_element() as f32;
+            if half > SMALL * cube.half {
+                break;
+            }
+            cube = Cube { center: 0.5 * (coarse.middle(low) + coarse.middle(high)), half, ..cube };
+        }
+        Carved::new(silhouettes, &cube, LEVELS, true)
+    }
+}
+
+/// At most `most` random points of the space that the cameras `views` share, in an order by `key`; none where most of them do not look at
+/// what is between them.
+pub(super) fn shared_space(views: &[View], most: usize, key: &[u64]) -> Vec<Vec3> {
+    let eyes: Vec<Eye> = views.iter().map(|view| Eye::blank(view, BLANK_SIDE)).collect();
+    if eyes.is_empty() || !Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>()).is_inward {
+        return Vec::new();
+    }
+    let silhouettes: Vec<Silhouette> = eyes.iter().map(|eye| Silhouette::new(eye, Ground::Still)).collect();
+    let carved = Carved::around(&eyes, &silhouettes);
+    let (random, n) = (Keyed::new(key), carved.cells.len());
+    let point = |i: usize| {
+        let at = |k: u64| random.uniform(4 * i as u64 + k);
+        let cell = carved.cells[((at(3) * n as f64) as usize).min(n - 1)];
+        carved.middle(cell) + (Vec3::from_array([0, 1, 2].map(|k| at(k) as f32)) - 0.5) * carved.side
+    };
+    if n == 0 { Vec::new() } else { (0..most).map(point).collect() }
+}
+
+/// At most `most` points of the surface of the hull of what is `of` this ground, chosen at random with `key`.
+pub(super) fn surface(eyes: &[Eye], of: Ground, most: usize, key: &[u64]) -> Vec<Found> {
+    let silhouettes: Vec<Silhouette> = eyes.iter().map(|eye| Silhouette::new(eye, of)).collect();
+    let carved = Carved::around(eyes, &silhouettes);
+    let inside: HashSet<IVec3> = carved.cells.iter().copied().collect();
     let beside = [IVec3::X, IVec3::Y, IVec3::Z, -IVec3::X, -IVec3::Y, -IVec3::Z];
     let is_surface = |cell: &&IVec3| beside.iter().any(|step| !inside.contains(&(**cell + step)));
-    let shell: Vec<Vec3> = cells.iter().filter(is_surface).map(|cell| middle(*cell, side)).collect();
-    let nearest: Vec<Vec<f32>> = eyes.iter().map(|eye| depth_buffer(eye, &shell, side)).collect();
+    let shell: Vec<Vec3> = carved.cells.iter().filter(is_surface).map(|cell| carved.middle(*cell)).collect();
+    let nearest: Vec<Vec<f32>> = eyes.iter().map(|eye| depth_buffer(eye, &shell, carved.side)).collect();
     let chosen = permutation(shell.len(), key).into_iter().take(most).map(|index| shell[index]);
     let found = |position: Vec3| {
-        let color = color(eyes, &nearest, position, side)?;
+        let color = color(eyes, of, &nearest, position, carved.side)?;
         Some(Found { position: position.as_dvec3().to_array(), color })
     };
     chosen.filter_map(found).collect()
+}
+
+/// Whether a point may be of what was cut out: as many cameras see its place as must see a hull's, and few of them see nothing there.
+pub(super) fn may_be_shown(eyes: &[Eye], found: &Found) -> bool {
+    let at = DVec3::from_array(found.position).as_vec3();
+    let seen = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(at)?.0]));
+    let (n_seen, n_empty) =
+        seen.fold((0.0, 0.0), |(n, empty), ground| (n + 1.0, empty + f32::from(ground == Ground::Empty)));
+    n_seen >= LEAST_CAMERAS.max(LEAST_SEEN * eyes.len() as f32) && n_empty <= MOST_MISSES * n_seen
 }
 
 fn may_be_inside(silhouettes: &[Silhouette], least_seen: f32, center: Vec3, radius: f32) -> bool {
@@ -188,10 +260,10 @@ fn depth_buffer(eye: &Eye, shell: &[Vec3], side: f32) -> Vec<f32> {
 }
 
 /// The median over the cameras to which nothing hides the point.
-fn color(eyes: &[Eye], nearest: &[Vec<f32>], position: Vec3, side: f32) -> Option<[f32; 3]> {
+fn color(eyes: &[Eye], of: Ground, nearest: &[Vec<f32>], position: Vec3, side: f32) -> Option<[f32; 3]> {
     let sees = |(eye, nearest): (&Eye, &Vec<f32>)| {
         let (pixel, depth) = eye.sees(position)?;
-        let is_visible = eye.ground[pixel] == Ground::Moving && depth <= nearest[pixel] + 2.0 * side;
+        let is_visible = eye.ground[pixel] == of && depth <= nearest[pixel] + 2.0 * side;
         is_visible.then(|| eye.color[pixel])
     };
     median_color(eyes.iter().zip(nearest).filter_map(sees).collect())

@@ -9,24 +9,29 @@
 //! Colours are medians over the cameras that see a point, because each has its own exposure.
 
 mod agree;
+mod chosen;
+mod cut_out;
 mod eye;
 mod flow;
 mod follow;
 mod hull;
 mod lens;
 mod points;
+mod random;
 mod surfaces;
 mod sweep;
 
 pub use flow::PointCounts;
-pub use points::{from_points, random_points};
+pub use points::from_points;
+pub use random::random_points;
 
 use crate::error::{Error, Result};
-use crate::scene::capture::{Camera, Capture};
+use crate::scene::capture::Capture;
 use crate::scene::{Motion, Splats};
 use crate::train::config::{Config, Init};
 use crate::train::density::most_first;
 use crate::words::count;
+use chosen::{cameras, shown};
 use eye::Axis;
 use glam::DVec3;
 use hull::Cube;
@@ -35,8 +40,6 @@ use points::{Found, Reach};
 use std::fmt;
 use surfaces::{Surfaces, Views};
 
-/// Training cameras that take part, evenly chosen.
-const MOST_CAMERAS: usize = 32;
 /// Frames from one hull to the next, at least: what moves does not get far in between.
 const HULL_STRIDE: u32 = 2;
 /// Pixels that are decoded for hulls, but of four frames at least.
@@ -143,7 +146,7 @@ fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize
         let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
     };
-    let has_foreground = has_foreground(capture);
+    let has_foreground = has_foreground(capture) || cut_out::tells_what_moves(capture);
     let (has_frame_points, has_flow) = (capture.has_frame_points(), has_flow(capture));
     let (from, because) = match config.init {
         Init::Auto if has_frame_points && has_flow => (Init::Flow, "the capture has points of every frame and flow"),
@@ -178,7 +181,9 @@ fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize
 fn moving(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let (from, because) = match () {
         () if capture.has_frame_points() && has_flow(capture) => (Init::Flow, "of what moves, by the flow"),
-        () if has_foreground(capture) => (Init::Hull, "of what moves, by the masks"),
+        () if has_foreground(capture) || cut_out::tells_what_moves(capture) => {
+            (Init::Hull, "of what moves, by the masks")
+        }
         () => {
             let because = "the capture has neither flow nor masks of what moves".to_owned();
             return Ok(Initial::new(Splats::new(config.sh_degree), Init::Hull, because));
@@ -217,8 +222,10 @@ fn from_pictures(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Initial> {
     let cameras = cameras(capture, false);
+    let cut_out = cut_out::are(capture);
+    let tells = has_foreground(capture) || cut_out && capture.is_rig_clip();
     let has_hulls = match from {
-        Init::Flow => has_foreground(capture) && look_inward(capture, &cameras)?,
+        Init::Flow => tells && look_inward(capture, &cameras)?,
         _ => from == Init::Hull,
     };
     let hull_frames = if has_hulls { hull_frames(capture, &cameras) } else { Vec::new() };
@@ -241,7 +248,7 @@ fn from_pictures(
     let known = frames.as_ref().map(|frames| frames.still.0.as_slice());
     let points = if config.init == Init::Auto { capture.points.as_slice() } else { &[] };
     let looks_at_rest = config.trains_static;
-    let views = Views { capture, points, config, cameras: &cameras, hull_frames: &hull_frames, looks_at_rest };
+    let views = Views { capture, points, config, cameras: &cameras, hull_frames: &hull_frames, looks_at_rest, cut_out };
     let Surfaces { still, moving, n_known, n_found } = views.surfaces(known, &lenses, &mut done)?;
     let n_hull = moving.iter().map(|(_, found)| found.len()).sum::<usize>();
     let n_flow = frames.as_ref().map_or(0, |frames| frames.moving.len());
@@ -303,21 +310,13 @@ fn append_moving(
 fn of_photos(capture: &Capture, config: &Config) -> Result<Splats> {
     let cameras = cameras(capture, true);
     let points = &capture.photo_points;
-    let views = Views { capture, points, config, cameras: &cameras, hull_frames: &[], looks_at_rest: true };
+    let (hull_frames, looks_at_rest, cut_out) = (&[][..], true, false);
+    let views = Views { capture, points, config, cameras: &cameras, hull_frames, looks_at_rest, cut_out };
     let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
     let (found, sizes) = settled(views.surfaces(None, &lenses, &mut || ())?.still, &lenses, &reach);
     let mut splats = Splats::new(config.sh_degree);
     points::append(&mut splats, &found, &sizes, config.init_opacity, None);
     Ok(splats)
-}
-
-/// The training cameras that take part, or the photographs: they are looked at apart, since in them things may stand where they do not in
-/// the clip.
-fn cameras(capture: &Capture, are_photos: bool) -> Vec<usize> {
-    let takes_part = |camera: &Camera| !camera.is_test && camera.is_photo == are_photos && !camera.shots.is_empty();
-    let all: Vec<usize> = (0..capture.cameras.len()).filter(|index| takes_part(&capture.cameras[*index])).collect();
-    let n = all.len().min(MOST_CAMERAS);
-    (0..n).map(|i| all[i * all.len() / n]).collect()
 }
 
 /// Whether most training cameras look at what is between them.
@@ -329,7 +328,7 @@ pub(super) fn cameras_look_inward(capture: &Capture) -> bool {
 /// cost more than they add to what the flow shows.
 fn look_inward(capture: &Capture, cameras: &[usize]) -> Result<bool> {
     let axis = |&camera: &usize| {
-        let frame = surfaces::shown(capture, camera, capture.reference_frame, true);
+        let frame = shown(capture, camera, capture.reference_frame, true);
         Ok(frame.map(|frame| capture.view(camera, frame)).transpose()?.map(|view| Axis::of(&view.pose)))
     };
     let axes = cameras.iter().map(axis).collect::<Result<Vec<_>>>()?;

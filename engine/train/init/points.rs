@@ -1,6 +1,5 @@
 //! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
-use crate::random::Keyed;
 use crate::report::statistics::mean;
 use crate::scene::capture::{Camera, Capture, Point};
 use crate::scene::{Motion, SH_C0, Splats};
@@ -75,20 +74,6 @@ pub(super) fn median_color(mut colors: Vec<[f32; 3]>) -> Option<[f32; 3]> {
         colors.sort_unstable_by(|a, b| a[channel].total_cmp(&b[channel]));
         colors[middle][channel]
     }))
-}
-
-/// Grey points, uniform in the ball that the capture's cameras look at.
-pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
-    let extent = capture.extent();
-    let random = Keyed::new(&[config.seed, 0x0070_6f69_6e74]);
-    (0..config.init_points as u64)
-        .map(|i| {
-            let direction = DVec3::from_array(std::array::from_fn(|k| random.normal(4 * i + k as u64)));
-            let r = extent.radius * random.uniform(8 * i + 6).cbrt() / direction.length().max(1e-9);
-            let position = (DVec3::from(extent.center) + r * direction).to_array();
-            Point { position, color: [128; 3] }
-        })
-        .collect()
 }
 
 /// How large Gaussians may begin.

@@ -1,7 +1,8 @@
 //! The surfaces that the pictures show: of what stands still at the reference frame, and the hulls of what moves.
 
 use super::agree::{self, Agreed};
-use super::eye::{Eye, Seen};
+use super::chosen::shown;
+use super::eye::{Eye, Ground, Seen};
 use super::lens::Lenses;
 use super::points::Found;
 use super::{hull, sweep};
@@ -31,6 +32,8 @@ pub(super) struct Views<'a> {
     pub hull_frames: &'a [u32],
     /// Whether what stands still is looked for.
     pub looks_at_rest: bool,
+    /// Whether the pictures are cut out.
+    pub cut_out: bool,
 }
 
 /// What they show.
@@ -62,31 +65,37 @@ impl Views<'_> {
             let eyes_of = |i: usize| {
                 let camera = self.cameras[i];
                 let Some(shown) = shown(self.capture, camera, frame, is_reference) else { return Ok((None, None)) };
-                let seen = Seen::read(self.capture, camera, shown)?;
+                let seen = Seen::read(self.capture, camera, shown, self.cut_out)?;
                 let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
                 // A camera without a mask at this very frame knows nothing of what moves.
                 let carves = has_hull && shown == frame && seen.has_foreground();
-                Ok((eye(is_reference, SWEEP_SIDE), eye(carves, HULL_SIDE)))
+                Ok((eye(is_reference, SWEEP_SIDE), eye(carves || is_reference && self.cut_out, HULL_SIDE)))
             };
             let eyes = in_parallel(self.cameras.len(), threads, eyes_of, |_| done())?;
             let (swept, carving): (Vec<Option<Eye>>, Vec<Option<Eye>>) = eyes.into_iter().unzip();
+            let carving: Vec<Eye> = carving.into_iter().flatten().collect();
             if is_reference {
                 let eyes: Vec<Eye> = swept.into_iter().flatten().collect();
                 let known = known.map_or_else(|| agree::still(self.points, &eyes), <[Found]>::to_vec);
                 surfaces.n_known = known.len();
                 let depths = sweep::sweep(&eyes, threads, &mut *done)?;
                 let found = agree::agree(&eyes, &depths, &known, threads)?;
+                let found = found.into_iter().filter(|point| !self.cut_out || hull::may_be_shown(&eyes, &point.found));
                 let of_before = known.into_iter().map(|found| Agreed { found, n_cameras: usize::MAX });
-                let mut all: Vec<Agreed> = of_before.chain(found).collect();
+                let key = [self.config.seed, HULL_KEY];
+                let most_of_hull = if self.cut_out { self.config.init_points } else { 0 };
+                let of_hull = hull::surface(&carving, Ground::Still, most_of_hull, &key);
+                let of_hull = of_hull.into_iter().map(|found| Agreed { found, n_cameras: 1 });
+                let mut all: Vec<Agreed> = of_before.chain(found).chain(of_hull).collect();
                 all.retain(|point| !lenses.are_veiled_by(&point.found));
                 surfaces.n_found = all.iter().filter(|point| point.n_cameras < usize::MAX).count();
                 let most = (self.n_pixels() / PIXELS_PER_POINT).min(self.config.init_points as u64) as usize;
                 surfaces.still = agree::thin(&all, most.max(surfaces.n_known));
             }
             if has_hull {
-                let eyes: Vec<Eye> = carving.into_iter().flatten().collect();
                 let key = [self.config.seed, HULL_KEY, u64::from(frame)];
-                surfaces.moving.push((frame, hull::surface(&eyes, self.config.init_moving_points, &key)));
+                let found = hull::surface(&carving, Ground::Moving, self.config.init_moving_points, &key);
+                surfaces.moving.push((frame, found));
             }
         }
         Ok(surfaces)
@@ -98,11 +107,4 @@ impl Views<'_> {
         let all = self.capture.cameras.iter().filter(|camera| !camera.is_test && camera.is_photo == are_photos);
         all.map(|camera| camera.intrinsics.n_pixels()).sum()
     }
-}
-
-/// The frame that a camera shows for `frame`: another, if it has none there and `any` will do. In a monocular clip each
-/// has one frame of its own.
-pub(super) fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> Option<u32> {
-    let camera = &capture.cameras[camera];
-    camera.shot(frame).or_else(|| camera.shots.first().filter(|_| any)).map(|shot| shot.frame)
 }

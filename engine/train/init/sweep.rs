@@ -114,12 +114,17 @@ fn depths(eyes: &[Eye], features: &[Vec<Feature>], i: usize) -> Depths {
             let trace = other.trace(eye.center, ray);
             for plane in 0..DEPTHS {
                 let Some(there) = trace.pixel(inverse_depth(step, plane as f32)) else { continue };
-                if other.ground[there] == Ground::Still {
-                    let [a, b] = &features[there];
-                    let difference = ((own[0] - *a).abs() + (own[1] - *b).abs()).element_sum();
-                    differences[plane][n_seen[plane]] = difference.min(MOST_COST);
-                    n_seen[plane] += 1;
-                }
+                let difference = match other.ground[there] {
+                    Ground::Still => {
+                        let [a, b] = &features[there];
+                        ((own[0] - *a).abs() + (own[1] - *b).abs()).element_sum().min(MOST_COST)
+                    }
+                    // This neighbour sees through the place.
+                    Ground::Empty => MOST_COST,
+                    Ground::Moving | Ground::Unknown => continue,
+                };
+                differences[plane][n_seen[plane]] = difference;
+                n_seen[plane] += 1;
             }
         }
         let planes = costs[pixel * DEPTHS..][..DEPTHS].iter_mut().zip(&mut differences).zip(n_seen);
