@@ -178,8 +178,8 @@ fn the_3d_filter_of_mip_splatting_is_worked_in_as_its_own_fused_export_does() {
     for (i, row) in rows.iter().enumerate() {
         let squares: Vec<f64> = row[7..10].iter().map(|s| s.exp().powi(2)).collect();
         let filtered: Vec<f64> = squares.iter().map(|s| s + row[14] * row[14]).collect();
-        for axis in 0..3 {
-            assert!((f64::from(splats.scale[i][axis]).exp() - filtered[axis].sqrt()).abs() < 1e-6, "{i}");
+        for (scale, square) in splats.scale[i].iter().zip(&filtered) {
+            assert!((f64::from(*scale).exp() - square.sqrt()).abs() < 1e-6, "{i}");
         }
         let factor = (squares.iter().product::<f64>() / filtered.iter().product::<f64>()).sqrt();
         let opacity = factor / (1.0 + (-row[6]).exp());
@@ -208,12 +208,13 @@ fn colours_of_bytes_are_read_where_there_are_no_harmonics() {
         NAMES.iter().copied().filter(|name| !name.starts_with("f_dc")).chain(["red", "green", "blue"]).collect();
     let types = |color: &'static str| -> Vec<&str> { [["float"; 11].as_slice(), &[color; 3]].concat() };
     let row = [vec![0.5; 11], vec![0.0, 51.0, 102.0]].concat();
-    let path = folder.write("a.ply", by_hand("binary_little_endian", &names, &types("uchar"), &[row.clone()]));
+    let rows = [row];
+    let path = folder.write("a.ply", by_hand("binary_little_endian", &names, &types("uchar"), &rows));
     let Imported { splats, notes, .. } = import_scene(&path).unwrap();
     let color = splats.sh[0].map(|dc| 0.5 + 0.282_094_79 * dc);
     assert!(color.iter().zip([0.0, 0.2, 0.4]).all(|(a, b)| (a - b).abs() < 1e-6), "{color:?}");
     assert!(notes.len() == 1 && notes[0].contains("`red`"), "{notes:?}");
-    let path = folder.write("a.ply", by_hand("binary_little_endian", &names, &types("ushort"), &[row]));
+    let path = folder.write("a.ply", by_hand("binary_little_endian", &names, &types("ushort"), &rows));
     assert!(fault(read_scene(&path), &path).contains("`f_dc_0`: is missing"));
 }
 
