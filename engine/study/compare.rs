@@ -468,7 +468,7 @@ mod tests {
         assert!(text.contains("| fox | defaults | 100 | 1 2 | 23.50 (23.00 to 24.00) |"), "{text}");
         assert!(
             text.contains(
-                "| fox | `lr.scale=1` | 100 | 1 | 20.00 | 21.00 | 18.00 a<b | 0.9000 | - | 1000 | 0.24 | 10.0 | - |"
+                "| fox | `lr.scale=1` | 100 | 1 | 20.00 | 21.00 | 18.00 a<b | 0.9000 | - | - | 1000 | 0.24 | 10.0 | - |"
             ),
             "{text}"
         );
