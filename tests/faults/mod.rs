@@ -164,13 +164,12 @@ fn a_driver_file_that_is_no_json_is_no_device() {
 #[test]
 fn a_crash_a_hang_and_a_fault_that_never_comes_are_caught() {
     let bed = Bed::shared();
-    let caught = |fault: &str| {
-        let ended = bed.run_within(Verb::Render, Some(fault), 3.0);
-        sweep::judge(&ended).expect_err(fault)
-    };
-    assert!(caught("vkQueueSubmit:2:abort").contains("signal"));
-    assert!(caught("vkQueueSubmit:2:skip").contains("did not end"));
-    assert!(caught("vkQueueSubmit:1000000:-1").contains("was not reached"));
+    let caught = |fault: &str, ended: &Ended| sweep::judge(ended).expect_err(fault);
+    let of_run = |fault: &str| caught(fault, &bed.run(Verb::Render, Some(fault)));
+    assert!(of_run("vkQueueSubmit:2:abort").contains("signal"));
+    assert!(of_run("vkQueueSubmit:1000000:-1").contains("was not reached"));
+    let hangs = "vkQueueSubmit:2:skip";
+    assert!(caught(hangs, &bed.run_within(Verb::Render, Some(hangs), 3.0)).contains("did not end"));
     let panicked = Ended { code: Some(101), ..bed.run(Verb::Render, Some("vkQueueSubmit:2:-1")) };
     assert!(sweep::judge(&panicked).unwrap_err().contains("101"));
 }
