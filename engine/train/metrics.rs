@@ -185,6 +185,8 @@ pub struct SceneScores {
     pub frames_per_second: f64,
     /// The device's name.
     pub device: String,
+    /// Depth up to which nothing was drawn, the capture's units.
+    pub near: f32,
     /// Whether colours were rounded to 8 bits before they were scored.
     pub rounded_to_8_bits: bool,
     /// Definitions of the scores.
@@ -237,8 +239,8 @@ impl SceneSize {
 }
 
 impl SceneScores {
-    /// Those of `scene`, which is so large, rendered on `device`.
-    pub fn new(scene: &Path, size: SceneSize, device: &str, evaluation: Evaluation) -> Self {
+    /// Those of `scene`, which is so large, rendered on `device` from depth `near` of the capture's frame on.
+    pub fn new(scene: &Path, size: SceneSize, device: &str, near: f32, evaluation: Evaluation) -> Self {
         let SceneSize { gaussians, dynamic_gaussians, sh_degree, bytes } = size;
         SceneScores {
             scene: scene.to_owned(),
@@ -248,6 +250,7 @@ impl SceneScores {
             bytes,
             frames_per_second: evaluation.frames_per_second(),
             device: device.to_owned(),
+            near,
             rounded_to_8_bits: false,
             metrics: METRICS.into(),
             metrics_of: METRICS_OF,

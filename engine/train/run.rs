@@ -112,6 +112,11 @@ impl Run {
         Constants { near: (f64::from(self.constants.near) / self.world.scale) as f32, ..self.constants }
     }
 
+    /// `constants` of the capture's own frame in the frame of training.
+    pub fn constants_of_training(&self, constants: Constants) -> Constants {
+        Constants { near: (f64::from(constants.near) * self.world.scale) as f32, ..constants }
+    }
+
     /// `run.json` of `folder`.
     pub fn file(folder: &Path) -> PathBuf {
         folder.join("run.json")

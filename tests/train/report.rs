@@ -82,7 +82,7 @@ fn scores() -> SceneScores {
         render_ms: 2.0,
     };
     let evaluation = Evaluation::new(40, vec![view(0), view(1)]).unwrap();
-    SceneScores::new(Path::new("scene.ply"), SceneSize::of(&ivv::scene::demo().0), "a \"device\"", evaluation)
+    SceneScores::new(Path::new("scene.ply"), SceneSize::of(&ivv::scene::demo().0), "a \"device\"", 0.01, evaluation)
 }
 
 /// The report of `log`, `totals` and `scores` as text.

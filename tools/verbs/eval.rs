@@ -36,7 +36,8 @@ pub struct Args {
     /// The folder of a run of `ivv train`. Where it has not ended, its newest checkpoint is scored, into
     /// RUN/eval/step-STEP.
     run: PathBuf,
-    /// Another scene to score; its scores go to RUN/eval/NAME, named as its folder, or as its file with the ending.
+    /// Another scene to score, with the rendering constants that its file names and otherwise the usual ones; its scores go to
+    /// RUN/eval/NAME, named as its folder, or as its file with the ending.
     #[arg(long)]
     scene: Option<PathBuf>,
     /// The capture, if it has moved since the run.
@@ -105,7 +106,8 @@ impl Scorer<'_> {
         make_folder(&folder)?;
         let write_strip = || strip(examples).write_png(&folder.join(format!("{step:08}.png")));
         let size = SceneSize::of(splats);
-        let scores = SceneScores::new(&output.join("checkpoints"), size, &self.gpu.caps().name, evaluation);
+        let scores =
+            SceneScores::new(&output.join("checkpoints"), size, &self.gpu.caps().name, self.near(), evaluation);
         let name = format!("{}, step {step} of {total}", name_of(output));
         let Scorer { run, config, .. } = self;
         let (scores, totals) = (Some(&scores), &serde_json::Value::Null);
@@ -138,7 +140,7 @@ impl Scorer<'_> {
         let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, write)?;
         warn_of_lpips(&mut meter);
         let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
-        let mut scores = SceneScores::new(scene, size, &self.gpu.caps().name, evaluation);
+        let mut scores = SceneScores::new(scene, size, &self.gpu.caps().name, self.near(), evaluation);
         scores.lpips_trunk = meter.trunk().map(|trunk| trunk.to_string());
         scores.mean_at_fitted_offsets = self.at_offsets(fits, &mut renderer, &mut meter, &frames, step)?;
         scores.mean_at_seams_and_elsewhere = seams(output, &scores.evaluation)?;
@@ -178,6 +180,10 @@ impl Scorer<'_> {
             Ok((index, fit))
         };
         cameras.into_iter().map(fit).collect()
+    }
+
+    fn near(&self) -> f32 {
+        self.run.constants_of_capture().near
     }
 
     /// An image, as progress tells of it.
@@ -280,7 +286,7 @@ fn own_name(scene: &Path) -> anyhow::Result<(OsString, u64)> {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let run = Run::read(&args.run)?;
+    let mut run = Run::read(&args.run)?;
     let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
     let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
     if !changes.is_empty() {
@@ -290,7 +296,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         );
     }
     warn_of_shared_pictures(&run);
-    let shown = Source::open(args.scene.as_ref().unwrap_or(&args.run))?.seen()?;
+    let source = Source::open(args.scene.as_ref().unwrap_or(&args.run))?;
+    if args.scene.is_some() {
+        // What others see of the scene is scored, not what they would see with the run's constants.
+        run.constants = run.constants_of_training(source.look.constants);
+    }
+    let shown = source.seen()?;
     let (output, steps) = match (&args.scene, shown.unfinished) {
         (Some(scene), _) => {
             let (name, steps) = own_name(scene)?;
