@@ -426,6 +426,13 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|_| vec![own(48.0 + 12.0, 120.0)]),
         ..ROW
     },
+    // Lenses of a rig: 32 of them, 20 operations each.
+    Family {
+        name: "clear", file: "density/clear.comp", twin: |_| "clearing::cleared", count: Count::Gaussians,
+        limit_ns: |_| 80.0,
+        cost: Some(|_| vec![own(16.0, 32.0 * 20.0)]),
+        ..ROW
+    },
     // Its overlay is a few rows.
     Family {
         name: "show", file: "screen/show.comp", twin: |_| "show::shown", count: Count::Pixels,

@@ -14,9 +14,7 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::scene::read_views;
 use ivv::settings::{Constants, Setting};
-use ivv::train::{
-    Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, all_settings, constants_of, initialise,
-};
+use ivv::train::{Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, all_settings, initialise};
 use ivv::words::count;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -70,7 +68,7 @@ impl Start {
             warn_of_shared_pictures(&run);
         }
         let capture = capture.transformed(&run.world);
-        run.constants = args.constants.checked_over(constants_of(&capture))?;
+        run.constants = args.constants.checked_over(Constants::default())?;
         let total = config.total(n_training(&capture)?);
         let checkpoints = args.output.join("checkpoints");
         let (mut lock, mut replaces) = (None, false);

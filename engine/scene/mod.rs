@@ -34,4 +34,4 @@ pub(crate) use splats::dc_of_color;
 pub use splats::{ALWAYS, Motion, SH_C0, Splats};
 pub use summary::{Bounds, DeviceBytes, Quantiles, Summary};
 pub(crate) use view::parse_views;
-pub use view::{Cone, FlowModel, View, read_views, write_views};
+pub use view::{Clearing, Cone, FlowModel, View, read_views, write_views};

@@ -56,6 +56,26 @@ pub struct Cone {
     pub unused: f32,
 }
 
+/// The space before a lens in which no Gaussian may be, over the surface that the lens and its neighbours stand on: where `s` is below
+/// `radius` squared and the height `z - slope . o - curvature s / 2` below `depth`, with `o` from the lens, `z` along the axis, and `s` the
+/// square of the distance from it.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+pub struct Clearing {
+    /// Where the lens is, scene units.
+    pub place: [f32; 3],
+    /// Distance from the axis up to which it reaches, scene units.
+    pub radius: f32,
+    /// The optical axis, of length 1.
+    pub axis: [f32; 3],
+    /// Of the surface at the lens; positive where the neighbours stand before the lens; 1 / scene units.
+    pub curvature: f32,
+    /// Gradient of the surface's height over the plane through the lens; at right angles to the axis.
+    pub slope: [f32; 3],
+    /// Height up to which no Gaussian may be, scene units.
+    pub depth: f32,
+}
+
 /// What the output `flow` is (SPEC 3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -5,9 +5,9 @@
 //! at a scene from between its cameras, so views between neighbours are lenses too, where a camera looks at their place. Not those of
 //! cameras that move: the places between theirs are of many times, and what moves may rightly be there at another.
 
-use crate::scene::capture::Capture;
-use crate::scene::{Intrinsics, Pose, View};
-use glam::DVec3;
+use crate::scene::capture::{Capture, TRAINING_RADIUS};
+use crate::scene::{Clearing, Intrinsics, Pose, View};
+use glam::{DMat3, DVec3};
 use std::collections::BTreeSet;
 
 /// Lenses of cameras, and lenses between them, at most: a round of density control asks each Gaussian about all.
@@ -18,6 +18,13 @@ const N_NEIGHBOURS: usize = 6;
 /// Cosine of the angle between the axes of neighbours, at least: who looks elsewhere stands elsewhere, perhaps behind a wall.
 const LEAST_ALIKE: f64 = 0.5;
 
+/// Points whose depths the spaces before lenses are chosen by, at most.
+const MOST_POINTS: usize = 10_000;
+/// Weight, against that of a neighbour, of a surface through a lens that is flat and at right angles to its axis.
+const FLAT: f64 = 0.01;
+/// Slope, and bend over the distance to a neighbour, of such a surface at most.
+const STEEPEST: f64 = 1.0;
+
 /// Views of every pose of every training camera, and those that somebody named: at most `MOST`, evenly chosen.
 pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
     evenly_chosen(capture.lens_views(), MOST)
@@ -27,8 +34,7 @@ pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
 /// place: at most `MOST_BETWEEN`, evenly chosen. None where one of them moves, or in a clip that is no
 /// rig's ([`Capture::is_rig_clip`]): its cameras may be the places of one that moved.
 pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
-    let moves = capture.cameras.iter().any(|camera| !camera.is_test && camera.moves());
-    if moves || (capture.n_frames > 1 && !capture.is_rig_clip()) {
+    if !stand(capture) {
         return Vec::new();
     }
     // Those that somebody named come first.
@@ -49,6 +55,65 @@ pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
     };
     let is_seen = |lens: &View| cameras.iter().any(|camera| depth(camera, lens.pose.center()).is_some());
     evenly_chosen(sets.into_iter().filter_map(amid).filter(is_seen).collect(), MOST_BETWEEN)
+}
+
+/// Whether the training cameras stand where they are throughout, so that a place before or between them is free at all times.
+fn stand(capture: &Capture) -> bool {
+    let moves = capture.cameras.iter().any(|camera| !camera.is_test && camera.moves());
+    !moves && (capture.n_frames == 1 || capture.is_rig_clip())
+}
+
+/// The spaces before training cameras, and before views that somebody named, in which no Gaussian may be; none where cameras move. The
+/// capture is in the frame of training. A scene is seen from where its cameras stand, and from between them. Each space lies over the
+/// surface through a lens that is nearest to its neighbours, up to the neighbour after the nearest, and is a twentieth of the rig's
+/// radius deep, but at most half as deep as the nearest points that training cameras see.
+pub(super) fn clearings(capture: &Capture) -> Vec<Clearing> {
+    if !stand(capture) {
+        return Vec::new();
+    }
+    let cameras = of_cameras(capture);
+    let depth = (TRAINING_RADIUS / 20.0).min(0.5 * nearest(capture, &cameras));
+    (0..cameras.len()).map(|i| clearing(&cameras, i, depth)).collect()
+}
+
+/// The depth that all points but one in a hundred are beyond, before the cameras that see them.
+fn nearest(capture: &Capture, cameras: &[View]) -> f64 {
+    let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
+    let points = || capture.points.iter().step_by(each);
+    let seen = |view: &'_ View| points().filter_map(|point| depth(view, point.position.into())).collect::<Vec<_>>();
+    let mut depths: Vec<f64> = cameras.iter().flat_map(seen).collect();
+    depths.sort_unstable_by(f64::total_cmp);
+    depths.get(depths.len() / 100).copied().unwrap_or(f64::INFINITY)
+}
+
+fn clearing(cameras: &[View], i: usize, depth: f64) -> Clearing {
+    let view = &cameras[i];
+    let (place, axis) = (view.pose.center(), view.pose.forward());
+    let down = view.pose.down();
+    let right = down.cross(axis);
+    let others = neighbours(cameras, i);
+    let others: Vec<DVec3> = others.into_iter().map(|j| cameras[j].pose.center() - place).collect();
+    let spacing = others.get(1).or(others.first()).map_or(0.0, |offset| offset.length());
+    // Least squares in units of the spacing: height = slope . (x, y) + bend (x^2 + y^2) / 2.
+    let (mut system, mut sides) = (DMat3::from_diagonal(DVec3::splat(FLAT)), DVec3::ZERO);
+    for offset in others.iter().filter(|_| spacing > 0.0).map(|offset| *offset / spacing) {
+        let (x, y) = (offset.dot(right), offset.dot(down));
+        let square = x * x + y * y;
+        let row = DVec3::new(x, y, 0.5 * square);
+        let weight = 1.0 / square.max(FLAT);
+        system += weight * DMat3::from_cols(row.x * row, row.y * row, row.z * row);
+        sides += weight * offset.dot(axis) * row;
+    }
+    let fit = (system.inverse() * sides).clamp(DVec3::splat(-STEEPEST), DVec3::splat(STEEPEST));
+    let cone = view.cone([0.0; 3]);
+    Clearing {
+        place: place.as_vec3().to_array(),
+        radius: spacing.max(depth * f64::from(cone.reach)) as f32,
+        axis: axis.as_vec3().to_array(),
+        curvature: if spacing > 0.0 { (fit.z / spacing) as f32 } else { 0.0 },
+        slope: (fit.x * right + fit.y * down).as_vec3().to_array(),
+        depth: depth as f32,
+    }
 }
 
 /// The cameras nearest to camera `i` of those that look the same way, more or less.

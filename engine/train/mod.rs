@@ -68,6 +68,6 @@ pub use schedule::rates;
 pub use segments::{Joined, Segments};
 pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, reduced_order, training_order};
 pub use settings_check::{check_name, check_settings, default_of};
-pub use setup::{Setup, constants_of, near_plane};
+pub use setup::Setup;
 pub use terms::{Logged, TermData, logged};
 pub use trainer::{ProfiledStep, StepReport, Trainer};

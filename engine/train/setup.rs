@@ -5,15 +5,12 @@ use super::init::cameras_look_inward;
 use super::lenses;
 use super::terms::{self, TermData};
 use crate::parallel::{in_parallel, threads};
-use crate::scene::capture::{Camera, Capture, Extent, TRAINING_RADIUS, alpha_of, decode_image, has_alpha, read_size};
-use crate::scene::{FlowModel, View};
-use crate::settings::Constants;
+use crate::scene::capture::{Camera, Capture, Extent, alpha_of, decode_image, has_alpha, read_size};
+use crate::scene::{Clearing, FlowModel, View};
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Points whose depths the near plane is chosen by, at most.
-const MOST_POINTS: usize = 10_000;
 /// Images that are looked at for whether they show the background.
 const MOST_LOOKED_AT: usize = 8;
 /// Colours that differ by so many levels of 255 at most are alike.
@@ -30,6 +27,8 @@ pub struct Setup {
     /// Views before which density control keeps room: those of the training cameras, between them, and those that somebody
     /// named ([`Capture::viewpoints`]).
     pub lenses: Vec<View>,
+    /// Spaces before training cameras, and before those that somebody named, that are kept clear of Gaussians.
+    pub clearings: Vec<Clearing>,
     /// Normalised time between two frames.
     pub dt: f64,
     /// Cameras that are trained on and film, photographs aside.
@@ -60,6 +59,7 @@ impl Setup {
         Setup {
             extent,
             lenses: Vec::new(),
+            clearings: Vec::new(),
             dt,
             n_filming: 1,
             first_photo: usize::MAX,
@@ -88,6 +88,7 @@ impl Setup {
         Setup {
             extent: capture.extent(),
             lenses: [lenses::of_cameras(capture), lenses::between_cameras(capture)].concat(),
+            clearings: lenses::clearings(capture),
             dt: 1.0 / f64::from(capture.n_frames.max(1)),
             n_filming: capture.cameras.iter().filter(|camera| camera.films()).count(),
             first_photo: capture.cameras.iter().take_while(|camera| !camera.is_photo).count(),
@@ -112,26 +113,6 @@ impl Setup {
             varies_background: config.vary_background && !shows_background && cameras_look_inward(capture),
         }
     }
-}
-
-/// The near plane of a run on `capture`, which is in the frame of training: an eighth of the rig's radius, but at most half the
-/// depth of the nearest points that its training cameras see. A camera may stand at a wall. The wall, which other cameras rightly
-/// see, would then fill its whole picture, and that of a viewer who stands there. Whatever lies nearer to a training camera than
-/// all that it can see is a floater.
-pub fn near_plane(capture: &Capture) -> f32 {
-    let views = lenses::of_cameras(capture);
-    let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
-    let points = || capture.points.iter().step_by(each);
-    let mut depths: Vec<f64> =
-        views.iter().flat_map(|view| points().filter_map(|point| lenses::depth(view, point.position.into()))).collect();
-    depths.sort_unstable_by(f64::total_cmp);
-    let nearest = depths.get(depths.len() / 100).map_or(f64::INFINITY, |depth| 0.5 * depth);
-    (TRAINING_RADIUS / 8.0).min(nearest).max(f64::from(Constants::default().near)) as f32
-}
-
-/// How the pictures of a run on `capture` are rendered, which is in the frame of training: the default with its [`near_plane`].
-pub fn constants_of(capture: &Capture) -> Constants {
-    Constants { near: near_plane(capture), ..Constants::default() }
 }
 
 /// Whether training images of `capture` show the `background`: it shows through some, or much of most has its very colour, as where a

@@ -4,6 +4,7 @@ mod adam;
 mod batch;
 mod bilateral;
 mod blend;
+mod clear;
 mod clock;
 mod cull;
 mod density;
@@ -31,6 +32,7 @@ pub const TESTED: &[&[Tested]] = &[
     batch::TESTED,
     bilateral::TESTED,
     blend::TESTED,
+    clear::TESTED,
     clock::TESTED,
     cull::TESTED,
     density::TESTED,

@@ -6,7 +6,7 @@ use crate::common::device::gpu;
 use ivv::scene::{Similarity, Splats};
 use ivv::train::{
     Average, Checkpoint, Config, Event, GridKind, Init, Notice, Owed, Phase, PoseKind, Required, Session,
-    SessionOptions, near_plane, training_order,
+    SessionOptions, training_order,
 };
 use ivv::vk::DeviceKind;
 use std::cell::RefCell;
@@ -62,7 +62,7 @@ fn a_session_does_what_is_due_whoever_brings_the_images_and_wherever_it_is_resum
 
     // Images from elsewhere, in the same order: as `ivv trade` has them.
     let mut fed = begin(&tiny, SessionOptions::default());
-    assert_eq!(fed.constants().near, near_plane(&tiny.capture));
+    assert_eq!(fed.constants().near, ivv::Constants::default().near);
     let order = fed.order();
     assert_eq!(order.len() as u64, STEPS);
     for (camera, frame) in order {
@@ -109,7 +109,7 @@ fn a_session_gives_the_scene_that_the_command_line_writes() {
     let written = Checkpoint::newest(&run.join("checkpoints")).unwrap().unwrap();
     let run = ivv::train::Run::read(&run).unwrap();
     let capture = run.open_capture(None).unwrap();
-    let options = SessionOptions { constants: Some(run.constants), ..SessionOptions::default() };
+    let options = SessionOptions { constants: run.constants, ..SessionOptions::default() };
     let session = Session::begin(gpu().clone(), &capture, config(), options).unwrap();
     assert_eq!(bits(&end(session).0), bits(written.average.scene().expect("the mean of the last scenes")));
 }

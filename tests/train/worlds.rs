@@ -6,8 +6,9 @@ use crate::common::frames::{render, render_with, rms};
 use crate::common::random::{scene, view};
 use ivv::Constants;
 use ivv::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS};
-use ivv::scene::{Frame, Similarity, Splats};
-use ivv::train::{Config, Setup, Trainer, from_points, near_plane};
+use ivv::scene::{Frame, Pose, Similarity, Splats};
+use ivv::train::{Config, Setup, Trainer, from_points};
+use ivv::twin::cleared;
 
 /// Least PSNR against the same thing in its own units at the origin, dB.
 const LEAST_PSNR: f64 = 80.0;
@@ -38,7 +39,7 @@ fn seen(splats: &Splats, capture: &Capture, constants: Constants) -> Frame {
 }
 
 #[test]
-fn the_near_plane_is_an_eighth_of_the_extent_or_half_the_depth_of_the_nearest_points() {
+fn the_space_before_a_lens_is_a_twentieth_of_the_extent_deep_or_half_as_deep_as_the_nearest_points() {
     let tiny = Tiny::new("near");
     let capture = tiny.capture.clone();
     let mut capture = capture.transformed(&tiny.capture.normalisation());
@@ -50,13 +51,65 @@ fn the_near_plane_is_an_eighth_of_the_extent_or_half_the_depth_of_the_nearest_po
     let points = |capture: &Capture, is_test: bool, depth: f64| {
         capture.cameras.iter().filter(|c| c.is_test == is_test).map(|camera| before(camera, depth)).collect()
     };
+    let depths = |capture: &Capture| -> Vec<f32> {
+        Setup::new(capture, &Config::default()).clearings.iter().map(|clearing| clearing.depth).collect()
+    };
+    let n_trained = capture.cameras.iter().filter(|camera| !camera.is_test).count();
     capture.points = Vec::new();
-    assert_eq!(near_plane(&capture), 0.375);
+    assert_eq!(depths(&capture), vec![0.15; n_trained]);
     capture.points = points(&capture, false, 0.2);
-    assert!((near_plane(&capture) - 0.1).abs() < 1e-6);
+    assert!(depths(&capture).iter().all(|depth| (depth - 0.1).abs() < 1e-6));
     // What stands just before a test camera does not count, unless a training camera sees it as near.
     capture.points = points(&capture, true, 0.2);
-    assert!(capture.points.len() > 1 && near_plane(&capture) > 0.3);
+    assert!(capture.points.len() > 1 && depths(&capture)[0] > 0.14);
+    // At another time somebody may be where one that moves has been.
+    let (first, second) = (capture.cameras[0].world_to_camera, capture.cameras[1].world_to_camera);
+    let trained = capture.cameras.iter_mut().find(|camera| !camera.is_test).unwrap();
+    for (shot, pose) in trained.shots.iter_mut().zip([first, second].into_iter().cycle()) {
+        shot.world_to_camera = Some(pose);
+    }
+    assert!(depths(&capture).is_empty());
+}
+
+/// Cameras on a part of a sphere of radius 3 that look at its middle, every fifth a test camera.
+fn dome(capture: &Capture) -> Capture {
+    let mut dome = capture.clone();
+    let camera = dome.cameras[0].clone();
+    let rows = (-2..=2).flat_map(|row: i32| (-2..=2).map(move |column: i32| (row, column)));
+    let at = |(index, (row, column)): (usize, (i32, i32))| {
+        let (up, around) = (0.3 * f64::from(row), 0.3 * f64::from(column));
+        let center = 3.0 * glam::DVec3::new(around.sin() * up.cos(), up.sin(), -around.cos() * up.cos());
+        let world_to_camera = Pose::look_at(center, glam::DVec3::ZERO, glam::DVec3::NEG_Y);
+        Camera { name: format!("{index}"), is_test: index % 5 == 2, world_to_camera, ..camera.clone() }
+    };
+    dome.cameras = rows.enumerate().map(at).collect();
+    dome
+}
+
+#[test]
+fn what_hangs_before_lenses_of_a_dome_goes_behind_them_and_the_rest_stays() {
+    let tiny = Tiny::new("dome");
+    let dome = dome(&tiny.capture);
+    let clearings = Setup::new(&dome, &Config::default()).clearings;
+    let moved = |place: glam::DVec3| {
+        let to = glam::DVec3::from(cleared(&clearings, place.to_array(), [0.06, 1e-4]));
+        (to.distance(place) > 0.0).then_some(to)
+    };
+    let mut n = 0;
+    for camera in dome.cameras.iter().filter(|camera| camera.name != "0") {
+        // Within the rows and columns of cameras: beyond, no surface is known.
+        let (center, forward) = (camera.world_to_camera.center(), camera.world_to_camera.forward());
+        let is_inner = center.x.abs() < 1.4 && center.y.abs() < 1.4;
+        for depth in [0.01, 0.05, 0.1] {
+            let to = moved(center + depth * forward);
+            n += usize::from(camera.is_test);
+            // A lens that training does not know of is free, too.
+            assert!(!is_inner || to.is_some_and(|to| to.length() > 3.0), "{}: {depth}, {to:?}", camera.name);
+        }
+        assert_eq!(moved(center + 0.4 * forward), None);
+        assert_eq!(moved(center - 0.15 * forward), None, "a wall behind the cameras");
+    }
+    assert!(n > 5 && moved(glam::DVec3::ZERO).is_none());
 }
 
 #[test]

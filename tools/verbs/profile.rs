@@ -404,7 +404,7 @@ fn resumed<'a>(
         differ.join("; ")
     );
     checkpoint.total = checkpoint.total.max(checkpoint.step + steps);
-    let constants = Some(Run::read(folder)?.constants);
+    let constants = Run::read(folder)?.constants;
     let options = SessionOptions { constants, watch: watch(), ..SessionOptions::default() };
     Ok(Session::resume(gpu.clone(), capture, &checkpoint, options)?)
 }

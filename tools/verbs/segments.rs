@@ -14,7 +14,7 @@ use ivv::formats::{PlyParts, read_ply, write_parts};
 use ivv::scene::Parts;
 use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::settings::Constants;
-use ivv::train::{Checkpoint, Config, Joined, Plan as TrainingPlan, Run, RunLock, Segments, Strategy, constants_of};
+use ivv::train::{Checkpoint, Config, Joined, Plan as TrainingPlan, Run, RunLock, Segments, Strategy};
 use ivv::words::count;
 use serde_json::json;
 use std::ffi::OsString;
@@ -115,7 +115,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     let mut run = Run::new(&capture, Constants::default())?;
     // Segments that are joined have brought theirs.
     let before = Run::read(&args.output);
-    run.constants = before.map_or_else(|_| constants_of(&capture.transformed(&run.world)), |before| before.constants);
+    run.constants = before.map_or_else(|_| Constants::default(), |before| before.constants);
     make_folder(&args.output)?;
     let is_plan = Segments::file(&args.output).is_file();
     let is_another = (!is_plan && Run::file(&args.output).is_file())

@@ -21,8 +21,8 @@ use ivv::scene::prior::read_flow;
 use ivv::stage::{Outputs, Renderer};
 use ivv::study::{Circumstances, KNOB_SETTINGS, KernelError, Trade, TradeArm, TradeRun, trade_arms};
 use ivv::train::{
-    CaptureSummary, Config, Meter, Priors, Session, SessionOptions, Sight, constants_of, evaluate, initialise, merge,
-    reduced_order, spread,
+    CaptureSummary, Config, Meter, Priors, Session, SessionOptions, Sight, evaluate, initialise, merge, reduced_order,
+    spread,
 };
 use ivv::twin::render_f64;
 use serde_json::{Value, json};
@@ -115,7 +115,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     make_folder(&args.output)?;
     let gpu = args.device.open()?;
-    let constants = constants_of(&capture);
+    let constants = Constants::default();
     let bench = Bench { args, gpu, capture, constants, arms, steps, test_frames, is_warm: Cell::new(false) };
     let mut runs = Vec::new();
     let mut kernel_errors = Vec::new();
@@ -296,7 +296,7 @@ impl Bench<'_> {
                 }
             };
             let options = SessionOptions {
-                constants: Some(self.constants),
+                constants: self.constants,
                 total: Some(steps),
                 first: Some(first),
                 priors: priors.clone(),

@@ -120,7 +120,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
     }
     let options = SessionOptions {
-        constants: Some(run.constants),
+        constants: run.constants,
         total: Some(*total),
         cache_bytes: args.cache_bytes.unwrap_or_else(|| share_of_memory() / team.local_size() as u64),
         device_image_bytes: args.device_image_bytes,

@@ -618,6 +618,61 @@ pub mod mcmc_noise {
     };
 }
 
+/// moves Gaussians out of the space just before lenses, to where the lenses do not see them.
+pub mod clear {
+    use crate::gpu::kernel::*;
+    /// `Push` of the shaders.
+    #[repr(C)]
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+    pub struct Push {
+        /// `n` of the shader.
+        pub n: u32,
+        /// `n_clearings` of the shader.
+        pub n_clearings: u32,
+        /// `margin` of the shader.
+        pub margin: f32,
+        /// `little` of the shader.
+        pub little: f32,
+    }
+    const _: () = {
+        assert!(size_of::<Push>() == 16);
+        assert!(std::mem::offset_of!(Push, n) == 0);
+        assert!(std::mem::offset_of!(Push, n_clearings) == 4);
+        assert!(std::mem::offset_of!(Push, margin) == 8);
+        assert!(std::mem::offset_of!(Push, little) == 12);
+    };
+    /// The kernel's buffers.
+    pub struct Args<'a> {
+        /// Reads.
+        pub frame_status: &'a Buf<crate::gpu::generated::Status>,
+        /// Reads.
+        pub clearings: &'a Buf<[f32; 4]>,
+        /// ReadWrites.
+        pub geometry: &'a Buf<[f32; 4]>,
+    }
+    impl Kernel for Args<'_> {
+        type Push = Push;
+        const INFO: &'static KernelInfo = INFO;
+        fn slices(&self) -> Vec<Slice> {
+            vec![self.frame_status.slice(), self.clearings.slice(), self.geometry.slice()]
+        }
+    }
+    /// What the device needs to know.
+    pub const INFO: &KernelInfo = &KernelInfo {
+        name: "clear",
+        push_bytes: size_of::<Push>() as u32,
+        spirv: include_bytes!("../../../shaders-glsl/spv/clear.spv"),
+        local: 64,
+        subgroups: true,
+        floats: 0x6,
+        bindings: &[
+            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "clearings", kind: BindingKind::Storage, access: Access::Read },
+            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::ReadWrite },
+        ],
+    };
+}
+
 /// The kernel of `density/density_classify.comp` for these choices.
 pub fn density_classify(is_dynamic: bool) -> &'static crate::gpu::KernelInfo {
     match is_dynamic {

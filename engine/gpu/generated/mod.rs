@@ -391,6 +391,7 @@ pub const ALL: &[&super::KernelInfo] = &[
     density_gather::INFO,
     density_children::INFO,
     mcmc_noise::INFO,
+    clear::INFO,
     show::INFO,
     probe_copy::INFO,
     probe_fma::INFO,

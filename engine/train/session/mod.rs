@@ -28,7 +28,7 @@ use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;
 use crate::train::require::{Due, review};
-use crate::train::setup::{Setup, constants_of};
+use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Seen, Trainer};
 use coming::Coming;
 use notice::work;
@@ -114,7 +114,7 @@ impl<'a> Session<'a> {
         let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory)?;
         watch(Notice::Planned(&plan));
         let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
-        let constants = options.constants.unwrap_or_else(|| constants_of(capture));
+        let constants = options.constants;
         let trainer = Trainer::new(gpu.clone(), splats, constants, config.clone(), total, setup)?;
         let numbers = (total, priors, plan, splats.len());
         Ok(Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options))
@@ -138,7 +138,7 @@ impl<'a> Session<'a> {
         let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
         let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory)?;
         watch(Notice::Planned(&plan));
-        let constants = options.constants.unwrap_or_else(|| constants_of(capture));
+        let constants = options.constants;
         let trainer = Trainer::resume(gpu.clone(), checkpoint, constants, setup)?;
         let numbers = (checkpoint.total, priors, plan, splats.len());
         let session = Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options);
@@ -379,7 +379,8 @@ impl<'a> Session<'a> {
     pub fn scene(&mut self) -> Result<Splats> {
         self.wait()?;
         self.settle()?;
-        self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))
+        let scene = self.average.scene().map_or_else(|| self.trainer.splats(), |mean| Ok(mean.clone()))?;
+        self.trainer.cleared(scene)
     }
 
     /// What a run ends with: [`Session::scene`] and the backdrop that the settings ask for.

@@ -11,10 +11,8 @@ use std::sync::Arc;
 
 /// What a run begins with, where that is not what its settings say.
 pub struct SessionOptions<'a> {
-    /// How pictures are rendered; none for [`constants_of`] the capture.
-    ///
-    /// [`constants_of`]: crate::train::constants_of
-    pub constants: Option<Constants>,
+    /// How pictures are rendered, the near plane in the frame of training.
+    pub constants: Constants,
     /// Steps; none for as many as the settings say.
     pub total: Option<u64>,
     /// The first Gaussians, in the capture's frame; none for those that the settings make of the capture.
@@ -39,7 +37,7 @@ pub struct SessionOptions<'a> {
 impl Default for SessionOptions<'_> {
     fn default() -> Self {
         SessionOptions {
-            constants: None,
+            constants: Constants::default(),
             total: None,
             first: None,
             priors: None,

@@ -16,11 +16,11 @@ use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Buf, Gpu, Recording, Running, Staging};
 use crate::scene::capture::{Asked, Picture};
-use crate::scene::{Cone, Splats, View};
+use crate::scene::{Clearing, Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Batch, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State, StepSettings,
-    Workspace, adam_params, constants_on, lazy_sums,
+    AdamMode, Batch, Clearings, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State,
+    StepSettings, Workspace, adam_params, constants_on, lazy_sums,
 };
 use crate::train::config::{Config, Strategy};
 use crate::train::density::{density_round, most_gaussians, regularisers};
@@ -56,6 +56,7 @@ pub struct Trainer {
     controlled: u64,
     scene: SceneBuffers,
     optimiser: Optimiser,
+    clearings: Option<Clearings>,
     work: Option<Workspace>,
     // Sums of gradients, where steps see several images; made for the scene at hand.
     batch: Option<Batch>,
@@ -179,6 +180,7 @@ impl Trainer {
         let state = upload_state(&gpu, &scene, &state)?;
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
         let objective = Objective::new(&gpu, &config, &setup)?;
+        let clearings = clearings(&gpu, &setup, scene.origin)?;
         let mut room = Room {
             active: 1,
             intersections: scene.n.saturating_mul(4).max(1 << 14),
@@ -207,6 +209,7 @@ impl Trainer {
             controlled: 0,
             scene,
             optimiser,
+            clearings,
             work: None,
             batch: None,
             ranks: None,
@@ -418,6 +421,15 @@ impl Trainer {
         }
         Ok(())
     }
+}
+
+/// The spaces that `setup` keeps clear, relative to `origin`.
+fn clearings(gpu: &Gpu, setup: &Setup, origin: [f64; 3]) -> Result<Option<Clearings>> {
+    let relative = |clearing: &Clearing| {
+        let place = std::array::from_fn(|k| (f64::from(clearing.place[k]) - origin[k]) as f32);
+        Clearing { place, ..*clearing }
+    };
+    Clearings::upload(gpu, &setup.clearings.iter().map(relative).collect::<Vec<_>>())
 }
 
 /// State in the order of the scene's Gaussians, by group.

@@ -1,6 +1,6 @@
 //! The state of a run: taken out as a checkpoint or as Gaussians, and put back.
 
-use super::{Step, Trainer, upload_state};
+use super::{Step, Trainer, clearings, upload_state};
 use crate::error::Result;
 use crate::gpu::generated::Status;
 use crate::gpu::{Gpu, Recording};
@@ -31,6 +31,7 @@ impl Trainer {
             trainer.rounds = room.rounds.clamp(1, trainer.room.max_rounds());
         }
         trainer.scene.origin = *origin;
+        trainer.clearings = clearings(&trainer.gpu, &trainer.setup, *origin)?;
         trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
         trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;
         // Density control that is still due runs before the next step.
@@ -107,6 +108,25 @@ impl Trainer {
         self.finish()?;
         let mut splats = self.download_current()?;
         let origin = self.scene.origin;
+        for p in &mut splats.position {
+            *p = std::array::from_fn(|k| (f64::from(p[k]) + origin[k]) as f32);
+        }
+        Ok(splats)
+    }
+
+    /// `splats`, in the frame of the views, without Gaussians in the spaces that are kept clear.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::OutOfMemory`]
+    pub fn cleared(&self, splats: Splats) -> Result<Splats> {
+        let mut scene = SceneBuffers::upload(&self.gpu, &splats, &self.constants, Purpose::Training)?;
+        scene.holds_static = self.scene.holds_static;
+        let Some(clearings) = clearings(&self.gpu, &self.setup, scene.origin)? else { return Ok(splats) };
+        let mut rec = Recording::new();
+        clearings.record(&mut rec, &scene, &self.gpu.upload("status", &[Status::default()])?);
+        self.gpu.run(&rec)?;
+        let origin = scene.origin;
+        let mut splats = scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))?;
         for p in &mut splats.position {
             *p = std::array::from_fn(|k| (f64::from(p[k]) + origin[k]) as f32);
         }

@@ -17,6 +17,8 @@ use crate::train::objective::Report;
 use bytemuck::bytes_of;
 use tracing::debug_span;
 
+/// Steps after which Gaussians leave the spaces that are kept clear: few enough that they do not get far into them.
+const CLEAR_EVERY: u64 = 10;
 /// Purpose of the random numbers of a step that are its background; a review has 4.
 const BACKGROUND: u64 = 5;
 
@@ -293,9 +295,18 @@ impl Trainer {
         if let Some((rate, key)) = noise {
             record_mcmc_noise(rec, &self.scene, &work.status, rate, key);
         }
+        let clears = self.clearings.as_ref().filter(|_| step.is_multiple_of(CLEAR_EVERY));
+        if let Some(clearings) = clears {
+            clearings.record(rec, &self.scene, &work.status);
+        }
         let moves_all = self.config.adam == AdamMode::Dense || self.batch.is_some();
         let moved = |all: bool| if all { Among::All } else { Among::Live };
-        self.scene.record_bounds(rec, &self.constants, &self.n_undrawable, moved(moves_all || noise.is_some()));
+        self.scene.record_bounds(
+            rec,
+            &self.constants,
+            &self.n_undrawable,
+            moved(moves_all || noise.is_some() || clears.is_some()),
+        );
         // The next step that sees them catches up first.
         if self.config.adam != AdamMode::Lazy {
             self.scene.record_halves(rec, moved(moves_all));
