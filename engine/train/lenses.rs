@@ -1,4 +1,4 @@
-//! Lenses: views before which density control leaves room.
+//! Lenses: views before which density control leaves room, and spaces before them that are kept clear.
 //!
 //! What lies just before a lens veils its picture. In a training camera's own picture that shows, and training mends it. Before a
 //! place where no camera stands nothing does: a wall that the cameras across the room see may bulge into the room there. People look
@@ -57,7 +57,7 @@ pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
     evenly_chosen(sets.into_iter().filter_map(amid).filter(is_seen).collect(), MOST_BETWEEN)
 }
 
-/// Whether the training cameras stand where they are throughout, so that a place before or between them is free at all times.
+/// True if no training camera moves: a place before or between them is then free at all times.
 fn stand(capture: &Capture) -> bool {
     let moves = capture.cameras.iter().any(|camera| !camera.is_test && camera.moves());
     !moves && (capture.n_frames == 1 || capture.is_rig_clip())

@@ -2,6 +2,7 @@
 
 mod background;
 mod base;
+mod cases;
 mod changed;
 mod compare;
 mod cut_out;

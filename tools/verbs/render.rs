@@ -131,7 +131,7 @@ pub struct ConstantArgs {
     #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
     blur: Option<f32>,
     /// Gaussians up to this far before the camera are dropped, scene units. By default that of the run, else 0.01. `ivv train`
-    /// measures it in a frame where the rig's extent is 3, and takes 0.375 or, if less, half the depth of the nearest points.
+    /// measures it in a frame where the rig's extent is 3.
     #[arg(long)]
     near: Option<f32>,
 }
