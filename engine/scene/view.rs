@@ -68,7 +68,7 @@ pub struct Clearing {
     pub radius: f32,
     /// The optical axis, of length 1.
     pub axis: [f32; 3],
-    /// Of the surface at the lens; positive where the neighbours stand before the lens; 1 / scene units.
+    /// Curvature of the surface at the lens, 1 / scene units. It is positive if the neighbours stand before the lens.
     pub curvature: f32,
     /// Gradient of the surface's height over the plane through the lens; at right angles to the axis.
     pub slope: [f32; 3],

@@ -4,7 +4,7 @@
 //           neighbours stand on is h = z - slope . o - curvature s / 2. Where -margin < h < depth and s < radius^2:
 //           p -= (h + margin + a little) axis. Lens after lens.
 // Grid      one thread per Gaussian of a group.
-// Numerics  a little is more than the rounding of h, so that who was moved stays. All stay when the step failed.
+// Numerics  a little exceeds the rounding of h, so a Gaussian that was moved is not moved again. None moves if the step failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require

@@ -1,4 +1,4 @@
-//! What `../shared/cases/numerics` shows, where it is there.
+//! The cases of `../shared/cases/numerics` that bring files; skipped where the folder is absent.
 
 use super::run::{json, works};
 use crate::common::frames::render;

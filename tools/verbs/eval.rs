@@ -298,7 +298,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     warn_of_shared_pictures(&run);
     let source = Source::open(args.scene.as_ref().unwrap_or(&args.run))?;
     if args.scene.is_some() {
-        // What others see of the scene is scored, not what they would see with the run's constants.
+        // Score the picture that other viewers draw: they do not know the run's constants.
         run.constants = run.constants_of_training(source.look.constants);
     }
     let shown = source.seen()?;
