@@ -4,6 +4,7 @@ mod background;
 mod base;
 mod cases;
 mod changed;
+mod clocks;
 mod compare;
 mod cut_out;
 mod density;
