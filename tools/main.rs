@@ -1,5 +1,5 @@
 //! `ivv`: the command line. `verbs` has one file per verb, what they share lies beside this file; the manual's page
-//! `headless.md` lists the exit codes.
+//! `errors.md` lists the exit codes.
 
 mod apart;
 mod behind;

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 
 /// Learnt poses that move what cameras see by less than this, pixels, are the capture's: when they are judged, they have moved by 0.07 to
 /// 0.09 pixels where the capture's are right, and by 0.26 to 0.41 where they are 0.2 degrees and 10 mm off
-/// (`assets/manual/src/techniques.md`).
+/// (`assets/lab/techniques.md`).
 const LEAST_DISPLACEMENT: f64 = 0.15;
 /// Gaussians whose centres are looked at, at most.
 const MOST_CENTERS: usize = 2000;
