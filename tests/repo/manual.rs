@@ -10,13 +10,19 @@ use std::process::Command;
 /// Documents beside the code. The book includes most of them.
 const DOCUMENTS: [&str; 6] = [
     "engine/ARCHITECTURE.md",
+    "engine/RECIPES.md",
     "engine/TRAINING.md",
     "engine/sound/README.md",
     "shaders-glsl/README.md",
     "assets/README.md",
-    "assets/measured.md",
 ];
 const BOOK: &str = "assets/manual/src";
+/// Words of the book at most, without the documents that it includes.
+const MOST_WORDS: usize = 12_000;
+/// Pages that are numbers or generated. On others a twentieth of the words may be numbers.
+const OF_NUMBERS: [&str; 4] = ["benchmarks.md", "commands.md", "method.md", "settings.md"];
+/// Dated notes of measurements, and records of programs in folders.
+const LAB: &str = "assets/lab";
 const SETTINGS: &str = "assets/manual/src/settings.md";
 /// What the sections of this page are called in comments of the code, with their number.
 const METHOD: &str = "assets/manual/src/method.md";
@@ -442,8 +448,46 @@ fn what_code_and_documents_cite_is_in_the_repository() {
     }
 }
 
+/// The words of a page, and how many of them are numbers: digits without a letter but the x of a size.
+fn words_and_numbers(page: &str) -> (usize, usize) {
+    let is_word = |word: &&str| word.chars().any(char::is_alphanumeric);
+    let is_number =
+        |word: &&str| word.chars().any(|c| c.is_ascii_digit()) && !word.chars().any(|c| c.is_alphabetic() && c != 'x');
+    let words: Vec<&str> = page.split_whitespace().filter(is_word).collect();
+    (words.len(), words.into_iter().filter(is_number).count())
+}
+
 #[test]
-fn the_readme_stays_within_150_lines() {
-    let n = text("README.md").lines().count();
-    assert!((50..=150).contains(&n), "{n} lines");
+fn the_book_is_short_and_leaves_measurements_to_the_lab() {
+    assert_eq!(words_and_numbers("| `-3.5` | 128x96 of 3D, 24. | --- |"), (5, 3));
+    let mut n_words = 0;
+    for page in pages() {
+        let (words, numbers) = words_and_numbers(&text(&page));
+        n_words += words;
+        let is_of_numbers = OF_NUMBERS.iter().any(|name| page.ends_with(&format!("/{name}")));
+        let are_few = is_of_numbers || 20 * numbers <= words;
+        assert!(are_few, "{page}: {numbers} numbers in {words} words; measurements belong to {LAB}");
+    }
+    assert!((5_000..=MOST_WORDS).contains(&n_words), "the book has {n_words} words");
+    let n_lines = text("README.md").lines().count();
+    assert!((50..=100).contains(&n_lines), "README.md has {n_lines} lines");
+}
+
+#[test]
+fn every_note_of_the_lab_is_in_its_index_and_answers_a_question() {
+    let index = text(&format!("{LAB}/README.md"));
+    let listed: BTreeSet<String> = links(&index).map(|note| format!("{LAB}/{note}")).collect();
+    let is_note = |file: &String| {
+        let name = &file[LAB.len() + 1..];
+        name.ends_with(".md") && !name.contains('/') && name != "README.md"
+    };
+    let there: BTreeSet<String> = files(LAB).into_iter().filter(is_note).collect();
+    assert_eq!(listed, there);
+    let is_dated = |note: &&String| note[LAB.len() + 1..].starts_with(|c: char| c.is_ascii_digit());
+    for note in there.iter().filter(is_dated) {
+        let text = text(note);
+        for part in ["Question", "Command", "Commit", "Verdict"] {
+            assert!(text.contains(&format!("\n- **{part}**: ")), "{note} has no {}", part.to_lowercase());
+        }
+    }
 }
