@@ -90,8 +90,6 @@ run() {
     trap 'rm -rf "'"$blocks"'"' EXIT
     mkdir -p "$blocks/bin"
     ln -sf "$(realpath "$ivv")" "$blocks/bin/ivv"
-    # The set-up installs NumPy for Debian's own Python; another may come before it in the path.
-    [ ! -x /usr/bin/python3 ] || ln -sf /usr/bin/python3 "$blocks/bin/python3"
     export PATH=$blocks/bin:$PATH
     cd "$folder"
     # Pages name shipped files as they lie in the repository.

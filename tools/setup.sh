@@ -7,7 +7,7 @@
 #     prepare  run, and the programs that `ivv prepare` calls: ffmpeg, COLMAP, OpenCV for Python
 #     player   run, and what the tests of the browser player need: Chromium, node, packages of npm, the .4dgs package for Python
 #     play     run, and what `ivv play` needs to build and to open windows, and its tests: a display in memory, keys and pointer
-#     manual   run, and what builds the manual and its commands need: mdBook, ffmpeg, Pillow for Python
+#     manual   run, and what builds the manual and its commands need: mdBook, ffmpeg, Python
 #     cluster  run, and what the jobs of a long clip are tested with: Snakemake, Slurm
 #     mpi      run, and what `cargo build --features mpi` and `mpirun` need: Open MPI, libclang
 set -euo pipefail
@@ -156,7 +156,7 @@ for part in "${@:-run}"; do
         packages+=(libasound2-dev pkg-config libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon-x11-0)
         packages+=(xvfb xdotool vulkan-validationlayers)
         ;;
-    manual) packages+=(ffmpeg python3-numpy python3-pil) manual=yes ;;
+    manual) packages+=(ffmpeg python3) manual=yes ;;
     mpi) packages+=(openmpi-bin libopenmpi-dev libclang-dev) ;;
     cluster) packages+=(python3-venv slurmctld slurmd slurm-client munge) cluster=yes ;;
     *)
