@@ -7,8 +7,8 @@ mod axes;
 mod family;
 
 use axes::{
-    ACCUMULATION, CARRIED, DEGREE, DIRECTION, EYES, GATHERED, HALF, LANES, MOMENTS, OUTPUTS, PIXELS, POOLED,
-    POPULATION, REPORTED, STRIDE,
+    ACCUMULATION, CARRIED, DEGREE, DIRECTION, GATHERED, HALF, LANES, MOMENTS, OUTPUTS, PIXELS, POOLED, POPULATION,
+    REPORTED, STRIDE,
 };
 pub use family::{Cost, Count, Family, Spec, Term};
 use family::{NONE, ROW, blending, own, per, switch};
@@ -59,24 +59,19 @@ pub static FAMILIES: &[Family] = &[
     },
     Family { name: "prepare_active", file: "cull/prepare_active.comp", twin: |_| "scan::exclusive_scan", ..ROW },
     Family {
-        name: "project", file: "project/project.comp", twin: |_| "project::project", axes: &[EYES, POPULATION, DEGREE, HALF],
+        name: "project", file: "project/project.comp", twin: |_| "project::project", axes: &[POPULATION, DEGREE, HALF],
         same: |choice| {
             // Degree 0 has no bands to halve.
-            if choice[2] == 0 {
-                choice[3] = 0;
+            if choice[1] == 0 {
+                choice[2] = 0;
             }
         },
         count: Count::Active,
-        limit_ns: |s| match s.is("STEREO") {
-            true => [290.0, 320.0, 340.0, 375.0][s.degree()],
-            false => [160.0, 175.0, 195.0, 230.0][s.degree()],
-        },
+        limit_ns: |s| [160.0, 175.0, 195.0, 230.0][s.degree()],
         cost: Some(|s| {
-            // A second eye has a splat and a tile count of its own; rotation, scales and opacity are those of the first.
-            let (bytes, flops, eyes) = if s.is("STEREO") { (68.0, 200.0, 2.0) } else { (0.0, 0.0, 1.0) };
             vec![
-                per(Count::Active, 48.0 + s.motion() + 4.0 + 76.0 + bytes, 260.0 + flops),
-                per(Count::Visible, 16.0 + s.bands(), eyes * s.sh_flops()),
+                per(Count::Active, 48.0 + s.motion() + 4.0 + 76.0, 260.0),
+                per(Count::Visible, 16.0 + s.bands(), s.sh_flops()),
             ]
         }),
     },

@@ -3,23 +3,16 @@
 use crate::interrupt::Stop;
 use crate::progress::Progress;
 use crate::screen::out;
-use ivv::report::statistics::{mean, median, quantile};
-use ivv::scene::{Splats, View};
+use ivv::report::statistics::{mean, quantile};
+use ivv::scene::View;
 use ivv::stage::{Destination, Outputs, Renderer};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// The distance of two eyes, by that of the middle of the scene: 6 cm at 2.4 m.
-const EYES: f64 = 1.0 / 40.0;
 /// What is measured: in JSON, and in the table.
-const KINDS: [(&str, &str); 4] = [
-    ("drawn", "stays on the device"),
-    ("read_back", "read back to the host"),
-    ("stereo", "two eyes, shared"),
-    ("two_views", "two eyes, apart"),
-];
+const KINDS: [(&str, &str); 2] = [("drawn", "stays on the device"), ("read_back", "read back to the host")];
 
-/// What frames, or pairs of them for two eyes, took.
+/// What frames took.
 #[derive(serde::Serialize)]
 struct Rate {
     /// Of the mean time.
@@ -57,18 +50,13 @@ impl Bench {
     /// Renders `views`, at least one, of `splats` in turn for so many seconds and at least once each, the kinds by turns.
     pub fn new(
         renderer: &mut Renderer,
-        splats: &Splats,
         views: &[View],
         outputs: Outputs,
         seconds: f64,
         stop: &Stop,
     ) -> ivv::Result<Self> {
-        let middle = middle(splats);
-        let eyes: Vec<[View; 2]> = views.iter().map(|view| eyes(view, middle)).collect();
         // Kernels are compiled at their first dispatch, and lists grow to their size.
-        for [first, second] in &eyes {
-            renderer.stereo([first, second], outputs, Destination::Device)?;
-        }
+        renderer.stream(views.iter().cloned(), outputs, Destination::Device, |_, _, _| ivv::Result::Ok(true))?;
         let mut times: [Vec<f64>; KINDS.len()] = Default::default();
         let mut progress = Progress::passing("bench", views.len());
         let begun = Instant::now();
@@ -80,17 +68,6 @@ impl Bench {
                     last = Instant::now();
                     ivv::Result::Ok(true)
                 })?;
-            }
-            for [first, second] in &eyes {
-                let last = Instant::now();
-                renderer.stereo([first, second], outputs, Destination::Device)?;
-                times[2].push(last.elapsed().as_secs_f64());
-                let last = Instant::now();
-                let pictures = [first, second].map(|eye| renderer.begin(eye, outputs, Destination::Device));
-                for picture in pictures {
-                    renderer.end(picture?)?;
-                }
-                times[3].push(last.elapsed().as_secs_f64());
             }
             progress.reach(times[0].len(), times[0].len(), "frames");
         }
@@ -106,24 +83,4 @@ impl Bench {
             out!("{name:<22} {frames_per_second:>9.1} {median_ms:>10.2} {p95_ms:>9.2} {p99_ms:>9.2}");
         }
     }
-}
-
-/// The median of the Gaussians' places, by axis.
-fn middle(splats: &Splats) -> [f64; 3] {
-    std::array::from_fn(|axis| {
-        let along: Vec<f64> = splats.position.iter().map(|p| f64::from(p[axis])).filter(|x| x.is_finite()).collect();
-        if along.is_empty() { 0.0 } else { median(&along) }
-    })
-}
-
-/// Two eyes beside each other where `view` looks from, as far apart as suits a scene with this middle.
-fn eyes(view: &View, middle: [f64; 3]) -> [View; 2] {
-    let m = view.pose.rows();
-    let along = |row: &[f64; 4]| row[3] + (0..3).map(|axis| row[axis] * middle[axis]).sum::<f64>();
-    let distance = m[..3].iter().map(|row| along(row).powi(2)).sum::<f64>().sqrt();
-    [0.5, -0.5].map(|side| {
-        let mut eye = view.clone();
-        eye.pose.translation.x += side * EYES * distance;
-        eye
-    })
 }

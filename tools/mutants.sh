@@ -49,8 +49,6 @@ room for one intersection more than there is|shaders-glsl/scan/scan_downsweep.co
 row 40, offsets without their gauge|shaders-glsl/clock/clock_step.comp|s/clocks\[k\].x -= mean;/clocks[k].x -= 0.0 * mean;/|n27
 row 7, gradients are not looked at|shaders-glsl/project/project_bwd.comp|s/const bool good = finite4.*/const bool good = true;/|n28
 row 60, the gain at the source|engine/sound/geometry.rs|s/r_m \/ bearing.r_l.max(r_min)/r_m \/ bearing.r_l/|n29
-the second eye with the colours that the first one sees|shaders-glsl/project/project.comp|s/direction_from(second_view, /direction_from(view, /|kernel::eyes
-lists of the second eye on the grids of the first|engine/stage/stereo.rs|s/^ *rec.copy(second.grids.slice(), shared_grids(work));$//|render::stereo
 sums of gradients without their carry|shaders-glsl/include/batch.glsl|s/a.y + b.y + uint(low < a.x)/a.y + b.y/|kernel::batch
 gradients beyond 16 are no gradients|shaders-glsl/include/batch.glsl|s/clamp(g \* BATCH_SCALE, -BATCH_LARGEST, BATCH_LARGEST)/g * BATCH_SCALE/|n24
 a correction of a pose that leaves the camera of the next frame|shaders-glsl/project/project_bwd.comp|s/== CAMERA_WITH_NEXT/== 7u/|a_flow_that_no_pose_changes

@@ -106,7 +106,7 @@ impl Slice {
     }
 
     /// Whether the two share a byte.
-    pub fn overlaps(&self, other: &Slice) -> bool {
+    pub(super) fn overlaps(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer)
             && self.offset < other.offset + other.size
             && other.offset < self.offset + self.size

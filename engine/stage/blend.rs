@@ -71,18 +71,6 @@ impl Blend {
         })
     }
 
-    /// Images beside these, of pictures that are blended after each other.
-    pub(super) fn beside(&self, gpu: &Gpu) -> Result<Self> {
-        let alloc_like = |image: &Buf<[f32; 4]>| gpu.alloc::<[f32; 4]>("image of a second eye", image.len());
-        Ok(Blend {
-            image0: alloc_like(&self.image0)?,
-            image1: self.image1.as_ref().map(alloc_like).transpose()?,
-            tail: None,
-            chunks: self.chunks.clone(),
-            ..*self
-        })
-    }
-
     /// The images, in the order of their numbers.
     pub fn images(&self) -> Vec<Buf<[f32; 4]>> {
         [&self.image0].into_iter().chain(&self.image1).cloned().collect()
@@ -106,13 +94,6 @@ impl Blend {
     /// Entries of the longest list that `rounds` rounds reach the end of.
     pub fn longest(&self, rounds: u32) -> u32 {
         if self.chunks.is_some() { u32::MAX } else { rounds * SEGMENT }
-    }
-
-    /// Appends what must come before another picture in the same frame.
-    pub fn record_clear(&self, rec: &mut Recording) {
-        if let Some(chunks) = &self.chunks {
-            rec.fill(chunks.args.slice(), 0);
-        }
     }
 
     /// Appends blending of `lists` in `rounds` rounds, enough for lists of [`Blend::longest`] entries.

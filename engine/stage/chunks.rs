@@ -18,7 +18,6 @@ const CHUNKS: u32 = 2;
 pub(super) const N_ZEROS: usize = 12;
 
 /// The chunks of a picture's long lists, and what each leaves for every pixel of its tile.
-#[derive(Clone)]
 pub(super) struct Chunks {
     /// Grids: over chunks and tiles, over chunks, over long lists; the fourth word of each counts its items.
     pub args: Buf<u32>,

@@ -64,19 +64,6 @@ impl Extent {
     }
 }
 
-/// A strip that is recorded, and not yet handed to the device.
-pub(super) struct Recorded {
-    pub recording: Recording,
-    pub lists: Lists,
-    pub extent: Extent,
-    /// Where its status is written to.
-    pub status: Slice,
-    pub rounds: u32,
-    /// What is read back behind it.
-    pub images: Vec<Buf<[f32; 4]>>,
-    pub measure: Measure,
-}
-
 /// A strip that the device works on.
 pub(super) struct Launched {
     // Goes first: it waits for the device, which uses what the recording holds.

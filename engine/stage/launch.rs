@@ -2,7 +2,7 @@
 //! renders it, its images in one behind that: the host waits for nothing before the end, and may hand over another strip meanwhile.
 
 use super::backward::{Backward, Target};
-use super::job::{Copies, Extent, Job, Landed, Launched, Measure, Recorded};
+use super::job::{Copies, Extent, Job, Landed, Launched, Measure};
 use super::params::{Strip, view_params};
 use super::renderer::Renderer;
 use super::room::{Outcome, Size};
@@ -17,7 +17,7 @@ use std::time::Instant;
 const MOST_SPARE: usize = 6;
 
 impl Renderer {
-    /// Hands `strip` to the device, to be blended in so many rounds.
+    /// Hands `strip` to the device, to be blended in so many rounds, and behind it the copies of its images.
     pub(super) fn launch(&mut self, job: &Job, strip: Strip, rounds: u32) -> Result<Launched> {
         self.load_window(job.view)?;
         let extent = Extent::new(job.view, strip);
@@ -38,13 +38,7 @@ impl Renderer {
         recording.section("status");
         recording.copy(work.status.slice(), status.clone());
         let images = job.read_back(&work.blend);
-        self.hand_over(Recorded { recording, lists, extent, status, rounds, images, measure: job.measure })
-    }
-
-    /// Hands a strip that was recorded within the present room to the device, and behind it the copies of its images.
-    pub(super) fn hand_over(&mut self, recorded: Recorded) -> Result<Launched> {
-        let Recorded { recording, lists, extent, status, rounds, images, measure } = recorded;
-        let running = match measure {
+        let running = match job.measure {
             Measure::Nothing => self.gpu.start(&recording)?,
             Measure::Times | Measure::Work => self.gpu.start_timed(&recording)?,
         };
@@ -54,7 +48,7 @@ impl Renderer {
     }
 
     /// Room for a strip of `job`.
-    pub(super) fn make_room(&mut self, job: &Job, extent: &Extent) {
+    fn make_room(&mut self, job: &Job, extent: &Extent) {
         let room = &mut self.room;
         room.tiles = room.tiles.max(extent.n_tiles);
         room.pixels = room.pixels.max(extent.n_pixels as usize);
@@ -81,7 +75,7 @@ impl Renderer {
     }
 
     /// A slice of the host's memory that so many bytes are copied to: one that is free, or a new one.
-    pub(super) fn slice(&mut self, bytes: usize) -> Result<Slice> {
+    fn slice(&mut self, bytes: usize) -> Result<Slice> {
         match self.spare.iter().position(|spare| spare.size() == bytes as u64) {
             Some(found) => Ok(self.spare.swap_remove(found)),
             None => self.gpu.readback::<u8>("picture read back", bytes),

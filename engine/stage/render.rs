@@ -315,7 +315,7 @@ impl Renderer {
     }
 
     /// The most rows, whole tiles, whose images fit a binding.
-    pub(super) fn longest_strip(&self, view: &View) -> Result<u32> {
+    fn longest_strip(&self, view: &View) -> Result<u32> {
         let row_bytes = 16 * u64::from(view.intrinsics.width);
         let limit = self.gpu.caps().max_binding_bytes;
         let rows = limit / row_bytes / u64::from(TILE) * u64::from(TILE);

@@ -4,7 +4,6 @@ use super::accumulation::Sums;
 use super::params::{Outputs, Purpose, constants_on};
 use super::room::Room;
 use super::scene::SceneBuffers;
-use super::second_eye::SecondEye;
 use super::window::Windows;
 use super::workspace::Workspace;
 use crate::error::Result;
@@ -22,8 +21,6 @@ pub struct Renderer {
     pub(super) room: Room,
     /// Slices of the host's memory that were copied to and are free again.
     pub(super) spare: Vec<Slice>,
-    /// What the second of two eyes has of its own.
-    pub(super) second: Option<SecondEye>,
     /// Where only what lives near a view's time is on the device.
     pub(super) windows: Option<Windows>,
 }
@@ -88,7 +85,7 @@ impl Renderer {
         };
         room.active = room.active_of(scene.n, gpu.caps());
         room.intersections = room.active.saturating_mul(2).max(1 << 16);
-        Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), second: None, windows }
+        Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), windows }
     }
 
     /// The device.

@@ -40,9 +40,7 @@ pub struct Tiles {
     slots: Option<Slots>,
     /// First slot of each active Gaussian; for gradients only.
     pub slot_first: Buf<u32>,
-    // What counts up from zero: see `record_clear`.
-    counters: Buf<u32>,
-    // Of those, tiles by the length of their lists, and how many of them are in order.
+    // Tiles by the length of their lists, and how many of them are in order; they count up from zero.
     buckets: [Buf<u32>; 2],
     /// First entry of each tile's list.
     pub tile_first: Buf<u32>,
@@ -97,7 +95,6 @@ impl Tiles {
                 true => Some(Slots { slots: gpu.alloc("slots", i)?, sorted_ids: gpu.alloc("sorted splats", i)? }),
             },
             slot_first: gpu.alloc("slot first", if has_slots { n } else { 1 })?,
-            counters,
             buckets: [buckets, cursors].map(|whole| whole.range(0, BUCKETS)),
             tile_first: gpu.alloc("tile first", t)?,
             tile_last: gpu.alloc("tile last", t)?,
@@ -117,7 +114,7 @@ impl Tiles {
         indirect(&self.emit_args, 0)
     }
 
-    /// Appends the sort of `projected` by depth; gives the active indices, near to far. The first binning may follow.
+    /// Appends the sort of `projected` by depth; gives the active indices, near to far.
     pub fn record_order(&self, rec: &mut Recording, cull: &Cull, projected: &Projected) -> Buf<u32> {
         rec.section("depth sort");
         let unsorted = Unsorted {
@@ -128,11 +125,6 @@ impl Tiles {
             blocks: &indirect(&cull.args, ARGS_SORT),
         };
         self.depth_sort.record(rec, unsorted).1
-    }
-
-    /// Appends what must come before another binning in the same order.
-    pub fn record_clear(&self, rec: &mut Recording) {
-        rec.fill(self.counters.slice(), 0);
     }
 
     /// Appends the binning of what `eye` sees, in the `order` of their depths, into `n_tiles` tiles. A list of more than `longest`

@@ -122,8 +122,8 @@ impl Workspace {
         }
     }
 
-    /// What it is seen from, and where what is seen lies.
-    pub(super) fn eye(&self) -> Eye<'_> {
+    /// The view, and where the Gaussians in it lie.
+    fn eye(&self) -> Eye<'_> {
         Eye { view: &self.view, status: &self.status, projected: &self.projected }
     }
 }

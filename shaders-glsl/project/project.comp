@@ -1,11 +1,10 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   projects the active Gaussians of a group for an eye or two, evaluates their colour and counts their tiles.
+// Purpose   projects the active Gaussians of a group, evaluates their colour and counts their tiles.
 // Equation  SPEC 3: x_c = R mu(t') + t, C = (J R M)(J R M)^T + blur I, alpha = opacity(t') exp(-d^T C^-1 d / 2).
 //           Flow: dt J0 R v, or pi'(mu(t' + dt)) - pi(mu(t')) where that lies before the camera one frame on.
 // Grid      one thread per active Gaussian of the group.
-// Reads     the parameters of the active Gaussians, by group-local index; once for both eyes, which have one time.
-// Writes    splats (four vec4 each), depth key, identity, tile count, by active index; of the second eye splats and tile
-//           count, since its order is that of the first.
+// Reads     the parameters of the active Gaussians, by group-local index.
+// Writes    splats (four vec4 each), depth key, identity, tile count, by active index.
 // Numerics  factored form of include/conic.glsl; a record with anything non-finite touches no tile and is counted.
 #version 460
 #extension GL_GOOGLE_include_directive : require
@@ -48,20 +47,8 @@ layout(set = 0, binding = 11) restrict readonly buffer Sh2 { vec4 sh2[]; };
 layout(set = 0, binding = 12) restrict readonly buffer Sh3 { vec4 sh3[]; };
 vec4 band(vec4 values) { return values; }
 #endif
-#ifdef STEREO
-layout(set = 0, binding = 13) uniform SecondView { ViewParams second_view; };
-layout(set = 0, binding = 14) restrict writeonly buffer SecondSplats { vec4 second_splats[]; };
-layout(set = 0, binding = 15) restrict writeonly buffer SecondTileCounts { uint second_tile_counts[]; };
-layout(set = 0, binding = 16) restrict buffer SecondStatus { Status second_status; };
-const uint EYES = 2u;
-// The statement for each eye k: a loop would keep the arrays out of registers.
-#define EACH_EYE(statement) { const uint k = 0u; statement } { const uint k = 1u; statement }
-#else
-const uint EYES = 1u;
-#define EACH_EYE(statement) { const uint k = 0u; statement }
-#endif
 
-// What a Gaussian is at the view's time, whoever looks.
+// A Gaussian at the view's time.
 struct Gaussian {
     vec3 mean;
     vec3 velocity;
@@ -71,7 +58,7 @@ struct Gaussian {
     vec3 scale;
 };
 
-// What an eye sees of it, but for the colour.
+// A Gaussian on the picture, but for the colour.
 struct Splat {
     vec2 xy;
     float z;
@@ -135,27 +122,26 @@ vec3 direction_from(ViewParams view, vec3 mean) {
     return unit_direction(from_camera, inverse_distance);
 }
 
-// Seen along each direction, before the clamp to >= 0, which would hide a NaN. A coefficient is read once for all.
-void colors_of(uint i, vec3 dir[EYES], out vec3 colors[EYES]) {
-    const vec3 constant = SH_0 * sh0[i].xyz;
-    EACH_EYE(colors[k] = constant;)
+// Seen along a direction, before the clamp to >= 0, which would hide a NaN.
+vec3 color_of(uint i, vec3 dir) {
+    vec3 color = SH_0 * sh0[i].xyz;
 #if SH_DEGREE >= 1
     const uint b1 = plane_index(i, 3u, 0u);
     const vec4 c1[3] = vec4[](band(sh1[b1]), band(sh1[b1 + 32u]), band(sh1[b1 + 64u]));
-    EACH_EYE(colors[k] += sh_band1(c1[0], c1[1], c1[2], dir[k]);)
+    color += sh_band1(c1[0], c1[1], c1[2], dir);
 #endif
 #if SH_DEGREE >= 2
     const uint b2 = plane_index(i, 4u, 0u);
     const vec4 c2[4] = vec4[](band(sh2[b2]), band(sh2[b2 + 32u]), band(sh2[b2 + 64u]), band(sh2[b2 + 96u]));
-    EACH_EYE(colors[k] += sh_band2(c2[0], c2[1], c2[2], c2[3], dir[k]);)
+    color += sh_band2(c2[0], c2[1], c2[2], c2[3], dir);
 #endif
 #if SH_DEGREE >= 3
     const uint b3 = plane_index(i, 6u, 0u);
     const vec4 c3[6] = vec4[](band(sh3[b3]), band(sh3[b3 + 32u]), band(sh3[b3 + 64u]), band(sh3[b3 + 96u]),
         band(sh3[b3 + 128u]), band(sh3[b3 + 160u]));
-    EACH_EYE(colors[k] += sh_band3(c3[0], c3[1], c3[2], c3[3], c3[4], c3[5], dir[k]);)
+    color += sh_band3(c3[0], c3[1], c3[2], c3[3], c3[4], c3[5], dir);
 #endif
-    EACH_EYE(colors[k] += 0.5;)
+    return color + 0.5;
 }
 
 // Positive floats order as their bits do. A short key counts from the near plane on. It is full 2^32 times as far if it has 24
@@ -192,49 +178,27 @@ uint tiles_of(ViewParams view, Splat splat, Gaussian g, vec3 color, out bool see
     return n_tiles;
 }
 
-// What an eye is told of the Gaussian, and of the whole subgroup. Macros, since buffers are no arguments.
-#define PUT(splats, tile_counts, view, splat, color, seen, bad) {                   \
-    splats[SPLAT_PLANES * at] = vec4(splat.xy, splat.m.xy);                          \
-    splats[SPLAT_PLANES * at + 1u] = vec4(splat.m.zw, g.opacity, splat.z);           \
-    splats[SPLAT_PLANES * at + 2u] = vec4(max(color, vec3(0.0)), splat.flow.x);      \
-    splats[SPLAT_PLANES * at + 3u] = vec4(splat.flow.y, splat.ellipse);              \
-    tile_counts[at] = tiles_of(view, splat, g, color, seen, bad);                    \
-}
-#define COUNT(status, seen, bad) {                                                                                \
-    const uvec4 visible = subgroupBallot(seen);                                                                   \
-    const uvec4 faulty = subgroupBallot(bad);                                                                     \
-    if (gl_SubgroupInvocationID == 0u) {                                                                          \
-        if ((visible.x | visible.y) != 0u) atomicAdd(status.n_visible, bitCount(visible.x) + bitCount(visible.y)); \
-        if ((faulty.x | faulty.y) != 0u) atomicAdd(status.n_bad, bitCount(faulty.x) + bitCount(faulty.y));         \
-    }                                                                                                             \
-}
-
 void main() {
     const uvec2 range = ranges[pc.group];
     const uint at = range.x + linear_thread(gl_WorkGroupSize.x);
-    bool seen[EYES];
-    bool bad[EYES];
-    EACH_EYE(seen[k] = bad[k] = false;)
+    bool seen = false;
+    bool bad = false;
     if (at < range.y) {
         const uint i = active_id[at] - pc.first;
         const Gaussian g = gaussian_of(i);
         const Splat splat = splat_of(view, g);
-        vec3 dir[EYES];
-        dir[0] = direction_from(view, g.mean);
-#ifdef STEREO
-        dir[1] = direction_from(second_view, g.mean);
-#endif
-        vec3 color[EYES];
-        colors_of(i, dir, color);
+        const vec3 color = color_of(i, direction_from(view, g.mean));
         depth_keys[at] = depth_key(view, splat.z);
-        PUT(splats, tile_counts, view, splat, color[0], seen[0], bad[0])
-#ifdef STEREO
-        const Splat second = splat_of(second_view, g);
-        PUT(second_splats, second_tile_counts, second_view, second, color[1], seen[1], bad[1])
-#endif
+        splats[SPLAT_PLANES * at] = vec4(splat.xy, splat.m.xy);
+        splats[SPLAT_PLANES * at + 1u] = vec4(splat.m.zw, g.opacity, splat.z);
+        splats[SPLAT_PLANES * at + 2u] = vec4(max(color, vec3(0.0)), splat.flow.x);
+        splats[SPLAT_PLANES * at + 3u] = vec4(splat.flow.y, splat.ellipse);
+        tile_counts[at] = tiles_of(view, splat, g, color, seen, bad);
     }
-    COUNT(status, seen[0], bad[0])
-#ifdef STEREO
-    COUNT(second_status, seen[1], bad[1])
-#endif
+    const uvec4 visible = subgroupBallot(seen);
+    const uvec4 faulty = subgroupBallot(bad);
+    if (gl_SubgroupInvocationID == 0u) {
+        if ((visible.x | visible.y) != 0u) atomicAdd(status.n_visible, bitCount(visible.x) + bitCount(visible.y));
+        if ((faulty.x | faulty.y) != 0u) atomicAdd(status.n_bad, bitCount(faulty.x) + bitCount(faulty.y));
+    }
 }

@@ -8,7 +8,6 @@ mod clear;
 mod clock;
 mod cull;
 mod density;
-mod eyes;
 mod fisher;
 mod halves;
 mod losses;

@@ -7,4 +7,3 @@ mod knobs;
 mod large;
 pub mod parts;
 mod places;
-mod stereo;

@@ -58,8 +58,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "film")]
     profile: bool,
     /// Writes nothing: renders the views in turn for so many seconds, each while the host is busy with the one before, and tells
-    /// frames per second and percentiles of their times: of frames that stay on the device and of such that are read back, and
-    /// of pairs for two eyes that share culling, projection and the sort by depth and that share nothing.
+    /// frames per second and percentiles of their times: of frames that stay on the device and of such that are read back.
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
     bench: Option<f64>,
     /// With --bench, for each setting of `frame` and the frames of each preset instead: the time of a frame, for so many seconds each,
@@ -305,8 +304,8 @@ impl Args {
             }
             return Ok(());
         }
-        let mut renderer = Renderer::of_clip(gpu.clone(), splats.clone(), constants)?;
-        let bench = Bench::new(&mut renderer, &splats, views, outputs, seconds, stop)?;
+        let mut renderer = Renderer::of_clip(gpu.clone(), splats, constants)?;
+        let bench = Bench::new(&mut renderer, views, outputs, seconds, stop)?;
         if json {
             let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
             out!("{}", serde_json::to_string_pretty(&report)?);
