@@ -14,7 +14,6 @@ pub const DEGREE: Axis = Axis {
 };
 pub const PIXELS: Axis = switch("is_eight", &[("p4", ("PIXELS", "4")), ("p8", ("PIXELS", "8"))]);
 pub const OUTPUTS: Axis = switch("is_color", &[("", ("FULL", "1")), ("color", NONE)]);
-pub const HALF: Axis = switch("is_half", &[("", NONE), ("half", ("SH_HALF", "1"))]);
 pub const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);
 pub const STRIDE: Axis = switch("is_halved", &[("", NONE), ("s2", ("STRIDE", "2u"))]);
 pub const GATHERED: Axis = switch("is_gathered", &[("", NONE), ("gathered", ("GATHERED", "1"))]);

@@ -7,8 +7,8 @@ mod axes;
 mod family;
 
 use axes::{
-    ACCUMULATION, CARRIED, DEGREE, DIRECTION, GATHERED, HALF, LANES, MOMENTS, OUTPUTS, PIXELS, POOLED, POPULATION,
-    REPORTED, STRIDE,
+    ACCUMULATION, CARRIED, DEGREE, DIRECTION, GATHERED, LANES, MOMENTS, OUTPUTS, PIXELS, POOLED, POPULATION, REPORTED,
+    STRIDE,
 };
 pub use family::{Cost, Count, Family, Spec, Term};
 use family::{NONE, ROW, blending, own, per, switch};
@@ -59,13 +59,7 @@ pub static FAMILIES: &[Family] = &[
     },
     Family { name: "prepare_active", file: "cull/prepare_active.comp", twin: |_| "scan::exclusive_scan", ..ROW },
     Family {
-        name: "project", file: "project/project.comp", twin: |_| "project::project", axes: &[POPULATION, DEGREE, HALF],
-        same: |choice| {
-            // Degree 0 has no bands to halve.
-            if choice[1] == 0 {
-                choice[2] = 0;
-            }
-        },
+        name: "project", file: "project/project.comp", twin: |_| "project::project", axes: &[POPULATION, DEGREE],
         count: Count::Active,
         limit_ns: |s| [160.0, 175.0, 195.0, 230.0][s.degree()],
         cost: Some(|s| {
@@ -74,12 +68,6 @@ pub static FAMILIES: &[Family] = &[
                 per(Count::Visible, 16.0 + s.bands(), s.sh_flops()),
             ]
         }),
-    },
-    // A dispatch per band: their mean over the three.
-    Family {
-        name: "sh_half", file: "project/sh_half.comp", twin: |_| "sh::half_value", count: Count::Gaussians,
-        limit_ns: |_| 60.0,
-        cost: Some(|_| vec![own(208.0 / 3.0 * 1.5, 208.0 / 12.0)]),
         ..ROW
     },
     Family { name: "scan_reduce", file: "scan/scan_reduce.comp", twin: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },

@@ -39,7 +39,6 @@ pictures cut to whole tiles|shaders-glsl/cull/cull.comp|s/vec2(float(view.width)
 colours below 0|shaders-glsl/project/project.comp|s/max(color, vec3(0.0))/color/|n19
 row 42, the end-point error of no error is divided by|shaders-glsl/loss/prior_loss.comp|s/distance > 0.0 ? pc.flow_weight \* (flow_error \/ distance) : vec2(0.0)/pc.flow_weight * (flow_error \/ distance)/|n20
 row 44, a variance below 0|shaders-glsl/loss/ssim.comp|s/precise vec3 d = max(variances, vec3(0.0))/precise vec3 d = variances/|n21
-row 54, halves that do not saturate|shaders-glsl/project/sh_half.comp|s/clamp(x.\([xy]\), -LARGEST, LARGEST)/x.\1/g|n25
 moments that are rounded to the nearest|shaders-glsl/include/moments.glsl|s/bits \& 0xffffu)/uvec4(0x8000u))/|n25
 row 45, LPIPS without its guard at zero features|shaders-glsl/lpips/lpips_tap.comp|s/team_sum(x_square) + EPS/team_sum(x_square)/|n22
 row 53, the luma past the end has a derivative|shaders-glsl/include/bilateral.glsl|s/return luma > 0.0 \&\& luma < 1.0;/return luma > -1e30;/|n23

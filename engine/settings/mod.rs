@@ -37,8 +37,6 @@ settings! {
         /// Precision of the depth by which Gaussians are sorted. 0: by the device, 24 on a GPU and 32 on a CPU driver; 32 too
         /// where the near plane is below 2.33e-5.
         depth_bits: u32 = 0, "bits", Range::OneOf(&[0, 16, 24, 32]);
-        /// Precision of the higher spherical harmonics that a frame reads.
-        sh_bits: u32 = 32, "bits", Range::OneOf(&[16, 32]);
         /// Contributions to a pixel below this are left out.
         alpha_cut: f32 = 0.0, "", Range::CUT;
         /// A pixel that lets less light through than this is finished.

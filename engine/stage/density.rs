@@ -358,7 +358,6 @@ impl DensityRound {
         }
         // Whatever could not be drawn was pruned or relocated.
         scene.record_bounds(&mut rec, constants, &gpu.upload("undrawable Gaussians", &[0])?, Among::All);
-        scene.record_halves(&mut rec, Among::All);
         gpu.run(&rec)?;
         Ok((moments, state))
     }

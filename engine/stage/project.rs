@@ -1,7 +1,7 @@
 //! Active Gaussians on the picture: splats, depth keys, tile counts.
 
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
-use super::scene::{Group, SceneBuffers};
+use super::scene::SceneBuffers;
 use crate::error::Result;
 use crate::gpu::generated::{self, Status, ViewParams, constants, project_static_sh0};
 use crate::gpu::{Buf, Gpu, Recording};
@@ -32,12 +32,6 @@ pub struct Eye<'a> {
     pub projected: &'a Projected,
 }
 
-/// Bands 1 to 3 of a group, as halves where it has those; what it lacks is the constant one, which nobody reads there.
-fn bands_of(group: &Group) -> [Buf<[f32; 4]>; 3] {
-    let whole = group.params.three_bands();
-    [0, 1, 2].map(|b| group.halves.get(b).map_or_else(|| whole[b].clone(), Buf::cast))
-}
-
 impl Projected {
     /// Room for `capacity` active Gaussians.
     pub fn new(gpu: &Gpu, capacity: u32) -> Result<Self> {
@@ -62,7 +56,7 @@ impl Projected {
         rec.section("project");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            let [sh1, sh2, sh3] = &bands_of(group);
+            let [sh1, sh2, sh3] = group.params.three_bands();
             let args = project_static_sh0::Args {
                 view,
                 ranges: &cull.ranges,
@@ -78,7 +72,7 @@ impl Projected {
                 sh2,
                 sh3,
             };
-            let kernel = generated::project(group.params.motion.is_some(), group.degree(), !group.halves.is_empty());
+            let kernel = generated::project(group.params.motion.is_some(), group.degree());
             let push = project_static_sh0::Push { group: index as u32, first: group.first };
             rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
         }

@@ -5,7 +5,7 @@ use super::live::{Among, CULL_BLOCK, Live};
 use super::params::Purpose;
 use super::planes::{Arrays, BAND_PLANES, FISHER_PLANES, Planes};
 use crate::error::{Error, Result};
-use crate::gpu::generated::{bound_dynamic, bound_static, sh_half};
+use crate::gpu::generated::{bound_dynamic, bound_static};
 use crate::gpu::{Buf, Gpu, Recording};
 use crate::scene::{Motion, Splats};
 use crate::settings::{Constants, Knobs};
@@ -22,8 +22,6 @@ pub struct Group {
     pub params: Planes,
     /// Position and reach, derived.
     pub bound: Buf<[f32; 4]>,
-    /// Bands 1 to 3 as halves, derived, where projection reads those; a pair of words for each vec4 of the parameters.
-    pub halves: Vec<Buf<[u32; 2]>>,
     /// Half-width of the time window, derived; dynamic groups only.
     pub window: Option<Buf<f32>>,
     /// Its blocks of `CULL_BLOCK` Gaussians, and which of them live at the view's time.
@@ -78,15 +76,13 @@ impl SceneBuffers {
         origin: [f64; 3],
     ) -> Result<Self> {
         let degree = splats.sh_degree as usize;
-        let has_halves = constants.knobs.sh_bits == 16;
         let (groups, n_flat) = cut(&counts(splats), limit, |slot| {
-            Group::new(gpu, slot, Planes::upload(gpu, splats, slot.start, slot.n, origin)?, has_halves)
+            Group::new(gpu, slot, Planes::upload(gpu, splats, slot.start, slot.n, origin)?)
         })?;
         let n_bad = gpu.upload("bad Gaussians", &[0u32])?;
         let mut scene = Self::from_groups(gpu, groups, n_flat, limit, degree, origin)?;
         let mut rec = Recording::new();
         scene.record_bounds(&mut rec, constants, &n_bad, Among::All);
-        scene.record_halves(&mut rec, Among::All);
         gpu.run(&rec)?;
         scene.n_bad = gpu.read(&n_bad)?.first().copied().unwrap_or(0);
         Ok(scene)
@@ -115,10 +111,9 @@ impl SceneBuffers {
 
     /// Groups with undefined contents for so many Gaussians of each bucket, for a scene like `other`.
     pub(super) fn reshaped(gpu: &Gpu, other: &SceneBuffers, counts: &[usize; BUCKETS]) -> Result<Self> {
-        let has_halves = other.groups.iter().any(|group| !group.halves.is_empty());
         let (groups, n_flat) = cut(counts, other.group_limit, |slot| {
             let params = Planes::alloc(gpu, "parameters", slot.n, slot.degree, slot.dynamic, 1)?;
-            Group::new(gpu, slot, params, has_halves)
+            Group::new(gpu, slot, params)
         })?;
         let scene = Self::from_groups(gpu, groups, n_flat, other.group_limit, other.sh_degree, other.origin)?;
         Ok(SceneBuffers { holds_static: other.holds_static, ..scene })
@@ -155,24 +150,6 @@ impl SceneBuffers {
         for (index, group) in self.groups.iter().enumerate() {
             rec.group(Some(index));
             group.record_bound(rec, constants, n_bad, among);
-        }
-        rec.group(None);
-    }
-
-    /// Appends the rounding of what projection reads as halves; due whenever the coefficients of any `among` these have changed.
-    pub fn record_halves(&self, rec: &mut Recording, among: Among) {
-        rec.section("bound");
-        for (index, group) in self.groups.iter().enumerate() {
-            rec.group(Some(index));
-            let Live { blocks: live, args, .. } = &group.live;
-            let live_args = &args.cast();
-            for ((band, halves), planes) in group.params.bands.iter().zip(&group.halves).zip(BAND_PLANES) {
-                let (grid, is_listed) = group.live.grid(among);
-                let (n, size) = (group.n.div_ceil(CULL_BLOCK), band.len() as u32);
-                let push = sh_half::Push { n, size, planes: planes as u32, is_listed };
-                rec.pass(sh_half::Args { band, halves, live, live_args }, push, grid);
-                rec.count(among.counted());
-            }
         }
         rec.group(None);
     }
@@ -241,10 +218,8 @@ impl SceneBuffers {
 }
 
 impl Group {
-    fn new(gpu: &Gpu, slot: &Slot, params: Planes, has_halves: bool) -> Result<Self> {
-        let halves = params.bands.iter().filter(|_| has_halves).map(|band| gpu.alloc("sh halves", band.len()));
+    fn new(gpu: &Gpu, slot: &Slot, params: Planes) -> Result<Self> {
         Ok(Group {
-            halves: halves.collect::<Result<_>>()?,
             first: slot.first,
             n: slot.n as u32,
             start: slot.start,

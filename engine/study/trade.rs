@@ -14,14 +14,13 @@ pub const WORST_MARGIN_DB: f64 = 0.3;
 pub const QUALITY_GAP_DB: f64 = 0.5;
 
 /// Single settings that are measured from `exact` by default: `key=value`, as `--set` takes them.
-pub const KNOB_SETTINGS: [&str; 20] = [
+pub const KNOB_SETTINGS: [&str; 19] = [
     "frame.tile_bound=rectangle",
     "frame.tile_bound=square",
     "frame.block_cull=false",
     "frame.time_cull=false",
     "frame.depth_bits=24",
     "frame.depth_bits=16",
-    "frame.sh_bits=16",
     "frame.alpha_cut=0.0078",
     "frame.t_cut=0.001",
     "frame.t_cut=0.01",

@@ -40,14 +40,3 @@ pub fn color<R: Real>(coefficients: &[[R; 3]], dir: [R; 3]) -> [R; 3] {
         (sum + R::from_f64(0.5)).max(R::zero())
     })
 }
-
-/// The value of a half, from its bits.
-pub fn half_value(bits: u32) -> f64 {
-    let (exponent, fraction) = ((bits >> 10 & 31) as i32, f64::from(bits & 1023) / 1024.0);
-    let size = match exponent {
-        0 => fraction * 2f64.powi(-14),
-        31 => f64::INFINITY,
-        _ => (1.0 + fraction) * 2f64.powi(exponent - 15),
-    };
-    if bits & 0x8000 != 0 { -size } else { size }
-}

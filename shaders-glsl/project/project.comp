@@ -35,18 +35,9 @@ layout(set = 0, binding = 7) restrict writeonly buffer TileCounts { uint tile_co
 layout(set = 0, binding = 8) restrict buffer FrameStatus { Status status; };
 // One interface for all variants: what a variant does not need is bound to something else and not read.
 layout(set = 0, binding = 9) restrict readonly buffer Motion { vec4 motion[]; };
-#ifdef SH_HALF
-// Bands as halves, from sh_half.comp; places as those of the vec4.
-layout(set = 0, binding = 10) restrict readonly buffer Sh1 { uvec2 sh1[]; };
-layout(set = 0, binding = 11) restrict readonly buffer Sh2 { uvec2 sh2[]; };
-layout(set = 0, binding = 12) restrict readonly buffer Sh3 { uvec2 sh3[]; };
-vec4 band(uvec2 words) { return vec4(unpackHalf2x16(words.x), unpackHalf2x16(words.y)); }
-#else
 layout(set = 0, binding = 10) restrict readonly buffer Sh1 { vec4 sh1[]; };
 layout(set = 0, binding = 11) restrict readonly buffer Sh2 { vec4 sh2[]; };
 layout(set = 0, binding = 12) restrict readonly buffer Sh3 { vec4 sh3[]; };
-vec4 band(vec4 values) { return values; }
-#endif
 
 // A Gaussian at the view's time.
 struct Gaussian {
@@ -127,18 +118,17 @@ vec3 color_of(uint i, vec3 dir) {
     vec3 color = SH_0 * sh0[i].xyz;
 #if SH_DEGREE >= 1
     const uint b1 = plane_index(i, 3u, 0u);
-    const vec4 c1[3] = vec4[](band(sh1[b1]), band(sh1[b1 + 32u]), band(sh1[b1 + 64u]));
+    const vec4 c1[3] = vec4[](sh1[b1], sh1[b1 + 32u], sh1[b1 + 64u]);
     color += sh_band1(c1[0], c1[1], c1[2], dir);
 #endif
 #if SH_DEGREE >= 2
     const uint b2 = plane_index(i, 4u, 0u);
-    const vec4 c2[4] = vec4[](band(sh2[b2]), band(sh2[b2 + 32u]), band(sh2[b2 + 64u]), band(sh2[b2 + 96u]));
+    const vec4 c2[4] = vec4[](sh2[b2], sh2[b2 + 32u], sh2[b2 + 64u], sh2[b2 + 96u]);
     color += sh_band2(c2[0], c2[1], c2[2], c2[3], dir);
 #endif
 #if SH_DEGREE >= 3
     const uint b3 = plane_index(i, 6u, 0u);
-    const vec4 c3[6] = vec4[](band(sh3[b3]), band(sh3[b3 + 32u]), band(sh3[b3 + 64u]), band(sh3[b3 + 96u]),
-        band(sh3[b3 + 128u]), band(sh3[b3 + 160u]));
+    const vec4 c3[6] = vec4[](sh3[b3], sh3[b3 + 32u], sh3[b3 + 64u], sh3[b3 + 96u], sh3[b3 + 128u], sh3[b3 + 160u]);
     color += sh_band3(c3[0], c3[1], c3[2], c3[3], c3[4], c3[5], dir);
 #endif
     return color + 0.5;

@@ -9,7 +9,6 @@ mod clock;
 mod cull;
 mod density;
 mod fisher;
-mod halves;
 mod losses;
 mod lpips;
 mod mcmc;
@@ -36,7 +35,6 @@ pub const TESTED: &[&[Tested]] = &[
     cull::TESTED,
     density::TESTED,
     fisher::TESTED,
-    halves::TESTED,
     losses::TESTED,
     lpips::TESTED,
     mcmc::TESTED,

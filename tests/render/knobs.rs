@@ -1,6 +1,5 @@
 //! What may be traded for time: exact knobs change no bit, the others what they say and no more.
 
-use crate::adversary::rounds_otherwise;
 use crate::common::device::{as_gpu, gpu};
 use crate::common::frames::{bits, pixels, render, render_with};
 use crate::common::one::{ball, camera, scene_of};
@@ -195,31 +194,4 @@ fn a_temporal_cut_leaves_out_those_that_are_faint_then_and_no_others() {
     assert!(20 * wrong < n, "{wrong} of {n} pixels are not those of the scene without them");
     let (below, _) = turned(&splats, &view(), Knobs { temporal_cut: 1e-3, ..Knobs::default() });
     assert!(bits(&below) == bits(&exact), "a cut below alpha_min cuts nothing");
-}
-
-#[test]
-fn halves_of_the_harmonics_change_colours_by_less_than_a_level_and_nothing_without_bands() {
-    if rounds_otherwise("two kernels have the same bits") {
-        return;
-    }
-    let halved = Knobs { sh_bits: 16, ..Knobs::default() };
-    for degree in 0..=3 {
-        let splats = scene(11, 300, degree);
-        let ((exact, own), (frame, report)) = (render(&splats, &view()), turned(&splats, &view(), halved));
-        assert_eq!((report.visible, report.intersections), (own.visible, own.intersections));
-        let error = difference(&frame, &exact);
-        assert!(
-            if degree == 0 { error == 0.0 } else { error > 1e-6 && error < 1.0 / 255.0 },
-            "degree {degree}: {error}"
-        );
-        let pairs = pixels(&frame).into_iter().zip(pixels(&exact));
-        assert!(pairs.into_iter().all(|(a, b)| a[3..] == b[3..]), "alpha, depth and flow do not depend on colours");
-    }
-    // N25: what no half can hold is drawn as the largest; what is not finite is not drawn.
-    let mut splats = scene(12, 40, 1);
-    splats.sh[4 * 3 + 1] = [1e20, -1e20, 0.0];
-    splats.sh[4 * 7 + 2] = [f32::NAN, 0.0, 0.0];
-    let (frame, report) = turned(&splats, &view(), halved);
-    assert_eq!(report.bad_gaussians, 1);
-    assert!(frame.color.as_flattened().iter().all(|c| c.is_finite()));
 }

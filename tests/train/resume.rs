@@ -112,9 +112,9 @@ fn a_resume_tells_which_settings_are_newer_than_the_run() {
     assert!(!told().contains("another version"));
     let mut config = json(&case.run.join("config.json"));
     config.as_object_mut().unwrap().remove("backdrop").unwrap();
-    config["frame"].as_object_mut().unwrap().remove("sh_bits").unwrap();
+    config["frame"].as_object_mut().unwrap().remove("t_cut").unwrap();
     std::fs::write(case.run.join("config.json"), config.to_string()).unwrap();
-    assert!(told().contains("now have their defaults: backdrop, frame.sh_bits."), "{}", told());
+    assert!(told().contains("now have their defaults: backdrop, frame.t_cut."), "{}", told());
 }
 
 #[test]

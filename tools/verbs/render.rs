@@ -91,9 +91,6 @@ pub struct KnobArgs {
     /// --near below 2.33e-5.
     #[arg(long, default_value_t = Knobs::default().depth_bits)]
     depth_bits: u32,
-    /// Bits of the coefficients of spherical harmonics above the constant one: 32 or 16.
-    #[arg(long, default_value_t = Knobs::default().sh_bits)]
-    sh_bits: u32,
     /// Leave out Gaussians whose opacity is below this at a view's time.
     #[arg(long, default_value_t = Knobs::default().temporal_cut)]
     temporal_cut: f32,
@@ -109,10 +106,10 @@ fn tile_bound(name: &str) -> Result<TileBound, serde_json::Error> {
 impl KnobArgs {
     /// `constants` with the knobs; alpha_min is itself a constant on the command line.
     pub fn on(&self, constants: Constants) -> anyhow::Result<Constants> {
-        let Self { tile_bound, no_block_cull, no_time_cull, depth_bits, sh_bits, temporal_cut, t_cut } = *self;
+        let Self { tile_bound, no_block_cull, no_time_cull, depth_bits, temporal_cut, t_cut } = *self;
         let (block_cull, time_cull) = (!no_block_cull, !no_time_cull);
         let alpha_cut = Knobs::default().alpha_cut;
-        let knobs = Knobs { tile_bound, block_cull, time_cull, depth_bits, sh_bits, alpha_cut, temporal_cut, t_cut };
+        let knobs = Knobs { tile_bound, block_cull, time_cull, depth_bits, alpha_cut, temporal_cut, t_cut };
         knobs.check().map_err(|fault| anyhow::anyhow!("--{}", fault.replacen('_', "-", 1)))?;
         Ok(knobs.on(constants))
     }

@@ -320,12 +320,6 @@ pub mod sh_bwd {
     pub const SH_3E: f32 = 1.445305721320277;
 }
 
-/// Of `project/sh_half.comp`.
-pub mod sh_half {
-    /// `LARGEST` of the shader.
-    pub const LARGEST: f32 = 65504.0;
-}
-
 /// Of `include/sort.glsl`.
 pub mod sort {
     /// room for the values of a digit.

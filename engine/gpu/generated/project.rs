@@ -93,155 +93,12 @@ pub mod project_static_sh0 {
     };
 }
 crate::gpu::kernel::variant!(project_static_sh1 of project_static_sh0);
-
-/// projects the active Gaussians of a group, evaluates their colour and counts their tiles.
-pub mod project_static_sh1_half {
-    pub use super::project_static_sh0::Push;
-    use crate::gpu::kernel::*;
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
-        /// Reads.
-        pub ranges: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub active_id: &'a Buf<u32>,
-        /// Reads.
-        pub geometry: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh0: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub depth_keys: &'a Buf<u32>,
-        /// Writes.
-        pub tile_counts: &'a Buf<u32>,
-        /// ReadWrites.
-        pub frame_status: &'a Buf<crate::gpu::generated::Status>,
-        /// Reads.
-        pub motion: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub sh1: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub sh2: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub sh3: &'a Buf<[u32; 2]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.ranges.slice(),
-                self.active_id.slice(),
-                self.geometry.slice(),
-                self.sh0.slice(),
-                self.splats.slice(),
-                self.depth_keys.slice(),
-                self.tile_counts.slice(),
-                self.frame_status.slice(),
-                self.motion.slice(),
-                self.sh1.slice(),
-                self.sh2.slice(),
-                self.sh3.slice(),
-            ]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "project_static_sh1_half",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/project_static_sh1_half.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x238,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "ranges", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "active_id", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "depth_keys", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "tile_counts", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "frame_status", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "motion", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh2", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "sh3", kind: BindingKind::Storage, access: Access::Read },
-        ],
-    };
-}
 crate::gpu::kernel::variant!(project_static_sh2 of project_static_sh0);
-crate::gpu::kernel::variant!(project_static_sh2_half of project_static_sh1_half);
 crate::gpu::kernel::variant!(project_static_sh3 of project_static_sh0);
-crate::gpu::kernel::variant!(project_static_sh3_half of project_static_sh1_half);
 crate::gpu::kernel::variant!(project_dynamic_sh0 of project_static_sh0);
 crate::gpu::kernel::variant!(project_dynamic_sh1 of project_static_sh0);
-crate::gpu::kernel::variant!(project_dynamic_sh1_half of project_static_sh1_half);
 crate::gpu::kernel::variant!(project_dynamic_sh2 of project_static_sh0);
-crate::gpu::kernel::variant!(project_dynamic_sh2_half of project_static_sh1_half);
 crate::gpu::kernel::variant!(project_dynamic_sh3 of project_static_sh0);
-crate::gpu::kernel::variant!(project_dynamic_sh3_half of project_static_sh1_half);
-
-/// rounds a band of spherical harmonics to halves, for projection to read.
-pub mod sh_half {
-    use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n` of the shader.
-        pub n: u32,
-        /// `size` of the shader.
-        pub size: u32,
-        /// `planes` of the shader.
-        pub planes: u32,
-        /// `is_listed` of the shader.
-        pub is_listed: u32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 16);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-        assert!(std::mem::offset_of!(Push, size) == 4);
-        assert!(std::mem::offset_of!(Push, planes) == 8);
-        assert!(std::mem::offset_of!(Push, is_listed) == 12);
-    };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub band: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub halves: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub live: &'a Buf<u32>,
-        /// Reads.
-        pub live_args: &'a Buf<u32>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![self.band.slice(), self.halves.slice(), self.live.slice(), self.live_args.slice()]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "sh_half",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/sh_half.spv"),
-        local: 128,
-        subgroups: true,
-        floats: 0x1,
-        bindings: &[
-            BindingInfo { name: "band", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "halves", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "live", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "live_args", kind: BindingKind::Storage, access: Access::Read },
-        ],
-    };
-}
 
 /// carries each active Gaussian's sums back to its parameters; with ADAM it moves them there and then.
 pub mod project_bwd_static_sh0 {
@@ -613,22 +470,16 @@ pub mod camera_total {
 }
 
 /// The kernel of `project/project.comp` for these choices.
-pub fn project(is_dynamic: bool, degree: usize, is_half: bool) -> &'static crate::gpu::KernelInfo {
-    match (is_dynamic, degree, is_half) {
-        (true, 0, false) | (true, 0, true) => project_dynamic_sh0::INFO,
-        (true, 1, false) => project_dynamic_sh1::INFO,
-        (true, 1, true) => project_dynamic_sh1_half::INFO,
-        (true, 2, false) => project_dynamic_sh2::INFO,
-        (true, 2, true) => project_dynamic_sh2_half::INFO,
-        (false, 0, false) | (false, 0, true) => project_static_sh0::INFO,
-        (false, 1, false) => project_static_sh1::INFO,
-        (false, 1, true) => project_static_sh1_half::INFO,
-        (false, 2, false) => project_static_sh2::INFO,
-        (false, 2, true) => project_static_sh2_half::INFO,
-        (true, _, false) => project_dynamic_sh3::INFO,
-        (true, _, true) => project_dynamic_sh3_half::INFO,
-        (false, _, false) => project_static_sh3::INFO,
-        (false, _, true) => project_static_sh3_half::INFO,
+pub fn project(is_dynamic: bool, degree: usize) -> &'static crate::gpu::KernelInfo {
+    match (is_dynamic, degree) {
+        (true, 0) => project_dynamic_sh0::INFO,
+        (true, 1) => project_dynamic_sh1::INFO,
+        (true, 2) => project_dynamic_sh2::INFO,
+        (false, 0) => project_static_sh0::INFO,
+        (false, 1) => project_static_sh1::INFO,
+        (false, 2) => project_static_sh2::INFO,
+        (true, _) => project_dynamic_sh3::INFO,
+        (false, _) => project_static_sh3::INFO,
     }
 }
 

@@ -239,16 +239,12 @@ impl Trainer {
         let Some(truth) = truth else { unreachable!("it is one of this process") };
         objective.record_upload(rec, work, truth, self.total);
         let status = &work.status;
-        let is_lazy = self.config.adam == AdamMode::Lazy;
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_pixels = view.intrinsics.width * view.intrinsics.height;
         let size = Size { n_tiles: tiles_x * tiles_y, n_pixels, rounds: *rounds };
         let forward = debug_span!("forward").entered();
         let lists = work.record_forward(rec, scene, size, |rec| {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
-            if is_lazy {
-                scene.record_halves(rec, Among::Live);
-            }
         });
         drop(forward);
         debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, truth))?;
@@ -300,17 +296,8 @@ impl Trainer {
             clearings.record(rec, &self.scene, &work.status);
         }
         let moves_all = self.config.adam == AdamMode::Dense || self.batch.is_some();
-        let moved = |all: bool| if all { Among::All } else { Among::Live };
-        self.scene.record_bounds(
-            rec,
-            &self.constants,
-            &self.n_undrawable,
-            moved(moves_all || noise.is_some() || clears.is_some()),
-        );
-        // The next step that sees them catches up first.
-        if self.config.adam != AdamMode::Lazy {
-            self.scene.record_halves(rec, moved(moves_all));
-        }
+        let among = if moves_all || noise.is_some() || clears.is_some() { Among::All } else { Among::Live };
+        self.scene.record_bounds(rec, &self.constants, &self.n_undrawable, among);
         Ok(())
     }
 }

@@ -1,74 +1,14 @@
-//! N25: coefficients of spherical harmonics as halves, and Adam's moments in 16 bits.
+//! N25: Adam's moments in 16 bits.
 
 use super::fixtures::adam::{Scene, rates};
-use super::random::{Random, scene};
+use super::random::scene;
 use super::row::{Bench, Tally};
-use crate::gpu::generated::sh_half;
-use crate::gpu::{Grid, Recording};
 use crate::stage::{StepSettings, adam_params, moment_word, moments_of};
-use crate::twin::half_value as value;
 use anyhow::{Result, ensure};
 use std::num::FpCategory;
 
-const GUARD: [u32; 2] = [0xdead_beef, 0x1234_5678];
-
-/// The halves of `values` by the device, as bits.
-fn halves(bench: &Bench, values: &[[f32; 4]]) -> Result<Vec<[u32; 4]>> {
-    let gpu = bench.gpu();
-    let band = gpu.upload("band", values)?;
-    let halves = gpu.upload("halves", &vec![GUARD; values.len() + 1])?;
-    let mut rec = Recording::new();
-    let (size, unread) = (values.len() as u32, gpu.upload("live blocks", &[0u32; 4])?);
-    let push = sh_half::Push { n: size.div_ceil(128), size, planes: 1, is_listed: 0 };
-    let args = sh_half::Args { band: &band, halves: &halves, live: &unread, live_args: &unread };
-    rec.pass(args, push, Grid::Groups(push.n));
-    gpu.run(&rec)?;
-    let mut found = gpu.read(&halves)?;
-    ensure!(found.pop() == Some(GUARD), "the pair past the end was overwritten");
-    Ok(found.into_iter().map(|[a, b]| [a & 0xffff, a >> 16, b & 0xffff, b >> 16]).collect())
-}
-
-pub(super) fn quantised(bench: &Bench, tally: &mut Tally) -> Result<()> {
-    coefficients(bench, tally);
-    moments(bench, tally)
-}
-
-fn coefficients(bench: &Bench, tally: &mut Tally) {
-    tally.case("numbers beyond a half's range", |_| {
-        let found = halves(bench, &[[65_504.0, 65_505.0, -65_505.0, 1e30], [-1e30, 0.0, 0.0, 0.0]])?;
-        ensure!(found[0].map(value) == [65_504.0, 65_504.0, -65_504.0, 65_504.0], "{found:?}");
-        ensure!(value(found[1][0]) == -65_504.0, "{found:?}");
-        Ok(())
-    });
-    tally.case("zeros and what is near", |_| {
-        let found = halves(bench, &[[0.0, -0.0, 1e-8, -1e-8]])?[0];
-        ensure!(found[..2] == [0, 0x8000], "{found:?}");
-        ensure!(found[2..].iter().all(|bits| value(*bits).abs() <= 2f64.powi(-24)), "{found:?}");
-        Ok(())
-    });
-    tally.case("what is not finite", |_| {
-        let found = halves(bench, &[[f32::INFINITY, f32::NEG_INFINITY, f32::NAN, f32::MAX]])?[0];
-        ensure!(found[..3].iter().all(|bits| bits & 0x7c00 == 0x7c00), "{found:?} is finite");
-        ensure!(value(found[3]) == 65_504.0, "{found:?}");
-        Ok(())
-    });
-    let mut random = Random::new(4);
-    for n in [1, 63, 64, 65, 300] {
-        let values: Vec<[f32; 4]> = (0..n)
-            .map(|_| random.vector::<4>(-1.0, 1.0).map(|x| x * random.uniform(-20.0, 10.0).exp() as f32))
-            .collect();
-        tally.case(format!("{n} vectors of numbers of all sizes"), |_| {
-            for (x, bits) in values.as_flattened().iter().zip(halves(bench, &values)?.as_flattened()) {
-                let (x, found) = (f64::from(*x), value(*bits));
-                ensure!((found - x).abs() <= x.abs() * 2f64.powi(-10) + 2f64.powi(-24), "{x} became {found}");
-            }
-            Ok(())
-        });
-    }
-}
-
 /// Moments of 0 to infinity as a step without a gradient stores them.
-fn moments(bench: &Bench, tally: &mut Tally) -> Result<()> {
+pub(super) fn moments(bench: &Bench, tally: &mut Tally) -> Result<()> {
     let mut start = Scene { moment_bits: 16, ..Scene::new(&scene(3, 300, 0)) };
     let mut params = adam_params(&rates(), &StepSettings::default(), 3, 1);
     // They fade a little, or grow a little: the largest beyond what 16 bits hold.
