@@ -29,11 +29,5 @@ pub const LANES: Axis = Axis {
 
 pub const ACCUMULATION: Axis = Axis {
     name: "accumulation",
-    values: &[
-        ("", NONE),
-        ("float", ("ACCUMULATE", "1")),
-        ("fixed", ("ACCUMULATE", "2")),
-        ("swap", ("ACCUMULATE", "3")),
-        ("fixed64", ("ACCUMULATE", "4")),
-    ],
+    values: &[("", NONE), ("fixed", ("ACCUMULATE", "1")), ("fixed64", ("ACCUMULATE", "2"))],
 };

@@ -144,8 +144,7 @@ pub static FAMILIES: &[Family] = &[
         cost: Some(|s| {
             let listed = match s.value("ACCUMULATE") {
                 0 => Cost::of(4.0 + 4.0 + 48.0, 0.0),
-                1 => Cost { float_atomics: 12.0, ..Cost::of(4.0, 0.0) },
-                2 => Cost { atomics: 24.0, ..Cost::of(4.0, 0.0) },
+                1 => Cost { atomics: 24.0, ..Cost::of(4.0, 0.0) },
                 // Of 64 bits each; the peak is that of 32.
                 _ => Cost { atomics: 12.0, ..Cost::of(4.0, 0.0) },
             };

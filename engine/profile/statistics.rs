@@ -255,7 +255,7 @@ mod tests {
         assert_eq!(workgroup_bytes(kernel("sort_exchange").spirv), 4 * (2048 + 256 + 2 * 8));
         let needs =
             |name| [ATOMIC_FLOAT32_ADD, INT64_ATOMICS].map(|capability| declares(kernel(name).spirv, capability));
-        assert_eq!(needs("blend_bwd_float_p4"), [true, false]);
+        assert_eq!(needs("probe_atomic_float"), [true, false]);
         assert_eq!(needs("blend_bwd_fixed_p4"), [false, false]);
         assert_eq!(needs("blend_bwd_fixed64_p4"), [false, true]);
     }
@@ -275,7 +275,7 @@ mod tests {
         assert!(ours.into_iter().all(|kernel| gpu_runs(kernel, 32)));
         let others = [
             "blend_fwd_p8",
-            "blend_bwd_float_color_p8",
+            "blend_bwd_fixed_color_p8",
             "sort_scatter",
             "probe_fma",
             "bilateral_bwd",

@@ -6,10 +6,7 @@ use crate::error::{Error, Result};
 use crate::gpu::KernelInfo;
 use crate::gpu::generated::{
     self,
-    constants::{
-        blend_bwd::{SUM_SEGMENT, SWAP_SEGMENT},
-        fixed::FIXED_WORDS,
-    },
+    constants::{blend_bwd::SUM_SEGMENT, fixed::FIXED_WORDS},
 };
 use crate::vk::{Caps, DeviceKind};
 
@@ -25,13 +22,9 @@ pub enum Accumulation {
     Auto,
     /// One slot per intersection, added in order: the same bits in every run. 48 bytes an intersection.
     Slots,
-    /// Atomic additions of floats: the last bits vary from run to run. The device must have them.
-    FloatAtomics,
     /// Atomic additions of 64-bit integers: the same bits in every run, on every device. Sums have a range; a Gaussian beyond it
     /// counts as one whose gradient is not finite.
     FixedPoint,
-    /// Compare and exchange: as float atomics, for devices without them.
-    CompareExchange,
 }
 
 impl Accumulation {
@@ -43,8 +36,6 @@ impl Accumulation {
             Accumulation::Auto | Accumulation::FixedPoint if caps.int64_atomics => Sums::Fixed64,
             Accumulation::Auto | Accumulation::FixedPoint => Sums::Fixed32,
             Accumulation::Slots => Sums::Slots,
-            Accumulation::FloatAtomics => Sums::Floats,
-            Accumulation::CompareExchange => Sums::Swapped,
         }
     }
 }
@@ -55,33 +46,27 @@ impl Accumulation {
 pub enum Sums {
     /// A slot per intersection.
     Slots,
-    /// Atomic additions of floats.
-    Floats,
     /// Fixed point in 64 bits, in two atomic additions of 32 bits, the second with the carry of the first.
     Fixed32,
-    /// Compare and exchange of floats.
-    Swapped,
     /// Fixed point in one atomic addition of 64 bits: the same bits as [`Sums::Fixed32`].
     Fixed64,
 }
 
 impl Sums {
     /// All of them, in the order of the kernels.
-    pub const ALL: [Sums; 5] = [Sums::Slots, Sums::Floats, Sums::Fixed32, Sums::Swapped, Sums::Fixed64];
+    pub const ALL: [Sums; 3] = [Sums::Slots, Sums::Fixed32, Sums::Fixed64];
 
     /// Whether a device with `caps` can.
     ///
     /// # Errors
     /// [`Error::NoDevice`] with the remedy.
     pub fn check(self, caps: &Caps) -> Result<()> {
-        let (lacks, needs) = match self {
-            Sums::Floats if !caps.float_atomics => ("float atomics", "accumulation `float_atomics`"),
-            Sums::Fixed64 if !caps.int64_atomics => ("64-bit atomics", "fixed point in one addition"),
-            _ => return Ok(()),
-        };
+        if self != Sums::Fixed64 || caps.int64_atomics {
+            return Ok(());
+        }
         Err(Error::NoDevice {
-            reason: format!("{} has no {lacks}, which {needs} needs", caps.name),
-            remedy: "choose accumulation auto, slots, fixed_point or compare_exchange".to_owned(),
+            reason: format!("{} has no 64-bit atomics, which fixed point in one addition needs", caps.name),
+            remedy: "choose accumulation auto, slots or fixed_point".to_owned(),
         })
     }
 
@@ -94,7 +79,6 @@ impl Sums {
     pub(super) fn bytes(self) -> u64 {
         match self {
             Sums::Slots => 0,
-            Sums::Floats | Sums::Swapped => 8 * SLOT_PAIRS as u64,
             Sums::Fixed32 | Sums::Fixed64 => 4 * u64::from(FIXED_WORDS),
         }
     }
@@ -103,8 +87,7 @@ impl Sums {
     pub(super) fn segment(self) -> u32 {
         match self {
             Sums::Slots => SEGMENT,
-            Sums::Swapped => SWAP_SEGMENT,
-            Sums::Floats | Sums::Fixed32 | Sums::Fixed64 => SUM_SEGMENT,
+            Sums::Fixed32 | Sums::Fixed64 => SUM_SEGMENT,
         }
     }
 

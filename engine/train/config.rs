@@ -84,10 +84,8 @@ settings! {
         adam: AdamMode = AdamMode::default(), "", Range::Word(&["dense", "lazy", "sparse"]);
         /// Size of each of Adam's moments in memory.
         moment_bits: u32 = 32, "bits", Range::OneOf(&[16, 32]);
-        /// How gradients are added up. Auto is slots on a CPU and fixed_point on a GPU, and gives the same bits in every run, as both
-        /// do; float_atomics may be faster on a GPU that has them, and its last bits vary.
-        accumulation: Accumulation = Accumulation::default(), "",
-            Range::Word(&["auto", "slots", "float_atomics", "fixed_point", "compare_exchange"]);
+        /// How gradients are added up. Auto is slots on a CPU and fixed_point on a GPU. Both give the same bits in every run.
+        accumulation: Accumulation = Accumulation::default(), "", Range::Word(&["auto", "slots", "fixed_point"]);
     } with {
         /// Weights and forms of the terms of the loss.
         loss: Loss,

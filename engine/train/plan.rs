@@ -255,7 +255,6 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
             item("slots", Intersections, Intersection, 4.0, 4.0),
             item("sorted splats", Intersections, Intersection, 4.0, 4.0),
         ],
-        Sums::Floats | Sums::Swapped => vec![item("frame sums", Active, Gaussian, 48.0, 48.0)],
         Sums::Fixed32 | Sums::Fixed64 => {
             vec![item("d slots", Active, Gaussian, 48.0, 48.0), item("frame sums", Active, Gaussian, 104.0, 104.0)]
         }

@@ -1,12 +1,11 @@
 // SPDX-License-Identifier: MIT OR Apache-2.0
-// Purpose   carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+// Purpose   carries the cotangents of a picture back to the splats, in one of three modes of accumulation.
 // Equation  with q = g . c over all channels: dL/dalpha = T q - (S + g_T T_N) / (1 - alpha), S <- S + w q, back to front.
 // Grid      slots (no ACCUMULATE): one subgroup per tile, for one of the tile's blocks; the blocks come one dispatch after
 //           another, so that each slot has one writer at a time: plain sums in a fixed order, the same bits in every run.
 //           CHUNKED: one workgroup per chunk of a long list, then one per tile; of its subgroups that of the block.
-//           Otherwise one subgroup per block of a tile, or of a chunk, all at once: 1 float atomics (the order, and so the last
-//           bits, vary from run to run), 2 fixed point in 64 bits of two words (the same bits in any order), 3 compare-exchange (as 1, on
-//           devices without float atomics), 4 fixed point in one word of 64 bits (the same bits as 2).
+//           Otherwise one subgroup per block of a tile, or of a chunk, all at once: 1 fixed point in 64 bits of two words (the
+//           same bits in any order), 2 fixed point in one word of 64 bits (the same bits as 1).
 // Reads     the forward pass's lists, final T and last entry; cotangents: d_image0 (colour, alpha), d_image1 (depth,
 //           inverse depth, flow; FULL only). WALKED entries a round, the last entries first; T and S stay in `carry`.
 //           CHUNKED: a chunk starts from the T that it left, and from S by the colours behind it, as blend_merge has them.
@@ -25,26 +24,21 @@
 #include "grid.glsl"
 #include "splat.glsl"
 #include "block.glsl"
-#if ACCUMULATE == 1
-#extension GL_EXT_shader_atomic_float : require
-#elif ACCUMULATE == 2 || ACCUMULATE == 4
+#if ACCUMULATE > 0
 #include "finite.glsl"
 #include "fixed.glsl"
 #endif
-#if ACCUMULATE == 4
+#if ACCUMULATE == 2
 #extension GL_EXT_shader_explicit_arithmetic_types_int64 : require
 #extension GL_EXT_shader_atomic_int64 : require
 #endif
 
 layout(local_size_x = 64) in;
 
-// Of sums that are no slots each number of a lane is an iteration, and each try to exchange it. Of 4 lanes that makes 6 for an
-// entry, and 17; drivers on a CPU allow 65,535.
+// Of sums that are no slots each number of a lane is an iteration. Of 4 lanes that makes 6 for an entry; drivers on a CPU allow
+// 65,535.
 const uint SUM_SEGMENT = 8192u;
-const uint SWAP_SEGMENT = 2048u;
-#if ACCUMULATE == 3
-#define WALKED SWAP_SEGMENT
-#elif ACCUMULATE > 0
+#if ACCUMULATE > 0
 #define WALKED SUM_SEGMENT
 #else
 #define WALKED SEGMENT
@@ -73,11 +67,9 @@ layout(set = 0, binding = 8) restrict readonly buffer TileLast { uint tile_last[
 #else
 layout(set = 0, binding = 8) restrict buffer Carry { vec2 carry[]; };
 #endif
-#if ACCUMULATE == 1
-layout(set = 0, binding = 9) restrict buffer DSlots { float d_slots[]; };
-#elif ACCUMULATE == 4
+#if ACCUMULATE == 2
 layout(set = 0, binding = 9) restrict buffer DSlots { uint64_t d_slots[]; };
-#elif ACCUMULATE >= 2
+#elif ACCUMULATE == 1
 layout(set = 0, binding = 9) restrict buffer DSlots { uint d_slots[]; };
 #else
 layout(set = 0, binding = 9) restrict buffer DSlots { vec2 d_slots[]; };
@@ -94,8 +86,6 @@ layout(set = 0, binding = 14) restrict readonly buffer Chunk1 { vec4 chunk1[]; }
 
 // Adds x to sum c of active Gaussian `id`.
 #if ACCUMULATE == 1
-void accumulate(uint id, uint c, float x) { atomicAdd(d_slots[12u * id + c], x); }
-#elif ACCUMULATE == 2
 // The carries of the low word add up to the same number in any order.
 void add_word(uint at, uvec2 word) {
     const uint old = atomicAdd(d_slots[at], word.x);
@@ -110,7 +100,7 @@ void accumulate(uint id, uint c, float x) {
     }
     add_word(first + 2u * c, fixed_word(term));
 }
-#elif ACCUMULATE == 4
+#elif ACCUMULATE == 2
 void accumulate(uint id, uint c, float x) {
     float term = x * pc.scale;
     const uint first = FIXED_WORDS / 2u * id;
@@ -119,16 +109,6 @@ void accumulate(uint id, uint c, float x) {
         term = fixed_fits(term) ? term : 0.0;
     }
     atomicAdd(d_slots[first + c], packUint2x32(fixed_word(term)));
-}
-#elif ACCUMULATE == 3
-void accumulate(uint id, uint c, float x) {
-    const uint at = 12u * id + c;
-    uint seen = d_slots[at];
-    uint expected;
-    do {
-        expected = seen;
-        seen = atomicCompSwap(d_slots[at], expected, floatBitsToUint(uintBitsToFloat(expected) + x));
-    } while (seen != expected);
 }
 #endif
 

@@ -225,13 +225,10 @@ fn gradient(gpu: &Watched, mode: Sums) -> Vec<u64> {
 
 #[test]
 fn pictures_and_gradients_have_the_same_bits_in_another_order_where_they_claim_so() {
-    let modes = [Sums::Slots, Sums::Fixed32, Sums::Fixed64];
-    for mode in modes.into_iter().filter(|mode| mode.check(ordered().caps()).is_ok()) {
+    for mode in Sums::ALL.into_iter().filter(|mode| mode.check(ordered().caps()).is_ok()) {
         let [usual, other] = [ordered, reordered].map(|device| gradient(&device(), mode));
         assert!(usual == other, "{mode:?}");
     }
-    let [usual, other] = [ordered, reordered].map(|device| gradient(&device(), Sums::Swapped));
-    assert!(usual != other, "sums in the order of arrival, and no bit of them moved: the order is the same");
 }
 
 #[test]

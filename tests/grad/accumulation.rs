@@ -113,7 +113,7 @@ fn a_list_whose_entries_all_meet_one_block_is_walked_whole() {
 #[test]
 fn slots_and_fixed_point_give_the_same_bits_in_every_run() {
     let splats = scene(9, 400, 0);
-    for mode in [Sums::Slots, Sums::Fixed32, Sums::Fixed64] {
+    for mode in Sums::ALL {
         let Some(first) = gradients(&splats, mode) else { continue };
         let first = bits(&first);
         assert!(first.iter().any(|x| *x != 0));
@@ -158,21 +158,17 @@ fn gaussians_count_where_they_are_more_than_intersections() {
 #[test]
 fn auto_is_what_repeats_slots_on_a_cpu_and_integers_on_a_gpu() {
     let gpu = gpu();
-    let caps = |kind, int64_atomics, float_atomics| Caps { kind, int64_atomics, float_atomics, ..gpu.caps().clone() };
-    let auto = |kind, int64| Accumulation::Auto.on(&caps(kind, int64, true));
+    let caps = |kind, int64_atomics| Caps { kind, int64_atomics, ..gpu.caps().clone() };
+    let auto = |kind, int64| Accumulation::Auto.on(&caps(kind, int64));
     assert_eq!(auto(DeviceKind::Cpu, true), Sums::Slots);
     assert_eq!(auto(DeviceKind::DiscreteGpu, true), Sums::Fixed64);
     assert_eq!(auto(DeviceKind::IntegratedGpu, false), Sums::Fixed32);
-    assert_eq!(Accumulation::FixedPoint.on(&caps(DeviceKind::Cpu, true, false)), Sums::Fixed64);
-    assert_eq!(Accumulation::FixedPoint.on(&caps(DeviceKind::Cpu, false, false)), Sums::Fixed32);
-    let poor = caps(DeviceKind::DiscreteGpu, false, false);
+    assert_eq!(Accumulation::FixedPoint.on(&caps(DeviceKind::Cpu, true)), Sums::Fixed64);
+    assert_eq!(Accumulation::FixedPoint.on(&caps(DeviceKind::Cpu, false)), Sums::Fixed32);
+    let poor = caps(DeviceKind::DiscreteGpu, false);
     for sums in Sums::ALL {
         let lacks = sums.check(&poor).err().map(|e| e.to_string()).unwrap_or_default();
-        let says = match sums {
-            Sums::Floats => "no float atomics",
-            Sums::Fixed64 => "no 64-bit atomics",
-            _ => "",
-        };
+        let says = if sums == Sums::Fixed64 { "no 64-bit atomics" } else { "" };
         assert!(lacks.contains(says) && lacks.is_empty() == says.is_empty(), "{sums:?}: {lacks}");
     }
 }
@@ -215,7 +211,7 @@ fn a_sum_beyond_the_fixed_point_s_range_is_counted_though_all_its_terms_are_with
     // In units of a cotangent: 2^31 are 2^63.
     let (range, most) = (2f64.powi(31), 0.75 * 2f64.powi(31));
     assert!(6_000.0 * opaque < 0.5 * most && 25_000.0 * opaque > 1.2 * range && 25_000.0 * opaque < 1.8 * range);
-    for mode in [Sums::Slots, Sums::Fixed32, Sums::Fixed64] {
+    for mode in Sums::ALL {
         for size in [6e3f32, -6e3, 2.5e4, -2.5e4] {
             let none = cotangents(4, &view, |_| true);
             let red = Frame { color: vec![[size, 0.0, 0.0]; none.color.len()], ..none };
@@ -249,7 +245,7 @@ fn as_many_gaussians_are_active_as_a_binding_holds_splats_and_sums_of() {
             is_batched: false,
             depth_bits: 32,
         };
-        let is_fixed = matches!(sums, Sums::Fixed32 | Sums::Fixed64) && purpose != Purpose::Picture;
+        let is_fixed = sums != Sums::Slots && purpose != Purpose::Picture;
         let most = if is_fixed { 1_290_555 } else { 2_097_152 };
         let found = [0, 1000, most, most + 1, u32::MAX].map(|n| room.active_of(n, &caps));
         assert_eq!(found, [1, 1000, most, most, most], "{sums:?}, {purpose:?}");

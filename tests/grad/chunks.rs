@@ -77,10 +77,8 @@ fn gradients_of_long_lists_are_those_of_the_truth_in_all_ways_and_the_same_bits_
                 assert!(error <= slack(4.0) * 1e-5, "{n}, {sums:?}: {name} is off by {error:e}");
             }
             assert!(flat(&found, "opacity").iter().filter(|x| **x != 0.0).count() > 500);
-            if !matches!(sums, Sums::Floats | Sums::Swapped) {
-                let again = renderer.vjp(&view, &cotangents).unwrap().0;
-                assert!(bits(&found) == bits(&again), "{n}, {sums:?}: another run has other bits");
-            }
+            let again = renderer.vjp(&view, &cotangents).unwrap().0;
+            assert!(bits(&found) == bits(&again), "{n}, {sums:?}: another run has other bits");
         }
     }
 }

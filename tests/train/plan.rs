@@ -44,7 +44,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
     let cases = [
         (0, true, 16, Accumulation::Slots),
         (1, false, 16, Accumulation::FixedPoint),
-        (2, false, 32, Accumulation::CompareExchange),
+        (2, false, 32, Accumulation::FixedPoint),
         (3, true, 32, Accumulation::Auto),
         (3, true, 16, Accumulation::Auto),
     ];

@@ -40,18 +40,14 @@ pub struct Args {
 #[derive(Clone, Copy, clap::ValueEnum)]
 enum Mode {
     Slots,
-    FloatAtomics,
     FixedPoint,
-    CompareExchange,
 }
 
 impl From<Mode> for Accumulation {
     fn from(mode: Mode) -> Self {
         match mode {
             Mode::Slots => Accumulation::Slots,
-            Mode::FloatAtomics => Accumulation::FloatAtomics,
             Mode::FixedPoint => Accumulation::FixedPoint,
-            Mode::CompareExchange => Accumulation::CompareExchange,
         }
     }
 }
@@ -74,9 +70,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if gradients.n_bad > 0 {
         let remedy = match args.accumulation {
             Mode::FixedPoint => "give --accumulation slots, which has no range as fixed point has",
-            Mode::Slots | Mode::FloatAtomics | Mode::CompareExchange => {
-                "give smaller cotangents, or see with `ivv inspect` how large the scene's numbers are"
-            }
+            Mode::Slots => "give smaller cotangents, or see with `ivv inspect` how large the scene's numbers are",
         };
         let what = format!("the gradient of view `{}`", view.name);
         return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad), remedy }.into());

@@ -441,7 +441,7 @@ crate::gpu::kernel::variant!(blend_merge_color of blend_merge);
 crate::gpu::kernel::variant!(blend_merge_train of blend_merge);
 crate::gpu::kernel::variant!(blend_merge_train_color of blend_merge);
 
-/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of three modes of accumulation.
 pub mod blend_bwd_p4 {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -548,7 +548,7 @@ pub mod blend_bwd_p4 {
     };
 }
 
-/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of three modes of accumulation.
 pub mod blend_bwd_p8 {
     use crate::gpu::kernel::*;
     /// `Push` of the shaders.
@@ -650,169 +650,7 @@ pub mod blend_bwd_p8 {
 crate::gpu::kernel::variant!(blend_bwd_color_p4 of blend_bwd_p4);
 crate::gpu::kernel::variant!(blend_bwd_color_p8 of blend_bwd_p8);
 
-/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
-pub mod blend_bwd_float_p4 {
-    pub use super::blend_bwd_p4::Push;
-    use crate::gpu::kernel::*;
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tile_last: &'a Buf<u32>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<f32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub chunk_args: &'a Buf<u32>,
-        /// Reads.
-        pub chunk_items: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub chunk0: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub chunk1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.tile_last.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-                self.chunk_args.slice(),
-                self.chunk_items.slice(),
-                self.chunk0.slice(),
-                self.chunk1.slice(),
-            ]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_float_p4",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_p4.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x66a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_last", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "chunk_args", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "chunk_items", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "chunk0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "chunk1", kind: BindingKind::Storage, access: Access::Read },
-        ],
-    };
-}
-
-/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
-pub mod blend_bwd_float_p8 {
-    pub use super::blend_bwd_p8::Push;
-    use crate::gpu::kernel::*;
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub view: &'a Buf<crate::gpu::generated::ViewParams>,
-        /// Reads.
-        pub tile_order: &'a Buf<u32>,
-        /// Reads.
-        pub tile_first: &'a Buf<u32>,
-        /// Reads.
-        pub splat_ids: &'a Buf<u32>,
-        /// Reads.
-        pub slots: &'a Buf<u32>,
-        /// Reads.
-        pub splats: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub tail: &'a Buf<[u32; 2]>,
-        /// Reads.
-        pub d_image0: &'a Buf<[f32; 4]>,
-        /// ReadWrites.
-        pub carry: &'a Buf<[f32; 2]>,
-        /// ReadWrites.
-        pub d_slots: &'a Buf<f32>,
-        /// Reads.
-        pub d_image1: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.view.slice(),
-                self.tile_order.slice(),
-                self.tile_first.slice(),
-                self.splat_ids.slice(),
-                self.slots.slice(),
-                self.splats.slice(),
-                self.tail.slice(),
-                self.d_image0.slice(),
-                self.carry.slice(),
-                self.d_slots.slice(),
-                self.d_image1.slice(),
-            ]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "blend_bwd_float_p8",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/blend_bwd_float_p8.spv"),
-        local: 64,
-        subgroups: true,
-        floats: 0x7a0,
-        bindings: &[
-            BindingInfo { name: "view", kind: BindingKind::Uniform, access: Access::Read },
-            BindingInfo { name: "tile_order", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tile_first", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splat_ids", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "slots", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "splats", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "tail", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image0", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "carry", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_slots", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "d_image1", kind: BindingKind::Storage, access: Access::Read },
-        ],
-    };
-}
-crate::gpu::kernel::variant!(blend_bwd_float_color_p4 of blend_bwd_float_p4);
-crate::gpu::kernel::variant!(blend_bwd_float_color_p8 of blend_bwd_float_p8);
-
-/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of three modes of accumulation.
 pub mod blend_bwd_fixed_p4 {
     pub use super::blend_bwd_p4::Push;
     use crate::gpu::kernel::*;
@@ -900,7 +738,7 @@ pub mod blend_bwd_fixed_p4 {
     };
 }
 
-/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of three modes of accumulation.
 pub mod blend_bwd_fixed_p8 {
     pub use super::blend_bwd_p8::Push;
     use crate::gpu::kernel::*;
@@ -973,12 +811,8 @@ pub mod blend_bwd_fixed_p8 {
 }
 crate::gpu::kernel::variant!(blend_bwd_fixed_color_p4 of blend_bwd_fixed_p4);
 crate::gpu::kernel::variant!(blend_bwd_fixed_color_p8 of blend_bwd_fixed_p8);
-crate::gpu::kernel::variant!(blend_bwd_swap_p4 of blend_bwd_fixed_p4);
-crate::gpu::kernel::variant!(blend_bwd_swap_p8 of blend_bwd_fixed_p8);
-crate::gpu::kernel::variant!(blend_bwd_swap_color_p4 of blend_bwd_fixed_p4);
-crate::gpu::kernel::variant!(blend_bwd_swap_color_p8 of blend_bwd_fixed_p8);
 
-/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of three modes of accumulation.
 pub mod blend_bwd_fixed64_p4 {
     pub use super::blend_bwd_p4::Push;
     use crate::gpu::kernel::*;
@@ -1066,7 +900,7 @@ pub mod blend_bwd_fixed64_p4 {
     };
 }
 
-/// carries the cotangents of a picture back to the splats, in one of five modes of accumulation.
+/// carries the cotangents of a picture back to the splats, in one of three modes of accumulation.
 pub mod blend_bwd_fixed64_p8 {
     pub use super::blend_bwd_p8::Push;
     use crate::gpu::kernel::*;
@@ -1261,20 +1095,12 @@ pub fn blend_bwd(accumulation: usize, is_color: bool, is_eight: bool) -> &'stati
     match (accumulation, is_color, is_eight) {
         (0, true, false) => blend_bwd_color_p4::INFO,
         (0, true, true) => blend_bwd_color_p8::INFO,
-        (2, true, false) => blend_bwd_fixed_color_p4::INFO,
-        (2, true, true) => blend_bwd_fixed_color_p8::INFO,
-        (2, false, false) => blend_bwd_fixed_p4::INFO,
-        (2, false, true) => blend_bwd_fixed_p8::INFO,
-        (1, true, false) => blend_bwd_float_color_p4::INFO,
-        (1, true, true) => blend_bwd_float_color_p8::INFO,
-        (1, false, false) => blend_bwd_float_p4::INFO,
-        (1, false, true) => blend_bwd_float_p8::INFO,
+        (1, true, false) => blend_bwd_fixed_color_p4::INFO,
+        (1, true, true) => blend_bwd_fixed_color_p8::INFO,
+        (1, false, false) => blend_bwd_fixed_p4::INFO,
+        (1, false, true) => blend_bwd_fixed_p8::INFO,
         (0, false, false) => blend_bwd_p4::INFO,
         (0, false, true) => blend_bwd_p8::INFO,
-        (3, true, false) => blend_bwd_swap_color_p4::INFO,
-        (3, true, true) => blend_bwd_swap_color_p8::INFO,
-        (3, false, false) => blend_bwd_swap_p4::INFO,
-        (3, false, true) => blend_bwd_swap_p8::INFO,
         (_, true, false) => blend_bwd_fixed64_color_p4::INFO,
         (_, true, true) => blend_bwd_fixed64_color_p8::INFO,
         (_, false, false) => blend_bwd_fixed64_p4::INFO,

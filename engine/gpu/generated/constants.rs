@@ -72,8 +72,6 @@ pub mod bilateral_grade {
 pub mod blend_bwd {
     /// `SUM_SEGMENT` of the shader.
     pub const SUM_SEGMENT: u32 = 8192;
-    /// `SWAP_SEGMENT` of the shader.
-    pub const SWAP_SEGMENT: u32 = 2048;
     /// `LN_2` of the shader.
     pub const LN_2: f32 = 0.6931471805599453;
 }
