@@ -83,8 +83,6 @@ pub struct Family {
     pub twin: fn(&Spec) -> &'static str,
     /// What its time grows with.
     pub count: Count,
-    /// The ideal-limit model on one core of a CPU driver: nanoseconds per unit.
-    pub limit_ns: fn(&Spec) -> f64,
     /// What it must do at least: bytes are those of data that must come from memory or go there once, whatever the caches; flops
     /// are float additions and multiplications, without those of addresses; loads that caches serve are not counted. None of what
     /// is outside a frame and a step: density control and the probes.
@@ -117,11 +115,6 @@ impl Spec {
     /// Its truth on the CPU, `module::name` of the engine's twins. Empty where it computes nothing.
     pub fn twin(&self) -> &'static str {
         (self.family.twin)(self)
-    }
-
-    /// Nanoseconds per unit that the ideal-limit model grants it.
-    pub fn limit_ns(&self) -> f64 {
-        (self.family.limit_ns)(self)
     }
 
     /// Whether a definition is there, and not 0.
@@ -222,7 +215,6 @@ pub const ROW: Family = Family {
     same: |_| {},
     twin: |_| "",
     count: Count::Dispatches,
-    limit_ns: |_| 1000.0,
     cost: Some(dispatch),
 };
 

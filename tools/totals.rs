@@ -66,8 +66,6 @@ pub fn totals(
         "profile": {
             "steps": steps,
             "ms": sum.as_ref().map(|sum| sum.ms),
-            "limit_ms": sum.as_ref().and_then(|sum| sum.limit_ms),
-            "of_limit": sum.as_ref().and_then(|sum| sum.of_limit),
             "passes": passes,
         },
     });

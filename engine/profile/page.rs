@@ -31,13 +31,10 @@ fn tables(profile: &Profile) -> [(String, Table); 4] {
         count("pixel-splats added", counters.added),
         vec!["pixels finished early".to_owned(), format!("{:.1} %", 100.0 * profile.early_stop_rate())],
     ];
-    let has_units = profile.total.of_unit_limit.is_some();
-    let mut heads =
-        vec!["pass", "calls", "median, ms", "p95, ms", "share", "MB", "Mflop", "limit, ms", "of limit", "by"];
-    heads.extend(has_units.then_some("of unit time"));
+    let heads = ["pass", "calls", "median, ms", "p95, ms", "share", "MB", "Mflop", "limit, ms", "of limit", "by"];
     let percent = |f: f64| if f < 0.095 { format!("{:.1} %", 100.0 * f) } else { format!("{:.0} %", 100.0 * f) };
     let row = |line: &Line| {
-        let mut row = vec![
+        vec![
             line.label.clone(),
             format!("{:.0}", line.dispatches),
             format!("{:.3}", line.median_ms),
@@ -48,9 +45,7 @@ fn tables(profile: &Profile) -> [(String, Table); 4] {
             format!("{:.3}", line.limit_ms),
             percent(line.of_limit),
             line.bound.map_or("", Bound::name).to_owned(),
-        ];
-        row.extend(has_units.then(|| line.of_unit_limit.map_or(String::new(), percent)));
-        row
+        ]
     };
     let costs = [
         vec![format!("{sample} with timestamps, host's clock"), format!("{:.2} ms", overhead.timed_ms)],
@@ -87,16 +82,14 @@ fn told(profile: &Profile) -> String {
 impl Profile {
     /// The page: one HTML file that needs nothing else.
     pub fn html(&self) -> String {
-        let units = if self.total.of_unit_limit.is_some() { note(&UNITS.replace('`', "")) } else { String::new() };
-        let mut body = section("Roofline", &format!("{}{}{units}", self.inline_roofline(), note(MEANING)));
+        let mut body = section("Roofline", &format!("{}{}", self.inline_roofline(), note(MEANING)));
         body.extend(tables(self).iter().map(|(title, table)| section(title, &table.html())));
         page(&format!("Profile of {}", self.subject), &note(&told(self)), &body)
     }
 
     /// Peaks, counters and passes as Markdown.
     pub fn markdown(&self) -> String {
-        let units = if self.total.of_unit_limit.is_some() { UNITS } else { "" };
-        let mut text = format!("{}.\n\n{MEANING} {units}\n", told(self));
+        let mut text = format!("{}.\n\n{MEANING}\n", told(self));
         for (title, table) in tables(self) {
             let _ = write!(text, "\n## {title}\n\n{}", table.markdown());
         }
@@ -112,7 +105,3 @@ impl Profile {
 const MEANING: &str = "A circle's area grows with its pass's share of the time. The limit of a pass is the time that its \
     least bytes, scattered rows, flops, powers of two, shuffles or atomic additions take at the measured peaks, whichever \
     is longest, and its dispatches; the bytes are those that memory must move whatever the caches.";
-
-/// What the last column says, where there is one.
-const UNITS: &str = "The last column is another measure, for CPU drivers alone: the unit times of `shaders-glsl/table.rs`, \
-    what kernels took that were written for lavapipe and nothing else, over the time measured.";

@@ -4,7 +4,7 @@ use super::limit::{Bound, Peaks};
 use crate::gpu::table::Cost;
 use crate::report::statistics::{Ratio, mean, median, paired_ratio, quantile};
 use crate::stage::{Counters, PassReport};
-use crate::vk::{Caps, DeviceKind};
+use crate::vk::Caps;
 use serde::Serialize;
 
 /// One frame or step whose passes were timed.
@@ -43,10 +43,6 @@ pub struct Line {
     pub of_limit: f64,
     /// What limits it; nothing alone limits a whole sample.
     pub bound: Option<Bound>,
-    /// On a CPU driver, the time of kernels that are well written for it, by the units of the table of kernels.
-    pub unit_limit_ms: Option<f64>,
-    /// The fraction of that speed that is reached.
-    pub of_unit_limit: Option<f64>,
 }
 
 /// What timestamps cost: steps with them and steps without, in turns.
@@ -88,12 +84,11 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Of at least one sample on the device with `caps`; `threads` are those of a CPU driver.
+    /// Of at least one sample on the device with `caps`.
     pub fn new(
         subject: String,
         sample: &'static str,
         caps: &Caps,
-        threads: f64,
         peaks: Peaks,
         samples: &[Sample],
         overhead: Overhead,
@@ -109,11 +104,9 @@ impl Profile {
                 labels.push(&pass.label);
             }
         }
-        // The unit costs are lavapipe's.
-        let threads = (caps.kind == DeviceKind::Cpu).then_some(threads);
         let line = |label: &str| {
             let of: Vec<&PassReport> = passes().filter(|pass| pass.label == label).collect();
-            Line::new(label, &of, &peaks, threads, sum)
+            Line::new(label, &of, &peaks, sum)
         };
         let lines: Vec<Line> = labels.into_iter().map(line).collect();
         let times: Vec<f64> =
@@ -147,7 +140,7 @@ impl Profile {
 }
 
 impl Line {
-    fn new(label: &str, passes: &[&PassReport], peaks: &Peaks, threads: Option<f64>, sum: f64) -> Self {
+    fn new(label: &str, passes: &[&PassReport], peaks: &Peaks, sum: f64) -> Self {
         let n = passes.len().max(1) as f64;
         let mean = |f: &dyn Fn(&PassReport) -> f64| mean(passes.iter().map(|pass| f(pass))).unwrap_or(0.0);
         let ms: Vec<f64> = passes.iter().map(|pass| pass.ns / 1e6).collect();
@@ -159,9 +152,7 @@ impl Line {
         let dispatched = if is_kernel { dispatches } else { 0.0 };
         let (limit_ns, bound) = peaks.limit(&cost, dispatched);
         let median_ms = median(&ms);
-        let of = |limit_ms: f64| if median_ms > 0.0 { limit_ms / median_ms } else { 0.0 };
-        let unit_ns = |threads| mean(&|pass| pass.limit_ns) / threads + dispatched * peaks.dispatch_ns;
-        let unit_limit_ms = threads.filter(|_| is_kernel).map(|threads| unit_ns(threads) / 1e6);
+        let limit_ms = limit_ns / 1e6;
         Line {
             label: label.to_owned(),
             samples: passes.len(),
@@ -171,19 +162,14 @@ impl Line {
             share: passes.iter().map(|pass| pass.ns).sum::<f64>() / sum,
             units: mean(&|pass| pass.units),
             cost,
-            limit_ms: limit_ns / 1e6,
-            of_limit: of(limit_ns / 1e6),
+            limit_ms,
+            of_limit: if median_ms > 0.0 { limit_ms / median_ms } else { 0.0 },
             bound: Some(bound),
-            unit_limit_ms,
-            of_unit_limit: unit_limit_ms.map(of),
         }
     }
 
     fn total(sample: &str, lines: &[Line], ms: &[f64]) -> Self {
         let limit_ms: f64 = lines.iter().map(|line| line.limit_ms).sum();
-        // Copies and fills have no unit time.
-        let unit_limits: Vec<f64> = lines.iter().filter_map(|line| line.unit_limit_ms).collect();
-        let unit_limit_ms = (!unit_limits.is_empty()).then(|| unit_limits.iter().sum());
         let median_ms = median(ms);
         let mut cost = Cost::default();
         lines.iter().for_each(|line| cost.add(&line.cost, 1.0));
@@ -199,8 +185,6 @@ impl Line {
             limit_ms,
             of_limit: limit_ms / median_ms,
             bound: None,
-            unit_limit_ms,
-            of_unit_limit: unit_limit_ms.map(|limit: f64| limit / median_ms),
         }
     }
 }

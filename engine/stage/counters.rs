@@ -196,8 +196,6 @@ pub struct PassReport {
     pub units: f64,
     /// The least that they must do.
     pub cost: Cost,
-    /// What `units` take on one core of a CPU driver in kernels that are well written for it, nanoseconds.
-    pub limit_ns: f64,
 }
 
 /// Adds the passes of `rec`, which took `times` for what `counters` say, to the `lines` of the same frame.
@@ -211,7 +209,7 @@ pub fn add_passes(
         let (units, cost) = counters.cost(pass);
         let at = lines.iter().position(|line| line.label == time.label).unwrap_or_else(|| {
             let label = time.label.clone();
-            lines.push(PassReport { label, dispatches: 0, ns: 0.0, units: 0.0, cost: Cost::default(), limit_ns: 0.0 });
+            lines.push(PassReport { label, dispatches: 0, ns: 0.0, units: 0.0, cost: Cost::default() });
             lines.len() - 1
         });
         let line = &mut lines[at];
@@ -219,7 +217,6 @@ pub fn add_passes(
         line.ns += time.ns;
         line.units += units;
         line.cost.add(&cost, 1.0);
-        line.limit_ns += row(pass).map_or(0.0, |row| row.limit_ns()) * units;
     }
     lines
 }

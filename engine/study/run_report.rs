@@ -215,13 +215,10 @@ impl Report<'_> {
         for pass in passes {
             let label = pass["label"].as_str().unwrap_or_default();
             let section = label.split_once('/').map_or(label, |(section, _)| section);
-            let (ms, limit) = (pass["ms"].as_f64().unwrap_or(0.0), pass["limit_ms"].as_f64());
+            let ms = pass["ms"].as_f64().unwrap_or(0.0);
             match sections.iter_mut().find(|row| row.label == section) {
-                Some(row) => {
-                    row.ms += ms;
-                    row.limit_ms = row.limit_ms.zip(limit).map(|(a, b)| a + b);
-                }
-                None => sections.push(Bar { label: section.to_owned(), ms, limit_ms: limit }),
+                Some(row) => row.ms += ms,
+                None => sections.push(Bar { label: section.to_owned(), ms }),
             }
         }
         let mut told = String::new();
@@ -229,23 +226,14 @@ impl Report<'_> {
             told += &note("The device has no timestamps, or the run was not timed.");
         } else {
             let n = profile["steps"].as_array().map_or(0, Vec::len);
-            let tick = if sections[0].limit_ms.is_some() {
-                "; the tick is the time that a model of lavapipe, measured on another machine, expects"
-            } else {
-                ""
-            };
-            told += &bars(
-                "plot-sections",
-                &format!("Sections of a step, mean of {n} steps spread over the run{tick}"),
-                &sections,
-            );
+            let title = format!("Sections of a step, mean of {n} steps spread over the run");
+            told += &bars("plot-sections", &title, &sections);
         }
         let rows = passes.iter().map(|pass| {
-            let model = pass["limit_ms"].as_f64().map_or("-".to_owned(), |ms| format!("{ms:.3}"));
             let label = pass["label"].as_str().unwrap_or_default().to_owned();
-            vec![label, pass["dispatches"].to_string(), format!("{:.3}", pass["ms"].as_f64().unwrap_or(0.0)), model]
+            vec![label, pass["dispatches"].to_string(), format!("{:.3}", pass["ms"].as_f64().unwrap_or(0.0))]
         });
-        told += &Table::new(&["pass", "dispatches", "ms", "model, ms"], rows).folded("Passes");
+        told += &Table::new(&["pass", "dispatches", "ms"], rows).folded("Passes");
         let buffers = self.totals["bytes_by_buffer"].as_object().into_iter().flatten();
         let mut buffers: Vec<(&str, f64)> =
             buffers.map(|(name, n)| (name.as_str(), n.as_f64().unwrap_or(0.0))).collect();

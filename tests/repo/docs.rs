@@ -4,7 +4,7 @@ use super::{files, marked, quoted, root, table, text};
 use crate::common::device::gpu;
 use crate::common::random;
 use ivv::Constants;
-use ivv::gpu::table::{FAMILIES, KERNELS, Spec};
+use ivv::gpu::table::{FAMILIES, KERNELS};
 use ivv::stage::{Outputs, Renderer};
 
 const KERNEL_TABLE: &str = "shaders-glsl/README.md";
@@ -20,21 +20,19 @@ fn purpose(shader: &str) -> String {
 /// The table of kernels as Markdown.
 fn kernel_table() -> String {
     let mut lines = vec![
-        "| kernels | shader | choices | purpose | twin | time grows with | limits, ns |".to_owned(),
-        "| --- | --- | --- | --- | --- | --- | --- |".to_owned(),
+        "| kernels | shader | choices | purpose | twin | time grows with |".to_owned(),
+        "| --- | --- | --- | --- | --- | --- |".to_owned(),
     ];
     for family in FAMILIES {
         let choices = family.axes.iter().map(|axis| {
             let values = axis.values.iter().map(|(name, _)| if name.is_empty() { "-" } else { name });
             format!("`{}`: {}", axis.name, values.collect::<Vec<_>>().join(", "))
         });
-        let limits = KERNELS.iter().filter(|row| row.family.name == family.name).map(Spec::limit_ns);
-        let (least, most) = limits.fold((f64::INFINITY, 0.0), |(a, b), x| (x.min(a), x.max(b)));
         let of = KERNELS.iter().filter(|row| row.family.name == family.name && !row.twin().is_empty());
         let mut twins: Vec<String> = of.map(|row| format!("`{}`", row.twin())).collect();
         twins.dedup();
         lines.push(format!(
-            "| `{}{}` | `{}` | {} | {} | {} | {} | {} |",
+            "| `{}{}` | `{}` | {} | {} | {} | {} |",
             family.name,
             if family.axes.is_empty() { "" } else { "*" },
             family.file,
@@ -42,7 +40,6 @@ fn kernel_table() -> String {
             purpose(family.file),
             twins.join(", "),
             format!("{:?}", family.count).to_lowercase(),
-            if least < most { format!("{least} to {most}") } else { most.to_string() },
         ));
     }
     lines.join("\n") + "\n"

@@ -172,8 +172,6 @@ fn check_totals(run: &Path) {
         let has = |pass: &Value| pass["label"].as_str().unwrap().starts_with(&format!("{section}/"));
         assert!(passes.iter().any(has), "{section}");
     }
-    let is_cpu = totals["device"]["kind"] == "cpu";
-    assert!(passes.iter().all(|pass| pass["limit_ms"].is_number() == is_cpu), "the model is of a CPU driver");
     assert!(totals["bytes_by_buffer"].as_object().unwrap().values().map(|n| n.as_u64().unwrap()).sum::<u64>() > 10_000);
 }
 

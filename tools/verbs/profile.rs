@@ -4,7 +4,6 @@ use crate::device::DeviceArgs;
 use crate::estimate::{self, EstimateArgs};
 use crate::files::{make_folder, write_json};
 use crate::kernels;
-use crate::passes::cpu_threads;
 use crate::progress::{Progress, watch};
 use crate::replay::{self, ReplayArgs};
 use crate::screen::out;
@@ -250,7 +249,7 @@ impl Measured {
     fn write(self, gpu: &Gpu, peaks: Peaks, subject: &Path, output: &Path, json: bool) -> anyhow::Result<()> {
         let overhead = Overhead::new(&self.timed, &self.plain);
         let name = subject.file_name().unwrap_or(subject.as_os_str()).to_string_lossy().into_owned();
-        let profile = Profile::new(name, self.sample, gpu.caps(), cpu_threads(), peaks, &self.samples, overhead);
+        let profile = Profile::new(name, self.sample, gpu.caps(), peaks, &self.samples, overhead);
         write_json(&output.join("profile.json"), &profile)?;
         write_json(&output.join("trace.json"), &trace(&gpu.caps().name, &self.moments))?;
         for (file, text) in

@@ -54,7 +54,7 @@ pub struct Args {
     /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
     #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
     format: Vec<Format>,
-    /// Print the time of every pass, its share, and its speed against a model of lavapipe.
+    /// Print the time of every pass and its share.
     #[arg(long, conflicts_with = "film")]
     profile: bool,
     /// Writes nothing: renders the views in turn for so many seconds, each while the host is busy with the one before, and tells
@@ -358,7 +358,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
     }
     let caps = gpu.caps();
-    let passes = reports.iter().flat_map(|r| &r.frame.passes).map(|pass| TimedPass::new(pass, caps));
+    let passes = reports.iter().flat_map(|r| &r.frame.passes).map(TimedPass::from);
     let profile = args.profile.then(|| passes::mean(passes, reports.len()));
     let peak_bytes = gpu.device().memory().1;
     if json {

@@ -274,7 +274,7 @@ impl Training<'_, '_> {
     fn profile(&mut self) -> anyhow::Result<()> {
         let Some(profiled) = self.session.profile()? else { return Ok(()) };
         let gpu = self.scorer.gpu;
-        let passes = profiled.passes.iter().map(|pass| TimedPass::new(pass, gpu.caps())).collect();
+        let passes = profiled.passes.iter().map(TimedPass::from).collect();
         let line = ProfiledStep { step: self.session.steps(), passes, bytes_by_buffer: gpu.device().memory().0 };
         self.log.push(Kind::Profile, &line)?;
         Ok(())
