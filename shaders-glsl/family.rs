@@ -46,10 +46,8 @@ pub struct Cost {
     pub exp2: f64,
     /// Shuffles, one per lane.
     pub shuffles: f64,
-    /// Atomic additions of integers.
+    /// Atomic additions.
     pub atomics: f64,
-    /// Atomic additions of floats.
-    pub float_atomics: f64,
 }
 
 /// A share of a kernel's cost.
@@ -158,17 +156,7 @@ impl Cost {
     /// Of bytes and flops alone.
     pub const fn of(bytes: f64, flops: f64) -> Cost {
         let none = 0.0;
-        Cost {
-            bytes,
-            copied: none,
-            filled: none,
-            rows: none,
-            flops,
-            exp2: none,
-            shuffles: none,
-            atomics: none,
-            float_atomics: none,
-        }
+        Cost { bytes, copied: none, filled: none, rows: none, flops, exp2: none, shuffles: none, atomics: none }
     }
 }
 

@@ -399,7 +399,6 @@ pub static FAMILIES: &[Family] = &[
     },
     Family {
         name: "probe_atomic", file: "probe/probe_atomic.comp", twin: |_| "probe::scattered_rows", count: Count::Recorded,
-        axes: &[switch("is_float", &[("", NONE), ("float", ("FLOAT", "1"))])],
         cost: None,
         ..ROW
     },

@@ -146,7 +146,7 @@ pub fn run(args: &EstimateArgs, config: &Config, device: &DeviceArgs, json: bool
 
 /// A device that stands in for the card: it holds buffers, and nothing runs on it.
 pub fn card_gpu(card: &Card, device: &DeviceArgs) -> ivv::Result<Arc<Gpu>> {
-    let stands_in = StandIn { subgroup_size: card.lanes, float_atomics: card.float_atomics };
+    let stands_in = StandIn { subgroup_size: card.lanes };
     let options = Options { device: device.choice(), stands_in: Some(stands_in), ..Options::default() };
     Ok(Arc::new(Gpu::open(&options)?))
 }

@@ -15,14 +15,13 @@ impl Cost {
         self.exp2 += n * other.exp2;
         self.shuffles += n * other.shuffles;
         self.atomics += n * other.atomics;
-        self.float_atomics += n * other.float_atomics;
     }
 }
 
 // Written out, since the build reads the table too, which has no serde.
 impl Serialize for Cost {
     fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
-        let Cost { bytes, copied, filled, rows, flops, exp2, shuffles, atomics, float_atomics } = *self;
+        let Cost { bytes, copied, filled, rows, flops, exp2, shuffles, atomics } = *self;
         to.collect_map([
             ("bytes", bytes),
             ("copied", copied),
@@ -32,7 +31,6 @@ impl Serialize for Cost {
             ("exp2", exp2),
             ("shuffles", shuffles),
             ("atomics", atomics),
-            ("float_atomics", float_atomics),
         ])
     }
 }

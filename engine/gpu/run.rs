@@ -35,8 +35,6 @@ pub struct Options {
 pub struct StandIn {
     /// Lanes of its subgroups.
     pub subgroup_size: u32,
-    /// Whether it adds floats in memory.
-    pub float_atomics: bool,
 }
 
 /// Changes kernels before they are compiled: so a test runs them with subgroups that its device lacks, or with errors that Vulkan
@@ -120,9 +118,9 @@ impl Gpu {
         if let Some(lanes) = options.rewrite.and_then(|rewrite| rewrite.subgroup_size) {
             (caps.subgroup_size, caps.kind) = (lanes, DeviceKind::DiscreteGpu);
         }
-        if let Some(StandIn { subgroup_size, float_atomics }) = options.stands_in {
+        if let Some(StandIn { subgroup_size }) = options.stands_in {
             let (kind, max_binding_bytes) = (DeviceKind::DiscreteGpu, u64::from(u32::MAX));
-            caps = Caps { kind, subgroup_size, max_binding_bytes, float_atomics, int64_atomics: true, ..caps };
+            caps = Caps { kind, subgroup_size, max_binding_bytes, int64_atomics: true, ..caps };
         }
         let Options { poison, rewrite, reversed, .. } = *options;
         let (pipelines, counts) = (Mutex::default(), None);

@@ -20,8 +20,6 @@ pub struct Card {
     pub compiled: (&'static str, &'static str),
     /// Lanes of a subgroup.
     pub lanes: u32,
-    /// Whether it adds floats in memory.
-    pub float_atomics: bool,
     /// Bytes of its memory.
     pub memory: Figure,
     /// Peak bandwidth of its memory, bytes a second.
@@ -63,7 +61,6 @@ pub const CARDS: [Card; 4] = [
         name: "H200",
         compiled: ("GA100/32", "Ampere where the card is Hopper, and Mesa's compiler, not NVIDIA's"),
         lanes: 32,
-        float_atomics: true,
         memory: figure(141e9, "NVIDIA, data sheet of the H200"),
         peak: figure(4.8e12, "NVIDIA, data sheet of the H200"),
         bytes: reached(4.8e12),
@@ -81,7 +78,6 @@ pub const CARDS: [Card; 4] = [
         name: "RTX4090",
         compiled: ("GA102/32", "Ampere where the card is Ada, and Mesa's compiler, not NVIDIA's"),
         lanes: 32,
-        float_atomics: true,
         memory: figure(24e9, "NVIDIA, Ada white paper"),
         peak: figure(1.008e12, "NVIDIA, Ada white paper"),
         bytes: reached(1.008e12),
@@ -99,7 +95,6 @@ pub const CARDS: [Card; 4] = [
         name: "RX7900XTX",
         compiled: ("navi31/32", "the card's own chip, by Mesa's compiler"),
         lanes: 32,
-        float_atomics: true,
         memory: figure(24e9, "AMD, page of the RX 7900 XTX"),
         peak: figure(0.96e12, "AMD, page of the RX 7900 XTX"),
         bytes: reached(0.96e12),
@@ -114,7 +109,6 @@ pub const CARDS: [Card; 4] = [
         name: "A770",
         compiled: ("navi31/32", "of AMD, since no compiler of Intel's runs without the card"),
         lanes: 16,
-        float_atomics: true,
         memory: figure(16e9, "Intel, page of the Arc A770, 16 GB"),
         peak: figure(0.56e12, "Intel, page of the Arc A770, 16 GB"),
         bytes: reached(0.56e12),

@@ -243,10 +243,10 @@ impl<'a> Model<'a> {
     fn pass(&mut self, pass: &Pass, barriers: usize) -> Part {
         let (units, cost) = self.counters.cost(pass);
         let Card { bytes, cache, issue, flops, exp2, barrier_ns, .. } = self.card;
-        let Cost { rows, atomics, float_atomics, .. } = cost;
+        let Cost { rows, atomics, .. } = cost;
         let instructions = kernel(pass).map_or(0.0, |kernel| self.instructions(pass, kernel, units));
         let moved = cost.bytes + cost.copied + cost.filled;
-        let cached = ROW_BYTES * rows + ATOMIC_BYTES * (atomics + float_atomics);
+        let cached = ROW_BYTES * rows + ATOMIC_BYTES * atomics;
         let us = |amount: f64, rate: f64| 1e6 * amount / rate;
         let arithmetic = us(cost.flops, flops.value).max(us(cost.exp2, exp2.value));
         let alone_us = [us(moved, bytes.value), us(cached, cache.value), us(instructions, issue.value), arithmetic];

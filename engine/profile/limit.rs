@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::gpu::table::Cost;
 use serde::Serialize;
 
-/// What a device was measured to do, per second; 0 where it cannot.
+/// What a device was measured to do, per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Peaks {
     /// Bytes that kernels move: of a streaming copy, read and written, or of scattered rows, whichever are more.
@@ -23,10 +23,8 @@ pub struct Peaks {
     pub exp2: f64,
     /// Shuffles, one per lane.
     pub shuffles: f64,
-    /// Atomic additions of integers to scattered rows.
+    /// Atomic additions to scattered rows.
     pub atomics: f64,
-    /// Atomic additions of floats to scattered rows.
-    pub float_atomics: f64,
     /// Nanoseconds of a dispatch that does next to nothing, between its timestamps.
     pub dispatch_ns: f64,
     /// The same with its barrier and label.
@@ -78,23 +76,11 @@ impl Peaks {
         for (rate, probe) in rates.iter_mut().zip(Probe::ALL) {
             *rate = probe.rate(gpu)?;
         }
-        let [streamed, copied, filled, rows, flops, exp2, shuffles, atomics, float_atomics] = rates;
+        let [streamed, copied, filled, rows, flops, exp2, shuffles, atomics] = rates;
         // Reading may be faster than writing.
         let bytes = f64::max(streamed, 64.0 * rows);
         let [dispatch_ns, dispatch_and_barrier_ns] = dispatch_ns(gpu)?;
-        Ok(Peaks {
-            bytes,
-            copied,
-            filled,
-            rows,
-            flops,
-            exp2,
-            shuffles,
-            atomics,
-            float_atomics,
-            dispatch_ns,
-            dispatch_and_barrier_ns,
-        })
+        Ok(Peaks { bytes, copied, filled, rows, flops, exp2, shuffles, atomics, dispatch_ns, dispatch_and_barrier_ns })
     }
 
     /// The rate of `probe`; that of a copy is [`Peaks::bytes`].
@@ -108,7 +94,6 @@ impl Peaks {
             Probe::Exp2 => self.exp2,
             Probe::Shuffle => self.shuffles,
             Probe::Atomic => self.atomics,
-            Probe::FloatAtomic => self.float_atomics,
         }
     }
 
@@ -125,7 +110,7 @@ impl Peaks {
             (time(cost.flops, self.flops), Bound::Flops),
             (time(cost.exp2, self.exp2), Bound::Exp2),
             (time(cost.shuffles, self.shuffles), Bound::Shuffles),
-            (time(cost.atomics, self.atomics) + time(cost.float_atomics, self.float_atomics), Bound::Atomics),
+            (time(cost.atomics, self.atomics), Bound::Atomics),
         ];
         let slowest = resources.into_iter().fold((0.0, Bound::Dispatch), |a, b| if b.0 > a.0 { b } else { a });
         let dispatch = dispatches * self.dispatch_ns;

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::gpu::generated::{
-    probe_atomic, probe_atomic_float, probe_copy, probe_dispatch, probe_exp2, probe_fma, probe_gather, probe_shuffle,
+    probe_atomic, probe_copy, probe_dispatch, probe_exp2, probe_fma, probe_gather, probe_shuffle,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::report::statistics::median;
@@ -48,15 +48,13 @@ pub enum Probe {
     Exp2,
     /// Shuffles, one per lane.
     Shuffle,
-    /// Atomic additions of integers to scattered rows.
+    /// Atomic additions to scattered rows.
     Atomic,
-    /// Atomic additions of floats to scattered rows.
-    FloatAtomic,
 }
 
 impl Probe {
     /// All of them.
-    pub const ALL: [Probe; 9] = [
+    pub const ALL: [Probe; 8] = [
         Probe::Copy,
         Probe::Transfer,
         Probe::Fill,
@@ -65,7 +63,6 @@ impl Probe {
         Probe::Exp2,
         Probe::Shuffle,
         Probe::Atomic,
-        Probe::FloatAtomic,
     ];
 
     /// What it is called.
@@ -78,8 +75,7 @@ impl Probe {
             Probe::Fma => "multiply-add",
             Probe::Exp2 => "exp2",
             Probe::Shuffle => "shuffle",
-            Probe::Atomic => "atomic add, integer",
-            Probe::FloatAtomic => "atomic add, float",
+            Probe::Atomic => "atomic add",
         }
     }
 
@@ -103,7 +99,7 @@ impl Probe {
         let (amount, output) = match self {
             Probe::Copy => record_copy(gpu, &mut recording, size),
             Probe::Transfer | Probe::Fill => self.record_command(gpu, &mut recording, size),
-            Probe::Gather | Probe::Atomic | Probe::FloatAtomic => self.record_scattered(gpu, &mut recording, size),
+            Probe::Gather | Probe::Atomic => self.record_scattered(gpu, &mut recording, size),
             Probe::Fma | Probe::Exp2 | Probe::Shuffle => self.record_chains(gpu, &mut recording, size),
         }?;
         Ok(Prepared { recording, amount, output })
@@ -137,13 +133,8 @@ impl Probe {
         }
         let words: Buf<u32> = gpu.alloc("probe words", 16 * n_rows as usize)?;
         rec.fill(words.slice(), 0);
-        if self == Probe::Atomic {
-            let term = &gpu.upload("probe term", &[1u32])?;
-            rec.pass(probe_atomic::Args { term, words: &words }, probe_atomic::Push { n, mask }, grid);
-        } else {
-            let (term, words) = (&gpu.upload("probe term", &[1f32])?, &words.cast());
-            rec.pass(probe_atomic_float::Args { term, words }, probe_atomic_float::Push { n, mask }, grid);
-        }
+        let term = &gpu.upload("probe term", &[1u32])?;
+        rec.pass(probe_atomic::Args { term, words: &words }, probe_atomic::Push { n, mask }, grid);
         Ok((f64::from(n) * f64::from(TERMS), words))
     }
 
@@ -178,14 +169,11 @@ impl Probe {
         })
     }
 
-    /// Its rate per second; 0 where the device cannot do it.
+    /// Its rate per second.
     ///
     /// # Errors
     /// [`Error::NoDevice`] when the device has no timestamps; those of [`Probe::prepare`].
     pub fn rate(self, gpu: &Gpu) -> Result<f64> {
-        if self == Probe::FloatAtomic && !gpu.caps().float_atomics {
-            return Ok(0.0);
-        }
         let run = |prepared: &Prepared| -> Result<f64> {
             let times = gpu.run_timed(&prepared.recording)?;
             times.last().map(|pass| pass.ns).ok_or_else(no_timestamps)

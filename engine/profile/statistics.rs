@@ -66,8 +66,7 @@ impl Statistics {
         let chip = chip.unwrap_or(&caps.name).to_owned();
         let (mut compiled, mut left_out) = (Vec::with_capacity(kernels.len()), Vec::new());
         for kernel in kernels {
-            let lacks = |capability, has: bool| !has && declares(kernel.spirv, capability);
-            if lacks(ATOMIC_FLOAT32_ADD, caps.float_atomics) || lacks(INT64_ATOMICS, caps.int64_atomics) {
+            if !caps.int64_atomics && declares(kernel.spirv, INT64_ATOMICS) {
                 left_out.push(kernel.name.to_owned());
                 continue;
             }
@@ -199,8 +198,7 @@ pub(super) fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
     found
 }
 
-/// SPIR-V's numbers of capabilities.
-const ATOMIC_FLOAT32_ADD: u32 = 6033;
+/// SPIR-V's number of the capability.
 const INT64_ATOMICS: u32 = 12;
 
 /// Whether a module declares a capability.
@@ -249,15 +247,12 @@ mod tests {
     }
 
     #[test]
-    fn a_module_tells_its_shared_memory_and_which_atomics_it_needs() {
+    fn a_module_tells_its_shared_memory_and_whether_it_needs_64_bit_atomics() {
         assert_eq!(workgroup_bytes(kernel("adam_idle").spirv), 0);
         // A block of 2,048 keys, a base for each of 256 digits, two sums for each of 8 subgroups.
         assert_eq!(workgroup_bytes(kernel("sort_exchange").spirv), 4 * (2048 + 256 + 2 * 8));
-        let needs =
-            |name| [ATOMIC_FLOAT32_ADD, INT64_ATOMICS].map(|capability| declares(kernel(name).spirv, capability));
-        assert_eq!(needs("probe_atomic_float"), [true, false]);
-        assert_eq!(needs("blend_bwd_fixed_p4"), [false, false]);
-        assert_eq!(needs("blend_bwd_fixed64_p4"), [false, true]);
+        let needs = |name| declares(kernel(name).spirv, INT64_ATOMICS);
+        assert!(!needs("blend_bwd_fixed_p4") && needs("blend_bwd_fixed64_p4"));
     }
 
     /// `check_limits` of `vk` asks devices for as much.

@@ -59,8 +59,6 @@ pub struct Caps {
     pub timestamp_bits: u32,
     /// Push descriptors (`VK_KHR_push_descriptor`); descriptor pools serve where they are absent.
     pub push_descriptors: bool,
-    /// Float atomic add on buffers.
-    pub float_atomics: bool,
     /// 64-bit integers, and atomics of them on buffers.
     pub int64_atomics: bool,
     /// Arithmetic in half precision.

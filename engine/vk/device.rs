@@ -71,10 +71,6 @@ pub(super) fn create_device(
         Purpose::Showing => extensions.push(khr::swapchain::NAME.as_ptr()),
         Purpose::Compiling => extensions.push(khr::pipeline_executable_properties::NAME.as_ptr()),
     }
-    let mut atomics = vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT::default().shader_buffer_float32_atomic_add(true);
-    if caps.float_atomics {
-        extensions.push(ext::shader_atomic_float::NAME.as_ptr());
-    }
     let priorities = [1.0];
     let queues = [vk::DeviceQueueCreateInfo::default().queue_family_index(queue_family).queue_priorities(&priorities)];
     let mut v12 = vk::PhysicalDeviceVulkan12Features::default()
@@ -96,9 +92,6 @@ pub(super) fn create_device(
     }
     if caps.subgroup_pinned {
         info = info.push_next(&mut size_control);
-    }
-    if caps.float_atomics {
-        info = info.push_next(&mut atomics);
     }
     // SAFETY: `physical` comes from this instance, and all that `info` points to lives until the call returns.
     unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|e| Error::NoDevice {

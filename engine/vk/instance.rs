@@ -259,7 +259,6 @@ mod tests {
             timestamp_ns: 1.0,
             timestamp_bits: 64,
             push_descriptors: true,
-            float_atomics: false,
             int64_atomics: false,
             float16: false,
             is_portability_subset: false,

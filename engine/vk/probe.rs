@@ -25,7 +25,6 @@ pub(super) struct Answers {
     maintenance3: vk::PhysicalDeviceMaintenance3Properties<'static>,
     v12: vk::PhysicalDeviceVulkan12Features<'static>,
     size_control: vk::PhysicalDeviceSubgroupSizeControlFeatures<'static>,
-    atomics: vk::PhysicalDeviceShaderAtomicFloatFeaturesEXT<'static>,
     has_int64: bool,
     memory: vk::PhysicalDeviceMemoryProperties,
     budget: vk::PhysicalDeviceMemoryBudgetPropertiesEXT<'static>,
@@ -57,15 +56,13 @@ impl Answers {
             maintenance3: Default::default(),
             v12: Default::default(),
             size_control: Default::default(),
-            atomics: Default::default(),
             has_int64: false,
             memory: Default::default(),
             budget: Default::default(),
             queue_family: None,
             timestamp_bits: 0,
         };
-        let (has_size_control, has_float_atomics) = (answers.has_size_control(), answers.has_float_atomics());
-        let has_budget = answers.has_budget();
+        let (has_size_control, has_budget) = (answers.has_size_control(), answers.has_budget());
         let mut properties = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut answers.subgroup)
             .push_next(&mut answers.driver)
@@ -76,9 +73,6 @@ impl Answers {
         let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut answers.v12);
         if has_size_control {
             features = features.push_next(&mut answers.size_control);
-        }
-        if has_float_atomics {
-            features = features.push_next(&mut answers.atomics);
         }
         let mut memory = vk::PhysicalDeviceMemoryProperties2::default();
         if has_budget {
@@ -106,10 +100,6 @@ impl Answers {
 
     fn has_size_control(&self) -> bool {
         self.has(ext::subgroup_size_control::NAME)
-    }
-
-    fn has_float_atomics(&self) -> bool {
-        self.has(ext::shader_atomic_float::NAME)
     }
 
     fn has_budget(&self) -> bool {
@@ -207,7 +197,6 @@ impl Answers {
             timestamp_ns: if has_timestamps { limits.timestamp_period } else { 0.0 },
             timestamp_bits: self.timestamp_bits,
             push_descriptors: self.has(khr::push_descriptor::NAME),
-            float_atomics: self.has_float_atomics() && self.atomics.shader_buffer_float32_atomic_add == vk::TRUE,
             int64_atomics: self.has_int64 && v12.shader_buffer_int64_atomics == vk::TRUE,
             float16: v12.shader_float16 == vk::TRUE,
             is_portability_subset: self.has(khr::portability_subset::NAME),

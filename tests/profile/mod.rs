@@ -49,8 +49,8 @@ fn a_limit_is_the_slowest_resource_and_the_dispatches() {
     assert_eq!(peaks.limit(&cost(1000.0, 8000.0, 10.0), 1.0), (2100.0, Bound::Flops));
     assert_eq!(peaks.limit(&cost(1000.0, 8000.0, 3000.0), 0.0), (3000.0, Bound::Exp2));
     assert_eq!(peaks.limit(&cost(50.0, 0.0, 0.0), 1.0), (150.0, Bound::Dispatch));
-    // What the device cannot do or was not measured binds nothing.
-    assert_eq!(peaks.limit(&Cost { float_atomics: 1e9, ..Cost::default() }, 1.0), (100.0, Bound::Dispatch));
+    // What was not measured binds nothing.
+    assert_eq!(peaks.limit(&Cost { atomics: 1e9, ..Cost::default() }, 1.0), (100.0, Bound::Dispatch));
 }
 
 #[test]

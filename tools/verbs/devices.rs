@@ -53,10 +53,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             caps.budget_bytes >> 20,
         );
         out!(
-            "   push descriptors {}, timestamps {}, float atomics {}, 64-bit atomics {}, half precision {}",
+            "   push descriptors {}, timestamps {}, 64-bit atomics {}, half precision {}",
             yes(caps.push_descriptors),
             yes(caps.timestamp_ns > 0.0),
-            yes(caps.float_atomics),
             yes(caps.int64_atomics),
             yes(caps.float16),
         );

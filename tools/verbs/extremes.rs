@@ -167,9 +167,8 @@ fn head(caps: &Caps, args: &Args) -> Vec<String> {
         format!("driver: {}", caps.driver.trim()),
         format!("subgroups: {} lanes ({} to {}, {pinned})", caps.subgroup_size, caps.subgroup_min, caps.subgroup_max),
         format!(
-            "features: push descriptors {}, float atomics {}, 64-bit atomics {}, half precision {}; bindings of {} MiB",
+            "features: push descriptors {}, 64-bit atomics {}, half precision {}; bindings of {} MiB",
             yes(caps.push_descriptors),
-            yes(caps.float_atomics),
             yes(caps.int64_atomics),
             yes(caps.float16),
             caps.max_binding_bytes >> 20,

@@ -370,6 +370,5 @@ pub const ALL: &[&super::KernelInfo] = &[
     probe_shuffle::INFO,
     probe_gather::INFO,
     probe_atomic::INFO,
-    probe_atomic_float::INFO,
     probe_dispatch::INFO,
 ];

@@ -264,39 +264,6 @@ pub mod probe_atomic {
     };
 }
 
-/// measures the rate of atomic additions to scattered rows of 64 bytes, 16 neighbours to a row.
-pub mod probe_atomic_float {
-    pub use super::probe_atomic::Push;
-    use crate::gpu::kernel::*;
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub term: &'a Buf<f32>,
-        /// ReadWrites.
-        pub words: &'a Buf<f32>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![self.term.slice(), self.words.slice()]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "probe_atomic_float",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/probe_atomic_float.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0x3,
-        bindings: &[
-            BindingInfo { name: "term", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "words", kind: BindingKind::Storage, access: Access::ReadWrite },
-        ],
-    };
-}
-
 /// measures what a dispatch costs that does next to nothing and waits for the one before.
 pub mod probe_dispatch {
     use crate::gpu::kernel::*;
@@ -329,12 +296,4 @@ pub mod probe_dispatch {
             BindingInfo { name: "count", kind: BindingKind::Storage, access: Access::ReadWrite },
         ],
     };
-}
-
-/// The kernel of `probe/probe_atomic.comp` for these choices.
-pub fn probe_atomic(is_float: bool) -> &'static crate::gpu::KernelInfo {
-    match is_float {
-        false => probe_atomic::INFO,
-        true => probe_atomic_float::INFO,
-    }
 }
