@@ -26,8 +26,6 @@ pub enum AdamMode {
     /// Those in view; before that they catch up with the steps that they missed. As dense, but for the rounding and for
     /// Gaussians that would have drifted into view unseen. The regularisers of MCMC act on those in view alone.
     Lazy,
-    /// Those in view, as if there had been no other steps.
-    Sparse,
 }
 
 /// One number per kind of parameter, such as its learning rate.

@@ -1,7 +1,7 @@
 //! Steps on several images: gradients of each image are added up in fixed point, so that their sum has the same bits in
 //! whatever order, and on however many machines, they are added.
 
-use super::adam::{AdamMode, Optimiser};
+use super::adam::Optimiser;
 use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
 use super::planes::Planes;
 use super::scene::{Group, SceneBuffers};
@@ -118,8 +118,8 @@ impl Batch {
         rec.group(None);
     }
 
-    /// Appends the step of `optimiser` along the sums, of all Gaussians or, for [`AdamMode::Sparse`], of those that an image had in
-    /// view. The sums are zero afterwards. Nothing moves where a frame failed.
+    /// Appends the step of `optimiser` along the sums, of all Gaussians. The sums are zero afterwards. Nothing moves where a frame
+    /// failed.
     pub fn record_step(&self, rec: &mut Recording, scene: &SceneBuffers, optimiser: &Optimiser, status: &Buf<Status>) {
         rec.section("batch");
         let kernel = generated::batch_step(optimiser.moments.bits == 16);
@@ -159,7 +159,6 @@ impl Batch {
                 first: group.first,
                 is_dynamic: u32::from(params.motion.is_some()),
                 degree: group.degree() as u32,
-                is_sparse: u32::from(optimiser.mode == AdamMode::Sparse),
             };
             rec.pass_variant(kernel, args, push, Grid::Threads(group.n));
             rec.scale(params.plane_counts().sum::<usize>() as f64);

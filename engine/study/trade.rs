@@ -29,7 +29,6 @@ pub const KNOB_SETTINGS: [&str; 19] = [
     "loss.ssim_every=2",
     "resolution.reduction=2",
     "adam=lazy",
-    "adam=sparse",
     "moment_bits=16",
     "accumulation=fixed_point",
     "sh_degree=1",

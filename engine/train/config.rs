@@ -80,8 +80,8 @@ settings! {
         /// What corrects the colours of each training camera: a bilateral grid, one affine map for the whole image, or nothing. Only in
         /// clips of several cameras.
         grids: GridKind = GridKind::default(), "", Range::Word(&["bilateral", "affine", "none"]);
-        /// Which Gaussians take a step: all, those in view after catching up, or those in view alone.
-        adam: AdamMode = AdamMode::default(), "", Range::Word(&["dense", "lazy", "sparse"]);
+        /// Which Gaussians take a step: all, or those in view after catching up.
+        adam: AdamMode = AdamMode::default(), "", Range::Word(&["dense", "lazy"]);
         /// Size of each of Adam's moments in memory.
         moment_bits: u32 = 32, "bits", Range::OneOf(&[16, 32]);
         /// How gradients are added up. Auto is slots on a CPU and fixed_point on a GPU. Both give the same bits in every run.

@@ -85,7 +85,7 @@ impl Config {
                 what: format!("what adam=lazy keeps of {total} steps (bytes in one binding)"),
                 needed,
                 limit,
-                remedy: format!("set adam=dense or adam=sparse, or train for {} steps at most", limit / LAZY_BYTES - 1),
+                remedy: format!("set adam=dense, or train for {} steps at most", limit / LAZY_BYTES - 1),
             });
         }
         self.loss.lpips_weights.as_ref().map_or(Ok(()), |weights| Lpips::load(gpu, weights).map(drop))
@@ -105,10 +105,7 @@ impl Config {
             return Err(format!("required.first is {first}; expected at most required.last, which is {last}"));
         }
         if self.batch > 1 && self.adam == AdamMode::Lazy {
-            return Err(
-                "adam is lazy, and batch above 1; expected adam=dense or adam=sparse with steps on several images"
-                    .to_owned(),
-            );
+            return Err("adam is lazy, and batch above 1; expected adam=dense with steps on several images".to_owned());
         }
         self.frame.check().map_err(|fault| format!("frame.{fault}"))
     }

@@ -4,8 +4,7 @@
 // Grid      one thread per Gaussian of the group. A buffer that the group lacks is bound to another, and not touched.
 // Reads     sums of batch_add, and which Gaussians have been active: of the others the sums are zero.
 // Writes    parameters, moments and state (density statistics, t_center's residual, step); sums.
-// Numerics  a component whose rate is 0 keeps its bits; v = infinity gives a step of 0. With `is_sparse` what has not been active
-//           keeps everything. Nothing moves when a frame failed.
+// Numerics  a component whose rate is 0 keeps its bits; v = infinity gives a step of 0. Nothing moves when a frame failed.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
@@ -20,7 +19,7 @@
 layout(local_size_x = 64) in;
 
 // n: Gaussians of the group; first: flat index of its first; is_dynamic: 1 where it has motion, else 0.
-layout(push_constant) uniform Push { uint n; uint first; uint is_dynamic; uint degree; uint is_sparse; } pc;
+layout(push_constant) uniform Push { uint n; uint first; uint is_dynamic; uint degree; } pc;
 layout(set = 0, binding = 0) restrict readonly buffer FrameStatus { Status status; };
 layout(set = 0, binding = 1) uniform Adam { AdamParams adam; };
 layout(set = 0, binding = 2) restrict readonly buffer Touched { uint touched[]; };
@@ -72,7 +71,6 @@ void main() {
     const uint i = linear_thread(gl_WorkGroupSize.x);
     if (i >= pc.n || status.failed != 0u) return;
     const bool was_active = (touched[i >> 5] >> (i & 31u) & 1u) != 0u;
-    if (unfolded(pc.is_sparse) != 0u && !was_active) return;
     const uint is_dynamic = unfolded(pc.is_dynamic);
     const uint degree = unfolded(pc.degree);
     const uint key = moments_key(uint(adam.step), pc.first + i);

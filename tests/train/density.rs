@@ -170,7 +170,7 @@ fn static_gaussians_stay_as_they_began_where_only_the_others_are_trained() {
     let tiny = Tiny::new("held");
     // A reset and rounds that prune would touch them: some are faint.
     let density = Density { reset_every: 12, prune_opacity: 0.03, ..Density::default() };
-    for adam in [AdamMode::Dense, AdamMode::Lazy, AdamMode::Sparse] {
+    for adam in [AdamMode::Dense, AdamMode::Lazy] {
         let config =
             Config { adam, density: density.clone(), trains_static: false, offsets: true, ..with(Strategy::Adc) };
         let all = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
@@ -231,7 +231,7 @@ fn static_gaussians_stay_as_they_began_where_only_the_others_are_trained() {
 fn a_run_with_mcmc_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
     let _device = gpu();
     let tiny = Tiny::new("mcmc-resume");
-    for adam in [AdamMode::Dense, AdamMode::Lazy, AdamMode::Sparse] {
+    for adam in [AdamMode::Dense, AdamMode::Lazy] {
         let config = Config { adam, ..with(Strategy::Mcmc) };
         let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
         let mut whole = trainer(&tiny.capture, &config, &begin, 60);

@@ -33,7 +33,7 @@ fn short_lived(tiny: &Tiny, config: &Config, always: bool) -> Splats {
 fn steps_do_not_tell_in_which_blocks_gaussians_die() {
     let gpu = gpu();
     let tiny = Tiny::new("lives");
-    for adam in [AdamMode::Lazy, AdamMode::Sparse, AdamMode::Dense] {
+    for adam in [AdamMode::Lazy, AdamMode::Dense] {
         let density = Density { stop: 0.0, ..Density::default() };
         let config = Config { sh_degree: 1, adam, density, ..steady() };
         let trained = |always| {

@@ -126,16 +126,13 @@ pub mod batch_step {
         pub is_dynamic: u32,
         /// `degree` of the shader.
         pub degree: u32,
-        /// `is_sparse` of the shader.
-        pub is_sparse: u32,
     }
     const _: () = {
-        assert!(size_of::<Push>() == 20);
+        assert!(size_of::<Push>() == 16);
         assert!(std::mem::offset_of!(Push, n) == 0);
         assert!(std::mem::offset_of!(Push, first) == 4);
         assert!(std::mem::offset_of!(Push, is_dynamic) == 8);
         assert!(std::mem::offset_of!(Push, degree) == 12);
-        assert!(std::mem::offset_of!(Push, is_sparse) == 16);
     };
     /// The kernel's buffers.
     pub struct Args<'a> {

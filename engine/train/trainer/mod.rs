@@ -174,7 +174,7 @@ impl Trainer {
         let state = vec![[0.0; 4]; splats.len()];
         let sums = match config.adam {
             AdamMode::Lazy => lazy_sums(|step| rates(&config, step, total, setup.extent.radius), total),
-            AdamMode::Dense | AdamMode::Sparse => vec![[0.0; 4]],
+            AdamMode::Dense => vec![[0.0; 4]],
         };
         let moments = Moments::upload(&gpu, &scene, &zeros, &zeros, config.moment_bits)?;
         let state = upload_state(&gpu, &scene, &state)?;
