@@ -203,11 +203,6 @@ pub static FAMILIES: &[Family] = &[
         }),
         ..ROW
     },
-    Family {
-        name: "l1", file: "loss/l1.comp", twin: |_| "ssim::photometric", count: Count::Pixels,
-        cost: Some(|_| vec![own(20.0 + 16.0, 12.0)]),
-        ..ROW
-    },
     Family { name: "loss_sum", file: "loss/loss_sum.comp", twin: |_| "ssim::photometric", axes: &[REPORTED], ..ROW },
     Family {
         name: "prior_loss", file: "loss/prior_loss.comp", twin: |_| "prior::depth_loss", count: Count::Pixels,

@@ -2,33 +2,16 @@
 
 use crate::error::Result;
 use crate::gpu::generated::constants::ssim_filter::{RUN, TILE_COLUMNS};
-use crate::gpu::generated::{self, l1, ssim, ssim_bwd};
+use crate::gpu::generated::{self, ssim, ssim_bwd};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
-
-/// Threads per workgroup of the kernel that leaves one sum each.
-const LOCAL: u32 = l1::INFO.local;
 
 /// Weight of 1 - SSIM; L1 has the rest.
 pub const SSIM_WEIGHT: f32 = 0.2;
 
-/// Where SSIM is taken, and how much it counts.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Structure {
-    /// At every pixel (1), or at every second of every second row (2), each of which stands for four.
-    pub stride: u32,
-    /// Times [`SSIM_WEIGHT`].
-    pub times: f32,
-}
-
-impl Structure {
-    /// SPEC 4's.
-    pub const WHOLE: Structure = Structure { stride: 1, times: 1.0 };
-
-    /// Pixels that each place stands for, in the mean over a picture of this size.
-    fn pixels_per_place(self, [width, height]: [u32; 2]) -> f64 {
-        let places = f64::from(width.div_ceil(self.stride)) * f64::from(height.div_ceil(self.stride));
-        f64::from(width) * f64::from(height) / places
-    }
+/// Pixels that each place of SSIM stands for, in the mean over a picture of this size.
+fn pixels_per_place(stride: u32, [width, height]: [u32; 2]) -> f64 {
+    let places = f64::from(width.div_ceil(stride)) * f64::from(height.div_ceil(stride));
+    f64::from(width) * f64::from(height) / places
 }
 
 /// What is compared, `[height][width]` and row-major, and where the cotangent goes.
@@ -65,38 +48,32 @@ impl Photometric {
         })
     }
 
-    /// Appends the loss of a picture against the truth, and its cotangent. Without a `structure` the absolute error is all
-    /// there is. Gives sums by workgroup, over pixels and channels: 1 - SSIM, absolute error, squared error.
-    pub fn record(&self, rec: &mut Recording, pictures: &Pictures, structure: Option<Structure>) -> Buf<[f32; 4]> {
+    /// Appends the loss of a picture against the truth, and its cotangent, with SSIM at every pixel (`stride` 1), or at every second
+    /// of every second row (2), each of which stands for four. Gives sums by workgroup, over pixels and channels: 1 - SSIM, absolute
+    /// error, squared error.
+    pub fn record(&self, rec: &mut Recording, pictures: &Pictures, stride: u32) -> Buf<[f32; 4]> {
         rec.section("loss");
         let Photometric { partials, group_sums } = self;
         let Pictures { image, truth, d_image, size, n_visible } = *pictures;
         let [width, height] = size;
         let n_values = 3.0 * n_visible as f32;
         let l1_weight = (1.0 - SSIM_WEIGHT) / n_values;
-        let Some(structure) = structure else {
-            let n = width * height;
-            let args = l1::Args { image, truth, d_image, sums: group_sums };
-            rec.pass(args, l1::Push { n, l1_weight }, Grid::Threads(n));
-            return group_sums.range(0, n.div_ceil(LOCAL) as usize);
-        };
-        let is_halved = structure.stride != 1;
+        let is_halved = stride != 1;
         let tiles = |rows: u32| width.div_ceil(TILE_COLUMNS) * height.div_ceil(rows);
         let args = ssim::Args { image, truth, partials, sums: group_sums };
-        let n = tiles(RUN * structure.stride);
+        let n = tiles(RUN * stride);
         rec.pass_variant(generated::ssim(is_halved), args, ssim::Push { width, height }, Grid::Groups(n));
         let args = ssim_bwd::Args { partials, image, truth, d_image };
-        let ssim_weight = structure.times * structure.pixels_per_place(size) as f32 * SSIM_WEIGHT / n_values;
+        let ssim_weight = pixels_per_place(stride, size) as f32 * SSIM_WEIGHT / n_values;
         let push = ssim_bwd::Push { width, height, l1_weight, ssim_weight };
         rec.pass_variant(generated::ssim_bwd(is_halved), args, push, Grid::Groups(tiles(RUN)));
         group_sums.range(0, n as usize)
     }
 
-    /// SSIM, mean absolute and mean squared error over the visible pixels of a picture of this size, from the total of the sums;
-    /// without SSIM the first says nothing. Hidden pixels equal the truth, so they add to 1 - SSIM only where a visible neighbour
-    /// differs.
-    pub fn values(sums: [f32; 4], n_visible: u32, size: [u32; 2], structure: Structure) -> [f64; 3] {
+    /// SSIM, mean absolute and mean squared error over the visible pixels of a picture of this size, from the total of the sums.
+    /// Hidden pixels equal the truth, so they add to 1 - SSIM only where a visible neighbour differs.
+    pub fn values(sums: [f32; 4], n_visible: u32, size: [u32; 2], stride: u32) -> [f64; 3] {
         let [lost, absolute, squared, _] = sums.map(|sum| f64::from(sum) / (3.0 * f64::from(n_visible)));
-        [1.0 - lost * structure.pixels_per_place(size), absolute, squared]
+        [1.0 - lost * pixels_per_place(stride, size), absolute, squared]
     }
 }

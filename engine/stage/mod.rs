@@ -61,7 +61,7 @@ pub use fisher::{Census, Response};
 pub use gradients::Gradients;
 pub use job::Destination;
 pub use live::{Among, Live};
-pub use losses::{Photometric, Pictures, SSIM_WEIGHT, Structure};
+pub use losses::{Photometric, Pictures, SSIM_WEIGHT};
 pub use lpips::{Compared, Cotangent, Lpips, Shown};
 pub use lpips_trunk::Trunk;
 pub use moments::{Moments, moment_word, moments_of};

@@ -197,6 +197,6 @@ mod tests {
         }
         assert!(table.contains("| fast | 63.7500 |") && table.contains("below 40 dB"), "{table}");
         assert_eq!(svg.matches("<circle").count(), 3);
-        assert!(svg.contains(">fast</text>") && svg.contains("loss.ssim_every=2: 1.25 times"));
+        assert!(svg.contains(">fast</text>") && svg.contains("loss.ssim_stride=2: 1.25 times"));
     }
 }

@@ -164,8 +164,6 @@ settings! {
         offset: f64 = 1e-4, "", Range::NOT_NEGATIVE;
         /// Weight of the total variation of the bilateral grids.
         grid_variation: f64 = 10.0, "", Range::NOT_NEGATIVE;
-        /// SSIM counts in every n-th step, with n times the weight.
-        ssim_every: u64 = 1, "steps", Range::Whole(1, u64::MAX);
         /// SSIM at every pixel (1), or at every second pixel of every second row (2).
         ssim_stride: u32 = 1, "pixels", Range::OneOf(&[1, 2]);
         /// Weight of LPIPS, where loss.lpips_weights names a file.

@@ -10,7 +10,7 @@ use crate::parallel::{in_parallel, threads};
 use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Parts, Splats, Summary, View};
-use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Shown, Structure, Trunk, record_totals};
+use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Shown, Trunk, record_totals};
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -442,7 +442,7 @@ impl Meter {
         let size = [picture.width, picture.height];
         let mut rec = Recording::new();
         let pictures = Pictures { image: &image, truth: &truth, d_image: &d_image, size, n_visible };
-        let mut left = vec![loss.record(&mut rec, &pictures, Some(Structure::WHOLE))];
+        let mut left = vec![loss.record(&mut rec, &pictures, 1)];
         let compared = Compared { image: &image, truth: &truth, size, origin: [0, 0], crop: size };
         let most_bytes = gpu.caps().max_binding_bytes;
         if let Some(lpips) = &mut self.lpips {
@@ -457,7 +457,7 @@ impl Meter {
         gpu.run(&rec)?;
         let totals = gpu.read(&totals)?;
         let sums = totals.first().copied().unwrap_or_default();
-        let [ssim, l1, _] = Photometric::values(sums, n_visible, size, Structure::WHOLE);
+        let [ssim, l1, _] = Photometric::values(sums, n_visible, size, 1);
         let [lpips, lpips_unscaled] = [1, 2].map(|at| totals.get(at).map(|[value, ..]| f64::from(*value)));
         let (psnr, psnr_aligned) = (psnr(errors.plain), psnr(errors.aligned));
         let (psnr_foreground, psnr_covisible, flicker, flicker_true) = (None, None, None, None);

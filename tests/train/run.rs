@@ -399,15 +399,14 @@ fn each_preset_is_trained_and_scored_and_what_is_there_is_not_run_again() {
 fn a_preset_goes_before_the_file_and_the_file_before_single_settings_and_the_run_keeps_its_name() {
     let tiny = Tiny::new("preset");
     let file = |name: &str| tiny.folder.join(name).to_str().unwrap().to_owned();
-    std::fs::write(file("own.json"), r#"{"loss": {"ssim_every": 3}, "adam": "lazy"}"#).unwrap();
+    std::fs::write(file("own.json"), r#"{"loss": {"depth": 0.5}, "adam": "lazy"}"#).unwrap();
     let capture = tiny.folder.to_str().unwrap();
     let train = ["train", capture, "-o", &file("run"), "--steps", "6", "--sh-degree", "0", "--eval-every", "0"];
     let settings = ["--preset", "fast", "--config", &file("own.json"), "--set", "adam=dense"];
     works(&[&train[..], &settings].concat());
     let config = json(&tiny.folder.join("run/config.json"));
-    let told =
-        [&config["loss"]["ssim_stride"], &config["loss"]["ssim_every"], &config["adam"], &config["preset"]["name"]];
-    assert_eq!(told, [&Value::from(2), &Value::from(3), &Value::from("dense"), &Value::from("fast")]);
+    let told = [&config["loss"]["ssim_stride"], &config["loss"]["depth"], &config["adam"], &config["preset"]["name"]];
+    assert_eq!(told, [&Value::from(2), &Value::from(0.5), &Value::from("dense"), &Value::from("fast")]);
     assert_eq!(json(&tiny.folder.join("run/train.json"))["preset"], config["preset"]);
     assert_eq!(config["preset"]["hash"].as_str().unwrap().len(), 16);
     let elsewhere = ["train", capture, "-o", &file("other")];

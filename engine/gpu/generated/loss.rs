@@ -112,58 +112,6 @@ pub mod ssim_bwd {
 }
 crate::gpu::kernel::variant!(ssim_bwd_s2 of ssim_bwd);
 
-/// the absolute error alone, in the steps without SSIM: its cotangent and sums.
-pub mod l1 {
-    use crate::gpu::kernel::*;
-    /// `Push` of the shaders.
-    #[repr(C)]
-    #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
-    pub struct Push {
-        /// `n` of the shader.
-        pub n: u32,
-        /// `l1_weight` of the shader.
-        pub l1_weight: f32,
-    }
-    const _: () = {
-        assert!(size_of::<Push>() == 8);
-        assert!(std::mem::offset_of!(Push, n) == 0);
-        assert!(std::mem::offset_of!(Push, l1_weight) == 4);
-    };
-    /// The kernel's buffers.
-    pub struct Args<'a> {
-        /// Reads.
-        pub image: &'a Buf<[f32; 4]>,
-        /// Reads.
-        pub truth: &'a Buf<u32>,
-        /// Writes.
-        pub d_image: &'a Buf<[f32; 4]>,
-        /// Writes.
-        pub sums: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![self.image.slice(), self.truth.slice(), self.d_image.slice(), self.sums.slice()]
-        }
-    }
-    /// What the device needs to know.
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "l1",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/l1.spv"),
-        local: 64,
-        subgroups: false,
-        floats: 0xd,
-        bindings: &[
-            BindingInfo { name: "image", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "truth", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "d_image", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "sums", kind: BindingKind::Storage, access: Access::Write },
-        ],
-    };
-}
-
 /// adds what up to four terms of the loss left by workgroup. REPORT: to where the host reads it, with the frame's status and
 pub mod loss_sum {
     use crate::gpu::kernel::*;

@@ -313,7 +313,6 @@ pub const ALL: &[&super::KernelInfo] = &[
     ssim_s2::INFO,
     ssim_bwd::INFO,
     ssim_bwd_s2::INFO,
-    l1::INFO,
     loss_sum::INFO,
     loss_sum_report::INFO,
     prior_loss::INFO,

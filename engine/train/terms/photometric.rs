@@ -3,15 +3,14 @@
 use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
-use crate::stage::{Photometric, Pictures, SSIM_WEIGHT, Structure};
+use crate::stage::{Photometric, Pictures, SSIM_WEIGHT};
 use crate::train::metrics::psnr;
 
 pub(super) const TERM: TermKind = TermKind {
     logged: LOGGED,
     buffers: |_| &[("ssim partials", 36.0), ("loss sums", 2.0)],
     new: |gpu, config, _| {
-        let (every, stride) = (config.loss.ssim_every, config.loss.ssim_stride);
-        Ok(Some(Box::new(Colors { photometric: Photometric::new(gpu, 1)?, every, stride })))
+        Ok(Some(Box::new(Colors { photometric: Photometric::new(gpu, 1)?, stride: config.loss.ssim_stride })))
     },
     ..TermKind::NONE
 };
@@ -24,17 +23,7 @@ const LOGGED: &[Logged] = &[
 
 struct Colors {
     photometric: Photometric,
-    /// Steps between two with SSIM.
-    every: u64,
     stride: u32,
-}
-
-impl Colors {
-    /// Where SSIM is due.
-    fn structure(&self, shown: &Shown) -> Option<Structure> {
-        let is_due = shown.step.is_multiple_of(self.every);
-        is_due.then_some(Structure { stride: self.stride, times: self.every as f32 })
-    }
 }
 
 impl Term for Colors {
@@ -59,17 +48,16 @@ impl Term for Colors {
             size: shown.size,
             n_visible: shown.n_visible,
         };
-        Ok(Some(self.photometric.record(rec, &pictures, self.structure(shown))))
+        Ok(Some(self.photometric.record(rec, &pictures, self.stride)))
     }
 
     fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part> {
-        let structure = self.structure(shown);
-        let taken = structure.unwrap_or(Structure::WHOLE);
-        let [ssim, l1, mse] = Photometric::values(sums, shown.n_visible, shown.size, taken);
+        let [ssim, l1, mse] = Photometric::values(sums, shown.n_visible, shown.size, self.stride);
         let weight = f64::from(SSIM_WEIGHT);
-        let mut parts = vec![Part::error("l1", l1, 1.0 - weight)];
-        parts.extend(structure.map(|_| Part { key: "ssim", value: ssim, error: 1.0 - ssim, weight }));
-        parts.push(Part { key: "psnr", value: psnr(mse), error: 0.0, weight: 0.0 });
-        parts
+        vec![
+            Part::error("l1", l1, 1.0 - weight),
+            Part { key: "ssim", value: ssim, error: 1.0 - ssim, weight },
+            Part { key: "psnr", value: psnr(mse), error: 0.0, weight: 0.0 },
+        ]
     }
 }
