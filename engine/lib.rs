@@ -30,4 +30,4 @@ pub mod vk;
 pub mod words;
 
 pub use error::{Error, Result};
-pub use settings::{Constants, Knobs, TileBound};
+pub use settings::{Constants, Culls, Knobs, TileBound};

@@ -16,7 +16,7 @@ pub struct SettingArgs {
     /// Steps, instead of what the epochs give; with `train --resume`, of the whole run.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// A preset to start from: reference, exact, balanced, fast, small, or the path of a preset's .json file;
+    /// A preset to start from: exact, balanced, fast, small, or the path of a preset's .json file;
     /// `ivv trade` measures them.
     #[arg(long)]
     preset: Option<String>,

@@ -28,12 +28,6 @@ settings! {
     /// picture is that of SPEC 3.
     #[derive(Copy)]
     pub struct Knobs in "frame." {
-        /// The tiles that a Gaussian is listed for. All give the same picture; ellipse is the fastest.
-        tile_bound: TileBound = TileBound::Ellipse, "", Range::Word(&["ellipse", "rectangle", "square"]);
-        /// Whether blocks of pixels skip the Gaussians that miss them. The picture is the same.
-        block_cull: bool = true, "", Range::Switch;
-        /// Whether Gaussians that are invisible at a frame's time are left out early. The picture is the same.
-        time_cull: bool = true, "", Range::Switch;
         /// Precision of the depth by which Gaussians are sorted. 0: by the device, 24 on a GPU and 32 on a CPU driver; 32 too
         /// where the near plane is below 2.33e-5.
         depth_bits: u32 = 0, "bits", Range::OneOf(&[0, 16, 24, 32]);
@@ -43,15 +37,34 @@ settings! {
         t_cut: f32 = 0.0, "", Range::CUT;
         /// Gaussians fainter than this at a frame's time are left out.
         temporal_cut: f32 = 0.0, "", Range::CUT;
+    } with {
+        /// No setting: only tests have less than all.
+        #[serde(skip)]
+        culls: Culls,
+    }
+}
+
+/// Culls that change no picture, for tests that compare frames with and without them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Culls {
+    /// The tiles that a Gaussian is listed for.
+    pub tile_bound: TileBound,
+    /// Whether blocks of pixels skip the Gaussians that miss them.
+    pub block_cull: bool,
+    /// Whether Gaussians that are invisible at a frame's time are left out early. Without it `temporal_cut` leaves out nothing.
+    pub time_cull: bool,
+}
+
+impl Default for Culls {
+    fn default() -> Self {
+        Culls { tile_bound: TileBound::Ellipse, block_cull: true, time_cull: true }
     }
 }
 
 /// The tiles that a Gaussian is listed for: those that the region where alpha reaches alpha_min touches, and more.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TileBound {
     /// No more: the ellipse, row of tiles by row.
-    #[default]
     Ellipse,
     /// Those of its bounding box.
     Rectangle,
@@ -72,9 +85,6 @@ impl Knobs {
     /// # Errors
     /// Its name and what is wrong.
     pub fn check(&self) -> Result<(), String> {
-        if !self.time_cull && self.temporal_cut > 0.0 {
-            return Err("temporal_cut leaves out what time_cull=false keeps: set one of them".to_owned());
-        }
         let group = serde_json::json!({ "frame": as_written(self)? });
         let check = |setting: &Setting| setting.of(&group).map_or(Ok(()), |value| setting.check(value));
         Self::SETTINGS.iter().try_for_each(check).map_err(|fault| fault.replacen("frame.", "", 1))

@@ -98,12 +98,12 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
     let (tiles_x, tiles_y) = strip.tiles(view);
     let [r, g, b] = view.background;
     let knobs = &constants.knobs;
-    let tiles = match knobs.tile_bound {
+    let tiles = match knobs.culls.tile_bound {
         TileBound::Ellipse => TILES_ELLIPSE,
         TileBound::Rectangle => TILES_RECTANGLE,
         TileBound::Square => TILES_SQUARE,
     };
-    let bounds = if knobs.block_cull { tiles } else { tiles | EVERY_BLOCK };
+    let bounds = if knobs.culls.block_cull { tiles } else { tiles | EVERY_BLOCK };
     ViewParams {
         row0,
         row1,

@@ -243,8 +243,8 @@ impl Group {
     fn record_bound(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>, among: Among) {
         let (geometry, bound, n) = (&self.params.geometry, &self.bound, self.n);
         let (grid, is_listed) = self.live.grid(among);
-        let Constants { alpha_min, knobs: Knobs { time_cull, temporal_cut, .. }, .. } = *constants;
-        let temporal_cut = if time_cull { temporal_cut } else { -1.0 };
+        let Constants { alpha_min, knobs: Knobs { culls, temporal_cut, .. }, .. } = *constants;
+        let temporal_cut = if culls.time_cull { temporal_cut } else { -1.0 };
         if let (Some(motion), Some(window), Some(life)) = (&self.params.motion, &self.window, &self.live.life) {
             let (live, live_args) = (&self.live.blocks, &self.live.args.cast());
             rec.pass(

@@ -198,7 +198,7 @@ fn lives(splats: &Splats, constants: &Constants) -> Vec<Life> {
         let (center, tau) = (f64::from(motion.t_center), f64::from(motion.t_scale).exp());
         let reach = tau * ((opacity / cut).ln() + MARGIN).max(0.0).sqrt() * (1.0 + MARGIN) + MARGIN;
         let (first, last) = (center - reach, center + reach);
-        if constants.knobs.time_cull && first.is_finite() && last.is_finite() {
+        if constants.knobs.culls.time_cull && first.is_finite() && last.is_finite() {
             Life { first, last }
         } else {
             Life { first: f64::NEG_INFINITY, last: f64::INFINITY }

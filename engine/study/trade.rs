@@ -14,11 +14,7 @@ pub const WORST_MARGIN_DB: f64 = 0.3;
 pub const QUALITY_GAP_DB: f64 = 0.5;
 
 /// Single settings that are measured from `exact` by default: `key=value`, as `--set` takes them.
-pub const KNOB_SETTINGS: [&str; 18] = [
-    "frame.tile_bound=rectangle",
-    "frame.tile_bound=square",
-    "frame.block_cull=false",
-    "frame.time_cull=false",
+pub const KNOB_SETTINGS: [&str; 14] = [
     "frame.depth_bits=24",
     "frame.depth_bits=16",
     "frame.alpha_cut=0.0078",
@@ -255,8 +251,6 @@ pub struct Trade {
 pub struct Comparison {
     /// How many times as fast a step is, over whole runs.
     pub speed: Option<Spread>,
-    /// The same of a step with the preset `reference`, where that was measured.
-    pub speed_of_reference: Option<Spread>,
     /// How many times sooner the quality is reached that the first arm ends with, less `QUALITY_GAP_DB`; of the seeds
     /// with which it is reached.
     pub quality_speed: Option<Spread>,
@@ -316,7 +310,6 @@ impl Trade {
         });
         Comparison {
             speed: Spread::new(&pairs.iter().map(|(own, first)| first.seconds() / own.seconds()).collect::<Vec<_>>()),
-            speed_of_reference: self.speed_of_reference(index),
             n_reached: reached.len(),
             quality_speed: Spread::new(&reached),
             psnr: mean(|run| Some(run.psnr)),
@@ -329,12 +322,6 @@ impl Trade {
             device_bytes: mean(|run| Some(run.device_bytes as f64)),
             effect,
         }
-    }
-
-    fn speed_of_reference(&self, index: usize) -> Option<Spread> {
-        let reference = self.arms.iter().position(|arm| arm.name == "reference")?;
-        let ratio = |arms: &Vec<TradeRun>| Some(arms.get(reference)?.seconds() / arms.get(index)?.seconds());
-        Spread::new(&self.runs.iter().filter_map(ratio).collect::<Vec<_>>())
     }
 }
 

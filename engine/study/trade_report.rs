@@ -14,10 +14,9 @@ const SIZE: [f64; 2] = [770.0, 460.0];
 const MARGIN: [f64; 4] = [70.0, 30.0, 80.0, 40.0];
 /// Ticks of its horizontal axis.
 const SPEEDS: [f64; 12] = [0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0];
-const HEADS: [&str; 13] = [
+const HEADS: [&str; 12] = [
     "",
     "speed",
-    "of reference",
     "to quality",
     "PSNR, dB",
     "difference, dB",
@@ -38,7 +37,7 @@ impl Trade {
             "# What settings buy\n\n{device}, {driver}, {date}; shaders {shaders}. `{capture}`, {steps} steps, {}. The hash \
              is of the shaders' SPIR-V: where it is no longer that of the kernels, these are numbers of older ones.\n\n\
              Blocks of steps of all settings were run in turn in one process. *Speed*: how many times as fast a step is as with \
-             `exact`, over whole runs, median (lowest to highest seed); *of reference*: the same as with `reference`. *To quality*: how many times sooner a run reaches the \
+             `exact`, over whole runs, median (lowest to highest seed). *To quality*: how many times sooner a run reaches the \
              final PSNR of `exact` minus {QUALITY_GAP_DB} dB; in brackets with how many seeds. Differences are to `exact`, \
              paired by seed, with Student's interval of 95 %. *Equivalent*: two one-sided tests at 5 % put it within \
              {MARGIN_DB} dB, and the worst frame within {WORST_MARGIN_DB} dB. Scores are of the test views, rendered exactly.\n",
@@ -164,7 +163,6 @@ fn row(arm: &TradeArm, compared: &Comparison) -> Vec<String> {
     vec![
         arm.name.clone(),
         times(&compared.speed),
-        compared.speed_of_reference.map_or("-".to_owned(), |s| format!("{:.2}", s.median)),
         to_quality,
         of(&compared.psnr, 2, 1.0),
         difference(&compared.psnr_gain),
@@ -188,7 +186,7 @@ mod tests {
         let (table, svg) = (found.markdown(), found.svg());
         for told in [
             "a device, a driver 1.2, 2026-11-21; shaders 0123",
-            "| fast | 4.00 (4.00 to 4.00) | - | - | 24.00 | -1.00 +- 0.25 |",
+            "| fast | 4.00 (4.00 to 4.00) | - | 24.00 | -1.00 +- 0.25 |",
             "not distinguishable",
             "| exact |",
             "| 1.50 |",

@@ -8,9 +8,8 @@ use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
-/// The presets that come with the engine, from the plainest to the fastest, and the one for size: name and file.
-pub const PRESETS: [(&str, &str); 5] = [
-    ("reference", include_str!("../../assets/presets/reference.json")),
+/// The presets that come with the engine, from the most exact to the fastest, and the one for size: name and file.
+pub const PRESETS: [(&str, &str); 4] = [
     ("exact", include_str!("../../assets/presets/exact.json")),
     ("balanced", include_str!("../../assets/presets/balanced.json")),
     ("fast", include_str!("../../assets/presets/fast.json")),
@@ -99,7 +98,7 @@ mod tests {
     fn the_engines_presets_are_settings_and_exact_is_the_default() {
         let presets = PRESETS.map(|(name, _)| Preset::find(name).unwrap());
         let config = |preset: &Preset| serde_json::from_value::<Config>(preset.settings.clone()).unwrap();
-        assert_eq!(config(&presets[1]), Config::default());
+        assert_eq!(config(&presets[0]), Config::default());
         let others = presets.iter().filter(|preset| preset.id.name != "exact");
         others.for_each(|preset| assert_ne!(config(preset), Config::default(), "{}", preset.id.name));
         let mut hashes = presets.map(|preset| preset.id.hash);

@@ -5,7 +5,7 @@ use crate::common::one::with;
 use crate::common::random::{self, Random, view};
 use ivv::scene::{Frame, Motion, Splats, View};
 use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
-use ivv::{Constants, Knobs};
+use ivv::{Constants, Culls, Knobs};
 use std::sync::Arc;
 
 /// `n` dynamic Gaussians before [`view`] with lives of about `tau` all over the clip, behind 500 static ones.
@@ -113,6 +113,11 @@ fn pictures_and_gradients_do_not_tell_in_which_blocks_gaussians_die() {
     }
 }
 
+/// Gaussians are projected at all times.
+fn unculled() -> Knobs {
+    Knobs { culls: Culls { time_cull: false, ..Culls::default() }, ..Knobs::default() }
+}
+
 #[test]
 fn windows_follow_what_is_left_out_of_time_and_are_none_where_they_do_not_pay() {
     let _device = gpu();
@@ -124,7 +129,7 @@ fn windows_follow_what_is_left_out_of_time_and_are_none_where_they_do_not_pay() 
         assert_eq!(bits(&found.0), bits(&expected.0));
         assert!(found.1.gaussians < expected.1.gaussians / 3);
     }
-    let always = Knobs { time_cull: false, ..Knobs::default() }.on(Constants::default());
+    let always = unculled().on(Constants::default());
     for (splats, constants) in
         [(splats, always), (clip(2_000, 0.02), Constants::default()), (clip(20_000, 2.0), Constants::default())]
     {
@@ -200,7 +205,7 @@ fn gaussians_are_there_from_when_up_to_when_their_span_says() {
             .map(|[a, b]| [borders[a.min(b)], borders[a.max(b)]])
             .collect();
         splats.check().unwrap();
-        for knobs in [Knobs::default(), Knobs { time_cull: false, ..Knobs::default() }] {
+        for knobs in [Knobs::default(), unculled()] {
             let constants = Constants { knobs, ..Constants::default() };
             let mut spans = Renderer::new(gpu().clone(), &splats, constants).unwrap();
             for time in [0.0, 0.25, 0.2499, 0.255, 0.26, 0.5, 0.6, 0.75, 0.9, -0.5, 1.0, 0.25] {

@@ -8,7 +8,7 @@ use ivv::scene::{Frame, Splats, View};
 use ivv::stage::{Outputs, Renderer, constants_on};
 use ivv::twin::render_f64;
 use ivv::vk::DeviceKind;
-use ivv::{Constants, Knobs, TileBound};
+use ivv::{Constants, Culls, Knobs, TileBound};
 
 fn turned(splats: &Splats, view: &View, knobs: Knobs) -> (Frame, ivv::stage::FrameReport) {
     render_with(splats, view, knobs.on(Constants::default()))
@@ -28,11 +28,13 @@ fn no_bound_of_tiles_or_blocks_changes_a_bit_or_who_is_seen() {
         let mut pairs = Vec::new();
         for tile_bound in [TileBound::Ellipse, TileBound::Rectangle, TileBound::Square] {
             for block_cull in [true, false] {
-                let knobs = Knobs { tile_bound, block_cull, ..Knobs::default() };
+                let culls = Culls { tile_bound, block_cull, ..Culls::default() };
+                let knobs = Knobs { culls, ..Knobs::default() };
                 let (frame, report) = turned(&splats, &view(), knobs);
                 assert!(bits(&frame) == bits(&exact), "{name}: {knobs:?}");
                 assert_eq!((report.active, report.visible), (own.active, own.visible), "{name}: {knobs:?}");
-                let (frame, at_all_times) = turned(&splats, &view(), Knobs { time_cull: false, ..knobs });
+                let culls = Culls { time_cull: false, ..culls };
+                let (frame, at_all_times) = turned(&splats, &view(), Knobs { culls, ..knobs });
                 assert!(bits(&frame) == bits(&exact), "{name}: {knobs:?} at all times");
                 assert_eq!(at_all_times.visible, own.visible, "{name}: {knobs:?}");
                 assert!(at_all_times.active > own.active + 10, "{name}: {} of {}", at_all_times.active, own.active);

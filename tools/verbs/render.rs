@@ -20,7 +20,7 @@ use ivv::sound::rig::Rig;
 use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
 use ivv::train::Run;
 use ivv::words::count;
-use ivv::{Constants, Knobs, TileBound};
+use ivv::{Constants, Knobs};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -78,15 +78,6 @@ pub struct Args {
 /// How frames are computed: what may be traded for time, see `ivv trade`. The defaults are exact.
 #[derive(clap::Args)]
 pub struct KnobArgs {
-    /// The tiles that a Gaussian is listed for: ellipse, rectangle or square. Changes no picture.
-    #[arg(long, value_parser = tile_bound, default_value = "ellipse")]
-    tile_bound: TileBound,
-    /// Test every pixel of a tile against every Gaussian of its list. Changes no picture.
-    #[arg(long)]
-    no_block_cull: bool,
-    /// Project Gaussians even at times when they are invisible. Changes no picture.
-    #[arg(long)]
-    no_time_cull: bool,
     /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver, or with
     /// --near below 2.33e-5.
     #[arg(long, default_value_t = Knobs::default().depth_bits)]
@@ -99,17 +90,11 @@ pub struct KnobArgs {
     t_cut: f32,
 }
 
-fn tile_bound(name: &str) -> Result<TileBound, serde_json::Error> {
-    serde_json::from_value(name.into())
-}
-
 impl KnobArgs {
     /// `constants` with the knobs; alpha_min is itself a constant on the command line.
     pub fn on(&self, constants: Constants) -> anyhow::Result<Constants> {
-        let Self { tile_bound, no_block_cull, no_time_cull, depth_bits, temporal_cut, t_cut } = *self;
-        let (block_cull, time_cull) = (!no_block_cull, !no_time_cull);
-        let alpha_cut = Knobs::default().alpha_cut;
-        let knobs = Knobs { tile_bound, block_cull, time_cull, depth_bits, alpha_cut, temporal_cut, t_cut };
+        let Self { depth_bits, temporal_cut, t_cut } = *self;
+        let knobs = Knobs { depth_bits, temporal_cut, t_cut, ..Knobs::default() };
         knobs.check().map_err(|fault| anyhow::anyhow!("--{}", fault.replacen('_', "-", 1)))?;
         Ok(knobs.on(constants))
     }
