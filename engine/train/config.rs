@@ -280,10 +280,6 @@ settings! {
     pub struct Density in "density." {
         /// How Gaussians are added and removed: as in 3DGS, or as in 3DGS-MCMC.
         strategy: Strategy = Strategy::Adc, "", Range::Word(&["adc", "mcmc"]);
-        /// When density control begins, unless density.first_step comes first.
-        start: f64 = 0.1, "of the run", Range::SHARE;
-        /// Density control begins at this step at the latest.
-        first_step: u64 = 500, "steps", Range::Whole(0, u64::MAX);
         /// When the last Gaussians are added; 0 turns density control off.
         stop: f64 = 0.5, "of the run", Range::SHARE;
         /// Steps between two rounds, at most. Short runs have ten rounds that add, but at least eight steps apart.
@@ -292,10 +288,6 @@ settings! {
         gradient: f32 = 2e-4, "half images", Range::NOT_NEGATIVE;
         /// adc: share of the Gaussians that one round may add.
         growth: f64 = 0.05, "of the Gaussians", Range::SHARE;
-        /// adc: Gaussians that one round may add, however few there are.
-        growth_least: u64 = 1000, "Gaussians", Range::Whole(0, u64::MAX);
-        /// adc: a growing Gaussian larger than this is split, a smaller one is cloned.
-        split_above: f32 = 0.01, "scene extents", Range::POSITIVE;
         /// Gaussians that are never more opaque than this are removed (adc) or moved elsewhere (mcmc).
         prune_opacity: f32 = 0.005, "", Range::BELOW_ONE;
         /// adc: Gaussians larger than this are removed while others are added.
@@ -305,8 +297,6 @@ settings! {
         prune_veil: f32 = 0.33, "depths", Range::POSITIVE;
         /// adc: steps between two resets of the opacities; 0 never resets.
         reset_every: u64 = 3000, "steps", Range::Whole(0, u64::MAX);
-        /// adc: a reset lowers opacities to this.
-        reset_to: f32 = 0.05, "", Range::OPACITY;
         /// mcmc: share of the Gaussians that one round adds, up to max_gaussians.
         mcmc_growth: f64 = 0.05, "of the Gaussians", Range::SHARE;
         /// mcmc: size of the random movement of faint Gaussians.
@@ -443,6 +433,10 @@ pub enum Round {
     Removal,
 }
 
+/// Density control begins after this share of a run: before, the first Gaussians are still on their way to the surfaces.
+const BEGINS: f64 = 0.1;
+/// It begins after this step at the latest, as in 3DGS.
+const BEGINS_AT_LATEST: u64 = 500;
 /// Steps between two rounds, at least, if the settings do not say less: what a round adds must come apart to be worth its time.
 const LEAST_EVERY: u64 = 8;
 
@@ -466,7 +460,7 @@ impl Density {
 
     /// The step before the rounds begin, and the last that adds Gaussians.
     fn first_and_last(&self, total: u64) -> (u64, u64) {
-        (((total as f64 * self.start) as u64).min(self.first_step), (total as f64 * self.stop) as u64)
+        (((total as f64 * BEGINS) as u64).min(BEGINS_AT_LATEST), (total as f64 * self.stop) as u64)
     }
 }
 

@@ -14,6 +14,12 @@ const NOISE: u64 = 2;
 /// Share of `max_gaussians` that the first Gaussians may take. On the tiny synthetic capture with 3,000 Gaussians, 400 steps, seed 1: of 2,000
 /// a run came to 18.7 dB, of 1,500 to 18.2; with every frame twice, 3,000 came to 13.8 dB, 2,000 to 18.1 and 1,500 to 18.2.
 const FIRST: f64 = 2.0 / 3.0;
+/// Gaussians that a round may add, however few there are: a capture may begin with few points.
+const LEAST_GROWTH: f64 = 1000.0;
+/// A growing Gaussian larger than this is split, a smaller one is cloned: extents, as in 3DGS.
+const SPLIT_ABOVE: f32 = 0.01;
+/// A reset lowers opacities to this: ten times what is pruned, so that none goes before it was seen again.
+const RESET_TO: f32 = 0.05;
 /// Part of the steps between two resets of the opacities in which the scene recovers from one.
 const RECOVERY: f64 = 1.0 / 3.0;
 
@@ -40,8 +46,8 @@ pub fn density_round(
         return None;
     }
     let radius = extent.radius as f32;
-    let Density { gradient, split_above, .. } = *density;
-    let pulled = |prune_scale| Choice::Pulled { gradient, split_above: split_above * radius, prune_scale };
+    let gradient = density.gradient;
+    let pulled = |prune_scale| Choice::Pulled { gradient, split_above: SPLIT_ABOVE * radius, prune_scale };
     let grows = due == Some(Round::Growth);
     // None grows twice in a round.
     let most = f64::from(n_trained) / f64::from(n.max(1));
@@ -50,7 +56,7 @@ pub fn density_round(
     let (choice, growth) = match density.strategy {
         Strategy::Adc => {
             let largest = if may_leave_holes { density.prune_scale * radius } else { f32::MAX };
-            let least = (density.growth_least as f64 / f64::from(n.max(1))).min(most);
+            let least = (LEAST_GROWTH / f64::from(n.max(1))).min(most);
             (pulled(largest), (density.growth * most).max(least))
         }
         Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth),
@@ -64,7 +70,7 @@ pub fn density_round(
         extent: radius,
         prune_opacity: density.prune_opacity,
         prune_veil: if may_leave_holes { density.prune_veil } else { f32::INFINITY },
-        opacity_ceiling: if resets { (density.reset_to / (1.0 - density.reset_to)).ln() } else { f32::MAX },
+        opacity_ceiling: if resets { (RESET_TO / (1.0 - RESET_TO)).ln() } else { f32::MAX },
         max_gaussians: u32::try_from(config.max_gaussians).unwrap_or(u32::MAX),
         growth: if grows { growth as f32 } else { 0.0 },
         key: key(config, step, ROUND),

@@ -253,7 +253,7 @@ fn a_run_with_mcmc_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_no
 fn the_opacities_are_reset_when_it_is_time() {
     let _device = gpu();
     let tiny = Tiny::new("reset");
-    let density = Density { reset_every: 12, reset_to: 0.05, ..Density::default() };
+    let density = Density { reset_every: 12, ..Density::default() };
     let config = Config { density, ..with(Strategy::Adc) };
     let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
     let mut trainer = trainer(&tiny.capture, &config, &begin, 40);

@@ -70,12 +70,8 @@ fn the_words_of_the_table_are_those_that_are_read() {
 fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
     for (name, value, expected) in [
         ("density.growth", "-5.0", "a number from 0 to 1"),
-        ("density.split_above", "-1.0", "a number above 0"),
-        ("density.start", "2.0", "a number from 0 to 1"),
         ("density.stop", "-1.0", "a number from 0 to 1"),
         ("density.every", "0", "a whole number, 1 or more"),
-        ("density.reset_to", "9.0", "a number above 0 and below 1"),
-        ("density.reset_to", "0.0", "a number above 0 and below 1"),
         ("density.prune_opacity", "7.0", "a number of at least 0 and below 1"),
         ("density.prune_scale", "-1.0", "a number above 0"),
         ("density.prune_veil", "0.0", "a number above 0"),
@@ -108,7 +104,7 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
     assert_eq!(config.check().unwrap_err(), "init_tau is not a finite number; expected a number above 0");
     config = Config { epochs: 0, ..Config::default() };
     assert!(config.check().unwrap_err().contains("epochs and steps"));
-    (config.epochs, config.density.split_above) = (1, -0.01);
+    (config.epochs, config.density.prune_scale) = (1, -0.01);
     assert!(config.check().unwrap_err().contains("is -0.01;"), "32 bits are shown as they were written");
 }
 
@@ -174,7 +170,7 @@ fn settings_are_listed_with_default_unit_range_meaning_and_presets() {
     let text = works(&["settings", "density"]);
     let listed = all_settings().filter(|setting| setting.name.starts_with("density."));
     assert!(listed.clone().all(|setting| text.contains(&format!("{} = ", setting.name))), "{text}");
-    assert!(text.contains("density.split_above = 0.01 (scene extents)\n"), "{text}");
+    assert!(text.contains("density.prune_scale = 0.5 (scene extents)\n"), "{text}");
     assert!(text.contains("    Expected: a number above 0.\n") && !text.contains("lr."), "{text}");
     assert_eq!(text.lines().last().unwrap().split(' ').next().unwrap(), listed.count().to_string());
     assert!(works(&["settings", "frame.t_cut"]).contains("    Presets: fast 0.001.\n"));
