@@ -2,7 +2,6 @@
 
 use crate::settings::{Knobs, Range, Setting, settings};
 use crate::stage::{Accumulation, AdamMode, DepthSpace, MOST_IMAGES};
-use std::ops::Bound;
 use std::path::PathBuf;
 
 /// The most Gaussians that a run is asked to begin with.
@@ -355,6 +354,16 @@ impl Rate {
     }
 }
 
+/// A run of n steps begins with ([`Pace::steps`] / n)^this times the rates. This and the three below were measured together
+/// (`assets/schedule/compare.md`).
+const PACE_START: f64 = 0.55;
+/// Steps from which on a run ends with the rates as they are.
+const SETTLED: u64 = 3000;
+/// A shorter run ends with ([`SETTLED`] / n)^this times the rates.
+const PACE_END: f64 = 0.6;
+/// The rates are raised at most by this factor.
+const MOST_PACE: f64 = 16.0;
+
 settings! {
     /// How learning rates follow the length of a run: they are given for [`Pace::steps`] steps, and a shorter run, which
     /// has less time to get as far, takes larger ones. A longer run takes them as they are.
@@ -362,14 +371,6 @@ settings! {
     pub struct Pace in "lr.pace." {
         /// Length of the run that the learning rates are given for; 0 uses the same rates in every run.
         steps: u64 = 30_000, "steps", Range::Whole(0, u64::MAX);
-        /// A run of n steps begins with (lr.pace.steps / n)^start times the rates.
-        start: f64 = 0.55, "", Range::SHARE;
-        /// Steps from which on a run ends with the rates as they are.
-        settled: u64 = 3000, "steps", Range::Whole(0, u64::MAX);
-        /// A shorter run ends with (lr.pace.settled / n)^end times the rates.
-        end: f64 = 0.6, "", Range::SHARE;
-        /// The rates are raised at most by this factor.
-        most: f64 = 16.0, "", Range::Number(Bound::Included(1.0), Bound::Included(100.0));
     }
 }
 
@@ -378,10 +379,10 @@ impl Pace {
     pub fn at(&self, done: f64, total: u64) -> f64 {
         let times = |steps: u64, power: f64| {
             let shorter = (steps as f64 / total.max(1) as f64).max(1.0);
-            shorter.powf(power).min(self.most)
+            shorter.powf(power).min(MOST_PACE)
         };
-        let settled = self.settled.min(self.steps);
-        Rate { start: times(self.steps, self.start), end: times(settled, self.end) }.at(done)
+        let settled = SETTLED.min(self.steps);
+        Rate { start: times(self.steps, PACE_START), end: times(settled, PACE_END) }.at(done)
     }
 }
 

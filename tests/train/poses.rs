@@ -75,7 +75,7 @@ fn learns_poses(data: TermData) {
         })
         .collect();
     let rate = Rate { start: 1e-3, end: 1e-5 };
-    let lr = LearningRates { pose_turn: rate, pose_shift: rate, ..nothing_moves(Pace { steps: 0, ..Pace::default() }) };
+    let lr = LearningRates { pose_turn: rate, pose_shift: rate, ..nothing_moves(Pace { steps: 0 }) };
     let density = Density { stop: 0.0, ..Density::default() };
     let config = Config { lr, density, sh_degree: 0, ..Config::default() };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };

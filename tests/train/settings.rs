@@ -90,7 +90,6 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
         ("frame.t_cut", "0.5", "a number of at least 0 and below 0.5"),
         ("lr.scale", "-1.0", "a number above 0"),
         ("lr.scale", "{\"end\":0.0,\"start\":1.0}", "both above 0"),
-        ("lr.pace.most", "0.5", "a number from 1 to 100"),
     ] {
         let all = with(name, value);
         let config: Config = serde_json::from_value(all.clone()).unwrap();
