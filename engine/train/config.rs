@@ -115,12 +115,6 @@ settings! {
         last: f64 = 0.8, "of the run", Range::BELOW_ONE;
         /// Training images that a review looks at, at most.
         images: usize = 128, "images", Range::COUNT;
-        /// Share of the Gaussians that a review may leave unjudged because too few images show them.
-        unseen: f64 = 0.02, "of the Gaussians", Range::SHARE;
-        /// What a number must be worth to stay, in half logarithms of the number of observations.
-        price: f64 = 1.0, "", Range::POSITIVE;
-        /// PSNR that all reviews together may cost when they take place.
-        margin: f64 = 0.05, "dB", Range::POSITIVE;
         /// When it is decided which cameras need a colour map; 0 gives one to all from the start.
         grids_at: f64 = 0.0, "of the run", Range::BELOW_ONE;
     }

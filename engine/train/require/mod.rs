@@ -29,6 +29,12 @@ use std::sync::Arc;
 
 /// Purpose of the random numbers of a review; those of a step have 1 to 3, and 5.
 const REVIEW: u64 = 4;
+/// Share of the Gaussians that a review may leave unjudged because too few images show them: the last ones would take many images each.
+const UNSEEN: f64 = 0.02;
+/// What a number must be worth to stay, in half logarithms of the number of observations: Schwarz's criterion.
+const PRICE: f64 = 1.0;
+/// PSNR that all reviews together may cost when they take place, dB: the steps that are left repair some of it, not all.
+const MARGIN: f64 = 0.05;
 /// Largest velocity of a Gaussian that begins to move, scene units per clip; the cameras' extent is 3.
 const FASTEST: f32 = 3.0;
 /// A bucket of Gaussians is stored apart if there are more than one in so many: each costs some twenty dispatches a step.
@@ -42,7 +48,7 @@ pub struct Review {
     pub step: u64,
     /// Standard deviation of the errors of the colours, in [0, 1].
     pub noise: f64,
-    /// Price of a number, see [`Required::price`].
+    /// Price of a number in half logarithms of the number of observations: 1, or less where the pictures would have lost too much.
     pub price: f64,
     /// Training pictures that it looked at.
     pub pictures: usize,
@@ -142,14 +148,14 @@ pub fn review(
     }
     let key = [seed, checkpoint.step, REVIEW];
     let has_grid = &checkpoint.cameras.has_grid;
-    let budget = (required.images, required.unseen);
+    let budget = (required.images, UNSEEN);
     let mut evidence = Evidence::gather(&mut renderer, &splats, &sight, has_grid, budget, &key, progress)?;
     drop(renderer);
     let n_frames = capture.n_frames.max(1);
     let times: Vec<f64> = (0..n_frames).map(|f| f64::from(f) / f64::from(n_frames)).collect();
     // The margin is for the run.
-    let margin = required.margin / reviews_at(&checkpoint.config, checkpoint.total).len().max(1) as f64;
-    let (mut fates, price) = affordable(&checkpoint.params, &evidence, &times, required.price, margin, &key);
+    let margin = MARGIN / reviews_at(&checkpoint.config, checkpoint.total).len().max(1) as f64;
+    let (mut fates, price) = affordable(&checkpoint.params, &evidence, &times, PRICE, margin, &key);
     // One that goes anyway takes none with it.
     let mut gone: Vec<bool> = fates.iter().map(|fate| !fate.stays).collect();
     let n_merged = merge_resting(&mut checkpoint.params, &mut evidence, price, &mut gone);
