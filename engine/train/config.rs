@@ -50,8 +50,6 @@ settings! {
         init_moving_points: usize = 1500, "Gaussians", Range::Whole(1, MOST_POINTS);
         /// Opacity of Gaussians that begin on surfaces found in the images.
         init_opacity: f64 = 0.5, "", Range::OPACITY;
-        /// How long Gaussians from a hull are visible.
-        init_tau: f64 = 0.7, "hull intervals", Range::POSITIVE;
         /// A point with more flow than this moves.
         init_flow_threshold: f64 = 0.1, "pixels per frame", Range::NOT_NEGATIVE;
         /// How long Gaussians from the points of one frame are visible.

@@ -119,7 +119,7 @@ fn hulls_find_what_moves_at_each_frame_and_the_rest_stands_still() {
         let of: Vec<usize> = (0..splats.motion.len()).filter(is_of).collect();
         let (from, to) = (n_static + of[0], n_static + of[of.len() - 1] + 1);
         assert!(to - from == of.len() && of.len() > 50, "frame {frame}: {} Gaussians", of.len());
-        assert!(of.iter().all(|i| (splats.motion[*i].t_scale.exp() - 0.5 * config().init_tau as f32).abs() < 1e-6));
+        assert!(of.iter().all(|i| (splats.motion[*i].t_scale.exp() - 0.5 * 0.7).abs() < 1e-6));
         let moving = off(&splats, from..to, frame, |body| body.dynamic);
         // Hulls of eight cameras on one side reach beyond the things.
         assert!(moving[of.len() / 2] < 0.05, "frame {frame}: {}", moving[of.len() / 2]);

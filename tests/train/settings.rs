@@ -99,8 +99,8 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
         assert!(check_settings(&all).unwrap_err().contains(&format!("is {value};")), "{name}");
         assert!(check_settings(&patch(name, value)).is_err(), "{name} alone");
     }
-    let mut config = Config { init_tau: f64::NAN, ..Config::default() };
-    assert_eq!(config.check().unwrap_err(), "init_tau is not a finite number; expected a number above 0");
+    let mut config = Config { average: f64::NAN, ..Config::default() };
+    assert_eq!(config.check().unwrap_err(), "average is not a finite number; expected a number from 0 to 1");
     config = Config { epochs: 0, ..Config::default() };
     assert!(config.check().unwrap_err().contains("epochs and steps"));
     (config.epochs, config.density.prune_scale) = (1, -0.01);

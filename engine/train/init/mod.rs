@@ -42,6 +42,8 @@ use surfaces::{Surfaces, Views};
 
 /// Frames from one hull to the next, at least: what moves does not get far in between.
 const HULL_STRIDE: u32 = 2;
+/// How long a Gaussian from a hull is visible, in intervals between hulls: those of two hulls overlap half-way.
+const HULL_TAU: f64 = 0.7;
 /// Pixels that are decoded for hulls, but of four frames at least.
 const HULL_PIXELS: u64 = 1 << 28;
 /// Gaussians from points that are worth beginning with where the pictures show no surface. Fewer cover no picture, and by
@@ -288,7 +290,7 @@ fn append_moving(
     (lenses, reach): (&Lenses, &Reach),
 ) -> Result<()> {
     let n_frames = f64::from(capture.n_frames);
-    let tau = config.init_tau / moving.len().max(1) as f64;
+    let tau = HULL_TAU / moving.len().max(1) as f64;
     let hull = |(frame, found)| (f64::from(frame) / n_frames, settled(found, lenses, reach));
     let hulls: Vec<_> = moving.into_iter().map(hull).collect();
     for (k, (time, (found, sizes))) in hulls.iter().enumerate() {
