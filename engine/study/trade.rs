@@ -14,7 +14,7 @@ pub const WORST_MARGIN_DB: f64 = 0.3;
 pub const QUALITY_GAP_DB: f64 = 0.5;
 
 /// Single settings that are measured from `exact` by default: `key=value`, as `--set` takes them.
-pub const KNOB_SETTINGS: [&str; 14] = [
+pub const KNOB_SETTINGS: [&str; 13] = [
     "frame.depth_bits=24",
     "frame.depth_bits=16",
     "frame.alpha_cut=0.0078",

@@ -6,7 +6,7 @@ use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::extremes::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
+use ivv::extremes::fixtures::adam::{Step, cotangents, gradients, half_seen, numbers, rates};
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
 use ivv::scene::{Splats, View};
