@@ -11,9 +11,9 @@
 #                                        Default: out/study. $IVV_SECONDS: the times instead, such as 30,60
 #   tools/quality.sh --trade [FOLDER]    what settings cost and buy: each alone, presets, and `fast` without each of its settings, on the
 #                                        real captures with three seeds: an hour of one core for each capture. Other work on the
-#                                        machine slows all settings equally. Runs that are there are not repeated. Default: assets/trade
+#                                        machine slows all settings equally. Runs that are there are not repeated. Default: out/trade
 #   tools/quality.sh --playback [FOLDER] what the settings of a frame cost and buy on the trained scenes of out/quality, which are trained
-#                                        where they are not there: some 5 minutes. Default: assets/trade, playback.md
+#                                        where they are not there: some 5 minutes. Default: out/trade, playback.md
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out.
 set -euo pipefail
 what=history
@@ -110,7 +110,7 @@ curves() {
 }
 
 trade() {
-    local record=${given:-$PWD/assets/trade} capture name kind
+    local record=${given:-$PWD/out/trade} capture name kind
     given=
     real_captures
     mkdir -p "$record"
@@ -125,7 +125,7 @@ trade() {
 
 # Of a clip one camera.
 playback() {
-    local record=${given:-$PWD/assets/trade} run
+    local record=${given:-$PWD/out/trade} run
     out=out/quality
     mkdir -p "$out" "$record"
     find_data "$out"

@@ -1,15 +1,15 @@
 #!/usr/bin/env bash
-# Measures assets/schedule anew: how good runs of different lengths are, with learning rates that follow the length of the run
+# Measures out/schedule-record anew: how good runs of different lengths are, with learning rates that follow the length of the run
 # and with the same rates in every run. Five lengths, three seeds, four captures: some two hours on two cores that do nothing
 # else. Runs that are there are not repeated. $IVV_JOBS says how many are made at a time (default: 2).
-#   tools/schedule.sh [FOLDER]     default: assets/schedule; the runs go to out/schedule
+#   tools/schedule.sh [FOLDER]     default: out/schedule-record; the runs go to out/schedule
 # Real captures and the weights of LPIPS are looked for in $IVV_DATA (default: ../shared/data); what is not there is left out.
 set -euo pipefail
 if [ $# -gt 1 ] || [[ ${1:-} == -* ]]; then
     echo "usage: tools/schedule.sh [FOLDER]" >&2
     exit 2
 fi
-record=$(realpath -m "${1:-$(dirname "${BASH_SOURCE[0]}")/../assets/schedule}")
+record=$(realpath -m "${1:-$(dirname "${BASH_SOURCE[0]}")/../out/schedule-record}")
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 source tools/env.sh
 build_ivv

@@ -2,6 +2,7 @@
 
 use super::{files, text, without_comments, words};
 use crate::common::twins::Tested;
+use ivv::gpu::spirv_hashes;
 use ivv::gpu::table::{KERNELS, Spec};
 use rspirv::spirv::Capability;
 use std::collections::BTreeSet;
@@ -265,4 +266,17 @@ fn spirv_val_finds_no_fault() {
         let output = Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(&file).output().unwrap();
         assert!(output.status.success(), "{}: {}", row.name, String::from_utf8_lossy(&output.stderr));
     }
+}
+
+#[test]
+fn the_hash_of_the_kernels_is_of_what_runs_and_of_no_source() {
+    let hashes = spirv_hashes();
+    assert!(hashes.len() > 100 && !hashes.contains_key("show") && !hashes.contains_key("probe_copy"));
+    let manifest = text("shaders-glsl/spv/MANIFEST");
+    for (name, spirv) in &hashes {
+        assert!(manifest.lines().any(|line| line.starts_with(&format!("{name} ")) && line.ends_with(spirv)), "{name}");
+    }
+    // A line is a kernel, its source's hash and its SPIR-V's.
+    let sources: Vec<&str> = manifest.lines().filter_map(|line| line.split(' ').nth(1)).collect();
+    assert!(hashes.values().all(|hash| hash.len() == 16 && !sources.contains(&hash.as_str())));
 }

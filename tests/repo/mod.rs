@@ -10,7 +10,6 @@ mod manual;
 mod screen;
 mod sizes;
 mod supply;
-mod trade;
 
 use std::path::{Path, PathBuf};
 
