@@ -3,8 +3,6 @@
 
 mod apart;
 mod behind;
-mod bench;
-mod bench_knobs;
 mod capture;
 mod date;
 mod device;
@@ -14,6 +12,7 @@ mod export_clip;
 mod fault;
 mod files;
 mod film;
+mod frame_rate;
 mod interrupt;
 mod kept;
 mod kernels;
@@ -50,8 +49,8 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 use verbs::{
-    ablate, cameras, check, compare, curves, demo, devices, eval, export, extremes, init, inspect, list_settings,
-    manual, play, prepare, profile, render, segments, serve, sound, synth, trade, train, vjp,
+    bench, cameras, check, demo, devices, eval, export, extremes, init, inspect, list_settings, manual, play, prepare,
+    profile, render, segments, serve, sound, synth, train, vjp,
 };
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
@@ -100,18 +99,13 @@ enum Verb {
     Segments(segments::Args),
     /// Scores the test views of a run again from its folder, and writes its report.
     Eval(eval::Args),
-    /// Trains a capture with and without each part of the method, and tabulates what each contributes.
-    Ablate(ablate::Args),
+    /// Compares settings: trains each arm of a study with several seeds on captures, and tabulates and plots the scores. Or compares
+    /// finished runs, and may add them to a history of measurements.
+    Bench(bench::Args),
     /// Runs numerical extremes on a device and reports, row by row, whether it passes.
     Extremes(extremes::Args),
     /// Measures the device, and how close each pass of a step or a frame comes to it; captures and replays single kernels.
     Profile(profile::Args),
-    /// Measures what settings and presets cost and bring: speed, accuracy, bytes, over several seeds.
-    Trade(trade::Args),
-    /// Trains presets for runs of growing length, and tabulates and plots quality against time.
-    Curves(curves::Args),
-    /// Tabulates finished runs side by side, means over their seeds; may add them to a history of measurements.
-    Compare(compare::Args),
     /// Lists the settings of a training run: default, unit, range, meaning, and the presets that change each.
     Settings(list_settings::Args),
     /// Writes a scene in another format, or as it looks at one time.
@@ -174,12 +168,9 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Segments(args) => segments::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),
-        Verb::Ablate(args) => ablate::run(args, cli.json),
+        Verb::Bench(args) => bench::run(args, cli.json),
         Verb::Extremes(args) => extremes::run(args, cli.json),
         Verb::Profile(args) => profile::run(args, cli.json),
-        Verb::Trade(args) => trade::run(args, cli.json),
-        Verb::Curves(args) => curves::run(args, cli.json),
-        Verb::Compare(args) => compare::run(args, cli.json),
         Verb::Settings(args) => list_settings::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Serve(args) => serve::run(args, cli.json),

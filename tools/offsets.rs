@@ -106,17 +106,6 @@ pub fn agreement(rows: &[Row]) -> Option<Agreement> {
     Agreement::of(&pairs)
 }
 
-/// Root mean square of what is wrong with the time offsets that `trainer` is learning, frames; none without truth.
-pub fn learnt_error(trainer: &mut Trainer, capture: &Capture) -> ivv::Result<Option<f64>> {
-    let (offsets, learns) = trainer.offsets()?;
-    let fits = offsets
-        .into_iter()
-        .map(|offset| OffsetFit { offset, standard_error: f64::NAN, rest: 0.0 })
-        .enumerate()
-        .collect();
-    Ok(agreement(&rows(capture, &learns, &fits)).map(|agreement| agreement.rms_error))
-}
-
 /// What is to be done where offsets have run into the bound.
 fn warning(rows: &[Row]) -> Option<String> {
     let at_bound: Vec<&str> = rows.iter().filter(|row| row.at_bound).map(|row| row.camera.as_str()).collect();

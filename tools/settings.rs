@@ -17,7 +17,7 @@ pub struct SettingArgs {
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
     /// A preset to start from: exact, balanced, fast, small, or the path of a preset's .json file;
-    /// `ivv trade` measures them.
+    /// `ivv bench trade` measures them.
     #[arg(long)]
     preset: Option<String>,
     /// A JSON file of settings, such as an earlier run's config.json. It overrides the preset.

@@ -47,42 +47,18 @@ pub fn mad(values: &[f64]) -> f64 {
     median(&values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>())
 }
 
-/// The standard deviation of what `n` values are drawn from, by their sum and the sum of their squares; NaN of less than two.
-pub fn deviation_of_sums(n: f64, sum: f64, squares: f64) -> f64 {
-    if n > 1.0 { ((squares - sum * sum / n) / (n - 1.0)).max(0.0).sqrt() } else { f64::NAN }
-}
-
-/// Mean and standard error of the mean of at least two values, and their degrees of freedom.
-fn standard_error(values: &[f64]) -> Option<(f64, f64, usize)> {
+/// The standard error of the mean of at least two values.
+pub fn standard_error(values: &[f64]) -> Option<f64> {
     let (n, mean) = (values.len() as f64, mean(values.iter().copied())?);
     let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
-    (values.len() > 1).then(|| (mean, (variance / n).sqrt(), values.len() - 1))
+    (values.len() > 1).then(|| (variance / n).sqrt())
 }
 
-/// Student's t for 1 to 9 degrees of freedom at 0.95 and 0.975; above, what is added to the normal quantile over the degrees
-/// of freedom, within 1 %.
-struct Student {
-    table: [f64; 9],
-    normal: f64,
-    over_freedom: f64,
-}
-
-const ONE_SIDED: Student = Student {
-    table: [6.314, 2.920, 2.353, 2.132, 2.015, 1.943, 1.895, 1.860, 1.833],
-    normal: 1.645,
-    over_freedom: 1.6,
-};
-const TWO_SIDED: Student = Student {
-    table: [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262],
-    normal: 1.96,
-    over_freedom: 2.5,
-};
-
-impl Student {
-    fn at(&self, freedom: usize) -> f64 {
-        let known = freedom.checked_sub(1).and_then(|at| self.table.get(at)).copied();
-        known.unwrap_or(self.normal + self.over_freedom / freedom as f64)
-    }
+/// Student's t at 0.975 for so many degrees of freedom; above nine within 1 %.
+fn student(freedom: usize) -> f64 {
+    const TABLE: [f64; 9] = [12.706, 4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262];
+    let known = freedom.checked_sub(1).and_then(|at| TABLE.get(at)).copied();
+    known.unwrap_or(1.96 + 2.5 / freedom as f64)
 }
 
 /// A mean with the half-width of its interval of 95 % confidence.
@@ -97,7 +73,7 @@ pub struct Estimate {
 impl Estimate {
     /// That of `values`; none when there is no value.
     pub fn new(values: &[f64]) -> Option<Self> {
-        let half_width = standard_error(values).map(|(_, error, freedom)| TWO_SIDED.at(freedom) * error);
+        let half_width = standard_error(values).map(|error| student(values.len() - 1) * error);
         Some(Estimate { mean: mean(values.iter().copied())?, half_width })
     }
 
@@ -105,30 +81,6 @@ impl Estimate {
     pub fn signed(&self, decimals: usize) -> String {
         let half = self.half_width.map_or(String::new(), |half| format!(" +- {half:.decimals$}"));
         format!("{:+.decimals$}{half}", self.mean)
-    }
-}
-
-/// Whether two one-sided t-tests at 5 % put the mean of `values` within `margin` of 0.
-pub fn is_equivalent(values: &[f64], margin: f64) -> bool {
-    standard_error(values).is_some_and(|(mean, error, freedom)| mean.abs() + ONE_SIDED.at(freedom) * error < margin)
-}
-
-/// A median with the lowest and the highest value.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
-pub struct Spread {
-    /// The middle value, or the mean of the two.
-    pub median: f64,
-    /// The lowest.
-    pub low: f64,
-    /// The highest.
-    pub high: f64,
-}
-
-impl Spread {
-    /// That of `values`; none without any.
-    pub fn new(values: &[f64]) -> Option<Self> {
-        let [low, high] = range(values.iter().copied());
-        (!values.is_empty()).then(|| Spread { median: median(values), low, high })
     }
 }
 
@@ -177,7 +129,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn quantiles_and_deviations_are_those_of_known_numbers() {
+    fn quantiles_are_those_of_known_numbers() {
         let values = [9.0, 1.0, 4.0, 2.0, 100.0];
         assert_eq!((mean(values), range(values)), (Some(23.2), [1.0, 100.0]));
         assert_eq!((median(&values), mad(&values), median_high(values)), (4.0, 3.0, Some(4.0)));
@@ -185,17 +137,12 @@ mod tests {
         // Between the fourth (9) and the fifth (100), 0.8 of the way.
         assert!((quantile(&values, 0.95) - (9.0 + 0.8 * 91.0)).abs() < 1e-12);
         assert_eq!((median(&[3.0, 1.0]), quantile(&[3.0, 1.0], 0.5), median_high([3.0, 1.0])), (2.0, 2.0, Some(3.0)));
-        assert_eq!(Spread::new(&[4.0, 2.0, 7.0, 3.0]), Some(Spread { median: 3.5, low: 2.0, high: 7.0 }));
-        // 2, 4, 4, 4, 5, 5, 7, 9: their squares come to 232, their variance to 32 / 7.
-        assert!((deviation_of_sums(8.0, 40.0, 232.0) - (32.0f64 / 7.0).sqrt()).abs() < 1e-12);
     }
 
     #[test]
     fn of_no_value_nothing_is_said() {
         assert!(median(&[]).is_nan() && mad(&[]).is_nan() && quantile(&[], 0.5).is_nan());
-        assert!(deviation_of_sums(1.0, 3.0, 9.0).is_nan());
-        assert_eq!((mean([]), median_high([]), Spread::new(&[]), Estimate::new(&[])), (None, None, None, None));
-        assert!(!is_equivalent(&[], 1.0));
+        assert_eq!((mean([]), median_high([]), standard_error(&[]), Estimate::new(&[])), (None, None, None, None));
     }
 
     #[test]
@@ -205,18 +152,9 @@ mod tests {
         assert_eq!((e.signed(2), Estimate::new(&[-5.0]).unwrap().signed(1)), ("+2.00 +- 2.48".into(), "-5.0".into()));
         assert_eq!(Estimate::new(&[5.0]).unwrap(), Estimate { mean: 5.0, half_width: None });
         // Published values of t for 10, 30 and 100 degrees of freedom.
-        for (freedom, one, two) in [(1, 6.314, 12.706), (10, 1.812, 2.228), (30, 1.697, 2.042), (100, 1.660, 1.984)] {
-            let (found, expected) = ([ONE_SIDED.at(freedom), TWO_SIDED.at(freedom)], [one, two]);
-            assert!((0..2).all(|k| (found[k] / expected[k] - 1.0).abs() < 0.01), "{freedom}: {found:?}");
+        for (freedom, known) in [(1, 12.706), (10, 2.228), (30, 2.042), (100, 1.984)] {
+            assert!((student(freedom) / known - 1.0).abs() < 0.01, "{freedom}: {}", student(freedom));
         }
-    }
-
-    #[test]
-    fn equivalence_is_two_tests_and_needs_two_values() {
-        assert!(is_equivalent(&[0.01, -0.01, 0.0], 0.05) && !is_equivalent(&[0.04, 0.05, 0.045], 0.05));
-        assert!(!is_equivalent(&[0.0], 0.05) && !is_equivalent(&[0.2, -0.2], 0.05));
-        // Student's t at 0.95 of two degrees of freedom: 2.92 * 0.01 / sqrt 3.
-        assert!(is_equivalent(&[0.0, 0.01, -0.01], 0.0169) && !is_equivalent(&[0.0, 0.01, -0.01], 0.0168));
     }
 
     #[test]

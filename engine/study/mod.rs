@@ -1,25 +1,16 @@
 //! Studies: what finished runs tell, one by one and side by side.
 
-mod ablation;
-mod ablation_report;
-mod compare;
+mod bench;
 mod curves;
-mod frontier;
-mod quality;
+mod measure;
+mod plan;
 mod report_picture;
 mod run_report;
-mod studies;
-mod trade;
-mod trade_report;
+mod runs;
 
-pub use ablation::{Arm, ArmResult, Base, Measure, Study, StudyResult};
-pub use compare::{Entry, History, RunGroup, RunResult, RunTable};
-pub use frontier::{Frontier, PresetCurve, Reached, chart};
-pub use quality::{Standing, standings};
+pub use bench::{Bench, BenchRun};
+pub use measure::Measure;
+pub use plan::{Arm, Base, STUDIES, Study};
 pub use report_picture::{Example, strip};
 pub use run_report::Report;
-pub use studies::STUDIES;
-pub use trade::{
-    Circumstances, Comparison, Effect, KNOB_SETTINGS, KernelError, Kind as TradeKind, Trade, TradeArm, TradeRun,
-    trade_arms,
-};
+pub use runs::{Entry, History, RunResult, differences};

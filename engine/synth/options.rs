@@ -80,7 +80,7 @@ pub enum Preset {
     Hard,
     /// `Small` with 12 cameras that look outward.
     Outward,
-    /// `Small` with 40 frames and time offsets: for `ivv ablate`.
+    /// `Small` with 40 frames and time offsets: for the studies of `ivv bench`.
     Study,
     /// 20 cameras (3 for test), 480 x 360, 60 frames.
     Room,

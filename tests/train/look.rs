@@ -341,26 +341,6 @@ fn frames_per_second_are_told_of_frames_that_stay_and_that_are_read_back() {
 }
 
 #[test]
-fn every_knob_of_a_frame_is_told_with_its_time_its_bytes_and_its_error() {
-    let [scene, cameras] = ["scene.ply", "cameras.json"].map(|name| format!("assets/demo/{name}"));
-    let of_knobs = ["render", &scene, "--cameras", &cameras, "--bench", "0", "--each-knob"];
-    let report: Value = serde_json::from_str(&works(&[&of_knobs[..], &["--json"]].concat())).unwrap();
-    let rows = report["knobs"].as_array().unwrap();
-    let row = |name: &str| rows.iter().find(|row| row["name"] == name).unwrap_or_else(|| panic!("no {name}: {rows:?}"));
-    for row in rows {
-        assert!(row["median_ms"].as_f64().unwrap() > 0.0 && row["device_bytes"].as_u64().unwrap() > 0, "{row}");
-    }
-    assert_eq!(row("as given")["is_same"], true);
-    let psnr = |name: &str| row(name)["psnr"].as_f64().unwrap();
-    assert!(psnr("frames of fast") < 60.0, "{rows:?}");
-    assert!((40.0..90.0).contains(&psnr("frame.t_cut=0.001")) && row("frame.t_cut=0.001")["is_same"] == false);
-    let table = works(&of_knobs);
-    assert!(table.contains("| frame.t_cut=0.001 |") && table.contains("| same picture |"), "{table}");
-    assert!(fails(&["render", &scene, "--each-knob"], 2).contains("--bench"));
-    assert!(fails(&["render", &scene, "--each-knob", "-o", "out"], 2).contains("--output"));
-}
-
-#[test]
 fn a_file_with_views_of_its_own_is_rendered_from_them() {
     let tiny = Tiny::new("own-views");
     let name = |file: &str| tiny.folder.join(file).to_str().unwrap().to_owned();

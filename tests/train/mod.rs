@@ -2,10 +2,10 @@
 
 mod background;
 mod base;
+mod bench;
 mod cases;
 mod changed;
 mod clocks;
-mod compare;
 mod cut_out;
 mod density;
 mod fall;
@@ -33,7 +33,6 @@ mod segments;
 mod session;
 mod settings;
 mod terms;
-mod trade;
 mod worlds;
 
 use crate::common::device::gpu;

@@ -11,9 +11,7 @@ use std::process::Output;
 pub(super) fn ivv(arguments: &[&str]) -> Output {
     let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.args(arguments);
-    if let (Ok(device), true) =
-        (std::env::var("IVV_TEST_DEVICE"), ["train", "eval", "ablate", "curves", "trade"].contains(&arguments[0]))
-    {
+    if let (Ok(device), true) = (std::env::var("IVV_TEST_DEVICE"), ["train", "eval", "bench"].contains(&arguments[0])) {
         command.args(["--device", &device]);
     }
     command.output().unwrap()
@@ -262,137 +260,6 @@ fn a_run_and_a_scene_are_exported_in_every_format() {
     let told = fails(&["export", run.to_str().unwrap(), "-o", &file("b.spz")], 3);
     assert!(told.contains("dynamic") && told.contains("--time"), "{told}");
     assert!(fails(&["export", run.to_str().unwrap(), "-o", &file("b.obj")], 3).contains("--format"));
-}
-
-#[test]
-fn an_ablation_trains_each_setting_once_and_tables_what_came_of_it() {
-    let tiny = Tiny::new("ablate");
-    let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("ablation"));
-    let to = output.to_str().unwrap();
-    let mut arguments = vec!["ablate", capture, "-o", to, "--studies", "initialisation", "--seeds", "3"];
-    arguments.extend(["--steps", "8", "--sh-degree", "0", "--max-gaussians", "300"]);
-    let told = works(&arguments);
-    let found = json(&output.join("ablation.json"));
-    // From the settings that are given, and from the paper's.
-    assert_eq!(found["studies"].as_array().unwrap().len(), 2);
-    for (study, key) in found["studies"].as_array().unwrap().iter().zip(["", "paper-"]) {
-        let arms = study["arms"].as_array().unwrap();
-        let first: Vec<f64> = arms.iter().map(|arm| arm["values"][0][0].as_f64().unwrap()).collect();
-        let [all, any_view, two_views] = first[..] else { panic!("{first:?}") };
-        assert!(two_views > 0.0 && two_views <= any_view && any_view < 0.8 * all, "{first:?} Gaussians at first");
-        // All arms may grow alike: to twice what the largest begins with, whatever --max-gaussians says.
-        assert_eq!(study["max_gaussians"].as_f64().unwrap(), 2.0 * all);
-        for arm in ["concatenated", "any-view", "flow-guided"] {
-            let config = json(&output.join(format!("runs/{key}{arm}-3/config.json")));
-            assert_eq!(config["max_gaussians"].as_f64().unwrap(), 2.0 * all, "{arm}");
-        }
-        let own = json(&output.join(format!("runs/{key}flow-guided-3/config.json")));
-        assert_eq!(own["loss"]["lpips"].as_f64().unwrap(), if key.is_empty() { 0.0 } else { 0.1 });
-        for measure in ["bytes", "seconds", "LPIPS", "PSNR, dB"] {
-            assert!(study["measures"].as_array().unwrap().iter().any(|title| title == measure), "no {measure}");
-        }
-    }
-    let table = std::fs::read_to_string(output.join("ablation.md")).unwrap();
-    for part in
-        ["| flow-guided, any view |", "(33.51)", "the paper's weights and rates", "twice as many as the largest"]
-    {
-        assert!(table.contains(part), "{part} is not in {table}");
-    }
-    assert!(told.contains(&table));
-    assert!(!output.join("standings.md").exists(), "one capture shows nothing of others");
-    assert!(std::fs::read_to_string(output.join("initialisation.svg")).unwrap().matches("<circle").count() == 3);
-    let scores = output.join("runs/flow-guided-3/eval.json");
-    let before = std::fs::metadata(&scores).unwrap().modified().unwrap();
-    works(&arguments);
-    assert_eq!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "a run was made again");
-    assert!(fails(&["ablate", capture, "-o", to, "--studies", "colour"], 2).contains("--studies colour"));
-    let told = fails(&["ablate", capture, "-o", to, "--studies", "perceptual"], 2);
-    assert!(told.contains("--lpips-weights"), "{told}");
-}
-
-#[test]
-fn techniques_stand_by_what_several_captures_show() {
-    let clip = Tiny::new("quality");
-    let first = clip.folder.to_str().unwrap();
-    let [still, output] = ["still", "out"].map(|name| clip.folder.join(name));
-    let [second, to] = [&still, &output].map(|path| path.to_str().unwrap());
-    works(&["synth", "-o", second, "--preset", "tiny", "--frames", "1"]);
-    let settings = ["--steps", "6", "--sh-degree", "0", "--max-gaussians", "300", "--bases", "given", "--seeds", "3"];
-    let told = works(&[&["ablate", first, second, "-o", to, "--studies", "quality,clips"], &settings[..]].concat());
-    let text = std::fs::read_to_string(output.join("standings.md")).unwrap();
-    assert!(told.contains(&text));
-    let rows =
-        || text.lines().filter(|line| line.starts_with("| ") && (line.contains("shown") || line.contains("harms")));
-    let of_clips = rows().filter(|row| row.contains("| - |")).count();
-    assert_eq!((rows().count(), of_clips), (13, 6), "one seed shows nothing: {text}");
-    for (folder, studies) in [(&clip.folder, vec!["quality", "clips"]), (&still, vec!["quality"])] {
-        let name = folder.file_name().unwrap().to_str().unwrap();
-        assert!(text.contains(name), "{name}: {text}");
-        let found = json(&output.join(name).join("ablation.json"));
-        let found = found["studies"].as_array().unwrap();
-        assert!(found.iter().map(|study| &study["study"]).eq(&studies), "{name}");
-        let titles = found[0]["measures"].as_array().unwrap();
-        let at = titles.iter().position(|title| title == "flicker over the images' own").unwrap();
-        let flicker = found[0]["arms"][0]["values"][at][0].as_f64();
-        assert_eq!(
-            flicker.is_some_and(|flicker| flicker > 0.0 && flicker.is_finite()),
-            studies.len() == 2,
-            "{flicker:?}"
-        );
-    }
-    let told = fails(&["ablate", first, first, "-o", to, "--studies", "quality"], 2);
-    assert!(told.contains("two captures are called"), "{told}");
-}
-
-#[test]
-fn each_preset_is_trained_and_scored_and_what_is_there_is_not_run_again() {
-    let tiny = Tiny::new("curves");
-    let (capture, output) = (tiny.folder.to_str().unwrap(), tiny.folder.join("curves"));
-    let (to, runs) = (output.to_str().unwrap(), output.join(tiny.folder.file_name().unwrap()));
-    // No run ends so soon: the shortest is the last.
-    let some = ["--seconds", "1e-6", "--shortest", "3", "--seeds", "3", "--presets", "exact,fast"];
-    let arguments = [&["curves", capture, "-o", to, "--set", "max_gaussians=300"], &some[..]].concat();
-    let told = works(&arguments);
-    let found = json(&output.join("curves.json"));
-    assert_eq!(found[0]["capture"], tiny.folder.file_name().unwrap().to_str().unwrap());
-    for (index, preset) in ["exact", "fast"].iter().enumerate() {
-        let curve = &found[0]["curves"][index];
-        assert_eq!((&curve["preset"], curve["lengths"].as_array().unwrap().len()), (&(*preset).into(), 1));
-        let (run, folder) = (&curve["lengths"][0][0], runs.join(format!("{preset}-3-3")));
-        let (eval, train) = (json(&folder.join("eval.json")), json(&folder.join("train.json")));
-        assert_eq!((&run["psnr"], &run["bytes"], &run["seconds"]), (&eval["psnr"], &eval["bytes"], &train["seconds"]));
-        assert_eq!(json(&folder.join("config.json"))["steps"], 3);
-    }
-    let text = std::fs::read_to_string(output.join("curves.md")).unwrap();
-    assert!(told.contains(&text) && text.contains("| fast | - |"), "{text}");
-    assert!(std::fs::read_to_string(output.join("curves.svg")).unwrap().contains("fast, 3 steps"));
-    let scores = runs.join("exact-3-3/eval.json");
-    let before = std::fs::metadata(&scores).unwrap().modified().unwrap();
-    works(&arguments);
-    assert_eq!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "a run was made again");
-    // Another capture of the same name is trained on.
-    let elsewhere = tiny.folder.join("elsewhere").join(tiny.folder.file_name().unwrap());
-    works(&["synth", "-o", elsewhere.to_str().unwrap(), "--preset", "tiny", "--frames", "2"]);
-    works(&[&["curves", elsewhere.to_str().unwrap(), "-o", to, "--set", "max_gaussians=300"], &some[..]].concat());
-    assert_ne!(std::fs::metadata(&scores).unwrap().modified().unwrap(), before, "another capture's scores");
-    // The name of a preset may have a dot, and names its runs.
-    let own = tiny.folder.join("own.v1.json");
-    std::fs::write(&own, r#"{"about": "", "settings": {}}"#).unwrap();
-    let own = own.to_str().unwrap();
-    let dotted =
-        [&arguments[..6], &["--seconds", "1e-6", "--shortest", "3", "--seeds", "3,4", "--presets", own]].concat();
-    works(&dotted);
-    let scores = [3, 4].map(|seed| runs.join(format!("own.v1-3-{seed}/eval.json")));
-    let times = || scores.each_ref().map(|file| std::fs::metadata(file).unwrap().modified().unwrap());
-    let before = times();
-    works(&dotted);
-    assert_eq!(times(), before, "a run was made again");
-    let twice = format!("{own},{own}");
-    assert!(fails(&["curves", capture, "-o", to, "--presets", &twice], 2).contains("two are called own.v1"));
-    assert!(fails(&["curves", capture, "-o", to, "--seconds", "0"], 2).contains("--seconds"));
-    assert!(fails(&["curves", capture, "-o", to, "--seeds", "1,2,1"], 2).contains("names 1 twice"));
-    assert!(fails(&["curves", capture, capture, "-o", to, "--seconds", "nan"], 2).contains("above 0"));
-    assert!(fails(&["curves", capture, "-o", to, "--presets", "best"], 3).contains("best"));
 }
 
 #[test]

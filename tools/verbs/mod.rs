@@ -1,10 +1,8 @@
 //! The verbs of the command line, one file or folder each.
 
-pub mod ablate;
+pub mod bench;
 pub mod cameras;
 pub mod check;
-pub mod compare;
-pub mod curves;
 pub mod demo;
 pub mod devices;
 pub mod eval;
@@ -26,6 +24,5 @@ pub mod segments;
 pub mod serve;
 pub mod sound;
 pub mod synth;
-pub mod trade;
 pub mod train;
 pub mod vjp;

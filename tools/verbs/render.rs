@@ -1,10 +1,9 @@
 //! `ivv render`.
 
-use crate::bench::Bench;
-use crate::bench_knobs;
 use crate::device::DeviceArgs;
 use crate::files::make_folder;
 use crate::film::{self, Film, PathArgs, Studio};
+use crate::frame_rate::Bench;
 use crate::interrupt::{Interrupted, Stop};
 use crate::passes::{self, TimedPass};
 use crate::progress::Progress;
@@ -61,10 +60,6 @@ pub struct Args {
     /// frames per second and percentiles of their times: of frames that stay on the device and of such that are read back.
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
     bench: Option<f64>,
-    /// With --bench, for each setting of `frame` and the frames of each preset instead: the time of a frame, for so many seconds each,
-    /// device memory, and the error of the worst picture, against the options that are given.
-    #[arg(long, requires = "bench", conflicts_with = "output")]
-    each_knob: bool,
     #[command(flatten)]
     film: PathArgs,
     #[command(flatten)]
@@ -75,7 +70,7 @@ pub struct Args {
     knobs: KnobArgs,
 }
 
-/// How frames are computed: what may be traded for time, see `ivv trade`. The defaults are exact.
+/// How frames are computed: what may be traded for time, see `ivv bench trade`. The defaults are exact.
 #[derive(clap::Args)]
 pub struct KnobArgs {
     /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver, or with
@@ -276,16 +271,6 @@ impl Args {
         anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
         let seconds = self.bench.unwrap_or_default();
         let splats = Arc::new(splats);
-        if self.each_knob {
-            let rows = bench_knobs::run(gpu, &splats, constants, views, seconds, stop)?;
-            if json {
-                let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "knobs": rows });
-                out!("{}", serde_json::to_string_pretty(&report)?);
-            } else {
-                bench_knobs::print(&rows);
-            }
-            return Ok(());
-        }
         let mut renderer = Renderer::of_clip(gpu.clone(), splats, constants)?;
         let bench = Bench::new(&mut renderer, views, outputs, seconds, stop)?;
         if json {

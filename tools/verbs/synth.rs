@@ -16,8 +16,8 @@ pub struct Args {
     #[arg(short, long)]
     output: PathBuf,
     /// tiny: 6 cameras, 64 x 48, 8 frames. small: 10 cameras, 128 x 96, 12 frames. hard: small with --offsets --colors
-    /// --masks and --noise all. outward: small with 12 cameras that look outward. study: what
-    /// `ivv ablate` is made for. room: 20 cameras, 480 x 360, 60 frames.
+    /// --masks and --noise all. outward: small with 12 cameras that look outward. study: small
+    /// with 40 frames and --offsets. room: 20 cameras, 480 x 360, 60 frames.
     #[arg(long, default_value = "small", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
     preset: String,
     /// Seed of colours, textures, speeds and all noise.

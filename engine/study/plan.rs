@@ -1,0 +1,296 @@
+//! Studies: which settings are compared, by which scores, over which seeds and lengths. They are JSON files.
+
+use super::measure::Measure;
+use crate::error::{Error, Result};
+use crate::files::read_text;
+use crate::train::{Config, LearningRates, Pace, Preset, Rate, check_settings, merge};
+use serde::Deserialize;
+use serde::de::Error as _;
+use serde_json::Value;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// The studies that come with the engine: name and file.
+pub const STUDIES: [(&str, &str); 10] = [
+    ("trade", include_str!("../../assets/studies/trade.json")),
+    ("presets", include_str!("../../assets/studies/presets.json")),
+    ("schedule", include_str!("../../assets/studies/schedule.json")),
+    ("quality", include_str!("../../assets/studies/quality.json")),
+    ("clips", include_str!("../../assets/studies/clips.json")),
+    ("required", include_str!("../../assets/studies/required.json")),
+    ("initialisation", include_str!("../../assets/studies/initialisation.json")),
+    ("offsets", include_str!("../../assets/studies/offsets.json")),
+    ("supervision", include_str!("../../assets/studies/supervision.json")),
+    ("perceptual", include_str!("../../assets/studies/perceptual.json")),
+];
+
+const REMEDY: &str = "see the manual's page Measuring and the studies in assets/studies";
+
+/// Settings that are compared with others.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Arm {
+    /// Names the folders of its runs.
+    pub key: String,
+    /// For tables; the key where the file has none.
+    #[serde(default)]
+    pub name: String,
+    /// The preset that it starts from, by name or path.
+    #[serde(default)]
+    pub preset: Option<String>,
+    /// The settings that it changes, in the form of [`Config`].
+    #[serde(default = "nothing")]
+    pub settings: Value,
+    /// The figures that a paper reports, on another capture.
+    #[serde(default)]
+    pub paper: BTreeMap<Measure, String>,
+}
+
+/// The settings that arms change.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Base {
+    /// Those that are given; LPIPS is measured and no part of the loss.
+    #[default]
+    Given,
+    /// Those that are given, with the weights and rates of the paper, one background and no backdrop: LPIPS in the loss where there are
+    /// weights for it.
+    Paper,
+}
+
+/// Settings that are compared with each other, and how.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Study {
+    /// For the table.
+    pub title: String,
+    /// A sentence: what it is to answer.
+    pub question: String,
+    /// At least one.
+    pub arms: Vec<Arm>,
+    /// The columns, at least one. Captures are judged together by the first.
+    pub scores: Vec<Measure>,
+    /// Every arm runs once with each.
+    pub seeds: Vec<u64>,
+    /// Lengths of the runs, each with the schedule of its own; where there is none, epochs give the length.
+    #[serde(default, deserialize_with = "lengths")]
+    pub steps: Vec<u64>,
+    /// Arms begin with different numbers of Gaussians: each may have twice as many as the one that begins with most, so that none
+    /// is kept from growing.
+    #[serde(default)]
+    pub equal_budgets: bool,
+    /// The settings that the arms change.
+    #[serde(default)]
+    pub base: Base,
+    /// The key of the arm that all others are compared with; the first where the file names none.
+    #[serde(default)]
+    pub baseline: String,
+    /// Its file.
+    #[serde(skip)]
+    pub file: PathBuf,
+}
+
+fn nothing() -> Value {
+    Value::Object(serde_json::Map::new())
+}
+
+/// A number of steps or several.
+fn lengths<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Vec<u64>, D::Error> {
+    let value = Value::deserialize(from)?;
+    let of = |value: &Value| value.as_u64().filter(|steps| *steps > 0);
+    let all = value.as_array().map_or_else(|| Some(vec![of(&value)?]), |some| some.iter().map(of).collect());
+    all.ok_or_else(|| D::Error::custom(format!("steps: expected a number above 0 or a list of them, found {value}")))
+}
+
+impl Study {
+    /// The engine's study of this name, or the one in the file of this path, which ends in `.json`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the studies that exist, or the file and what is wrong with it.
+    pub fn find(name: &str) -> Result<Self> {
+        let path = Path::new(name);
+        if path.extension().is_some_and(|extension| extension == "json") {
+            let text = read_text(path)
+                .map_err(|e| Error::data(path, "", format!("cannot be read: {e}"), "give the path of a study"))?;
+            return Self::parse(path, &text);
+        }
+        let Some((_, text)) = STUDIES.iter().find(|(known, _)| *known == name) else {
+            let remedy =
+                format!("there are {}; or give the path of a .json file", STUDIES.map(|(known, _)| known).join(", "));
+            return Err(Error::data(path, "", "unknown study", remedy));
+        };
+        Self::parse(Path::new(&format!("assets/studies/{name}.json")), text)
+    }
+
+    /// The study that the file `path` holds as `text`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file and what is wrong with it.
+    pub fn parse(path: &Path, text: &str) -> Result<Self> {
+        let fault = |place: &str, reason: String| Error::data(path, place, reason, REMEDY);
+        let mut study: Study = serde_json::from_str(text).map_err(|e| fault("study", e.to_string()))?;
+        study.file = path.to_owned();
+        for (place, is_empty) in
+            [("arms", study.arms.is_empty()), ("scores", study.scores.is_empty()), ("seeds", study.seeds.is_empty())]
+        {
+            if is_empty {
+                return Err(fault(place, "expected at least one".to_owned()));
+            }
+        }
+        for (index, arm) in study.arms.iter().enumerate() {
+            let is_name = |c: char| c.is_ascii_alphanumeric() || "._=-".contains(c);
+            if arm.key.is_empty() || arm.key.starts_with('.') || !arm.key.chars().all(is_name) {
+                return Err(fault(
+                    "arms",
+                    format!("key: expected letters, digits and any of ._=- for a folder, found {:?}", arm.key),
+                ));
+            }
+            if study.arms[..index].iter().any(|other| other.key == arm.key) {
+                return Err(fault("arms", format!("key: two are called {}", arm.key)));
+            }
+        }
+        study.arms.iter_mut().filter(|arm| arm.name.is_empty()).for_each(|arm| arm.name.clone_from(&arm.key));
+        if study.baseline.is_empty() {
+            study.baseline.clone_from(&study.arms[0].key);
+        }
+        if study.arms.iter().all(|arm| arm.key != study.baseline) {
+            return Err(fault("baseline", format!("no arm has the key {:?}", study.baseline)));
+        }
+        study.arms.iter().try_for_each(|arm| study.config(&Config::default(), arm).map(drop))?;
+        Ok(study)
+    }
+
+    /// The settings of `arm` where all arms share `shared`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the arm and its setting that is unknown or cannot be.
+    pub fn config(&self, shared: &Config, arm: &Arm) -> Result<Config> {
+        let fault = |reason: String| Error::data(&self.file, format!("arm {}", arm.key), reason, REMEDY);
+        check_settings(&arm.settings).map_err(fault)?;
+        if let Some(name) = ["seed", "steps", "epochs"].iter().find(|name| arm.settings.get(name).is_some()) {
+            return Err(fault(format!(
+                "settings: `{name}` is the same for all arms; give it to the study or with an option"
+            )));
+        }
+        let mut base = shared.clone();
+        self.base.apply(&mut base);
+        let json = |e: serde_json::Error| fault(e.to_string());
+        let mut value = serde_json::to_value(base).map_err(json)?;
+        if let Some(name) = &arm.preset {
+            let preset = Preset::find(name)?;
+            merge(&mut value, &preset.settings);
+            value["preset"] = serde_json::to_value(preset.id).map_err(json)?;
+        }
+        merge(&mut value, &arm.settings);
+        let config: Config = serde_json::from_value(value).map_err(json)?;
+        config.check().map_err(fault)?;
+        Ok(config)
+    }
+}
+
+impl Base {
+    /// Changes `config` to it.
+    fn apply(self, config: &mut Config) {
+        config.loss.lpips = 0.0;
+        if self == Base::Paper {
+            let loss = &mut config.loss;
+            (loss.depth, loss.flow, loss.offset, loss.lpips) = (1.0, 1.0, 1e-4, 0.1);
+            config.lr = paper_rates();
+            (config.backdrop, config.vary_background) = (0, false);
+        }
+    }
+}
+
+/// The paper's rates: of velocities, times and tau its own, of all else those of 3DGS (Kerbl et al. 2023). It names none of
+/// offsets and grids, which keep the defaults.
+fn paper_rates() -> LearningRates {
+    let constant = |rate: f64| Rate { start: rate, end: rate };
+    LearningRates {
+        pace: Pace { steps: 0, ..Pace::default() },
+        position: Rate { start: 1.6e-4, end: 1.6e-6 },
+        position_size: 0.0,
+        sh0: constant(2.5e-3),
+        sh_rest: constant(1.25e-4),
+        opacity: constant(2.5e-2),
+        scale: constant(5e-3),
+        rotation: constant(1e-3),
+        velocity: constant(2e-3),
+        t_center: constant(1e-5),
+        t_scale: constant(3e-2),
+        ..LearningRates::default()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::Loss;
+
+    #[test]
+    fn every_arm_of_the_engines_studies_changes_the_settings_or_is_the_baseline() {
+        for (name, _) in STUDIES {
+            let study = Study::find(name).unwrap();
+            let of = |arm: &Arm| Config { preset: None, ..study.config(&Config::default(), arm).unwrap() };
+            let baseline = study.arms.iter().find(|arm| arm.key == study.baseline).map(of).unwrap();
+            for arm in study.arms.iter().filter(|arm| arm.key != study.baseline) {
+                assert_ne!(of(arm), baseline, "{name}: {}", arm.name);
+            }
+            let papers = || study.arms.iter().flat_map(|arm| arm.paper.keys());
+            assert!(papers().all(|measure| study.scores.contains(measure)), "{name}");
+        }
+    }
+
+    #[test]
+    fn the_papers_weights_and_rates_are_its_own_whatever_is_given() {
+        let mut config = Config::default();
+        (config.loss.flow, config.loss.depth, config.loss.lpips) = (0.1, 0.3, 0.0);
+        config.lr.position = Rate { start: 1.0, end: 0.5 };
+        Base::Paper.apply(&mut config);
+        let Loss { depth, flow, offset, lpips, .. } = config.loss;
+        assert_eq!((depth, flow, offset, lpips), (1.0, 1.0, 1e-4, 0.1));
+        let LearningRates { position, position_size, velocity, t_center, t_scale, .. } = config.lr;
+        assert_eq!((position.start, position.end, position_size), (1.6e-4, 1.6e-6, 0.0));
+        assert_eq!((velocity.start, t_center.start, t_scale.start), (2e-3, 1e-5, 3e-2));
+    }
+
+    #[test]
+    fn a_study_has_defaults_and_its_arms_win_over_what_all_share() {
+        let text = r#"{"title": "T", "question": "Q?", "scores": ["psnr"], "seeds": [1], "steps": 5,
+                       "arms": [{"key": "a"}, {"key": "b", "preset": "fast", "settings": {"sh_degree": 2}}]}"#;
+        let study = Study::parse(Path::new("own.json"), text).unwrap();
+        assert_eq!((study.baseline.as_str(), study.arms[1].name.as_str(), &study.steps[..]), ("a", "b", &[5][..]));
+        let shared = Config { sh_degree: 0, epochs: 7, ..Config::default() };
+        let [a, b] = [0, 1].map(|arm| study.config(&shared, &study.arms[arm]).unwrap());
+        assert_eq!((a.sh_degree, a.epochs, a.loss.lpips), (0, 7, 0.0));
+        assert_eq!((b.sh_degree, b.epochs, b.preset.unwrap().name.as_str()), (2, 7, "fast"));
+    }
+
+    #[test]
+    fn a_study_that_is_none_is_refused_with_the_file_and_the_reason() {
+        let with = |arms: &str, more: &str| {
+            format!(r#"{{"title": "", "question": "", "scores": ["psnr"], "seeds": [1], "arms": [{arms}]{more}}}"#)
+        };
+        for (text, reason) in [
+            ("{".to_owned(), "EOF"),
+            (with("", ""), "at least one"),
+            (with(r#"{"key": "a"}"#, r#", "colour": 1"#), "unknown field `colour`"),
+            (with(r#"{"key": "a", "preset_name": "fast"}"#, ""), "unknown field `preset_name`"),
+            (with(r#"{"key": "a"}, {"key": "a"}"#, ""), "two are called a"),
+            (with(r#"{"key": "../a"}"#, ""), "for a folder"),
+            (with(r#"{"key": "a", "preset": "quick"}"#, ""), "unknown preset"),
+            (with(r#"{"key": "a", "settings": {"frame": {"depth_bit": 16}}}"#, ""), "depth_bit"),
+            (with(r#"{"key": "a", "settings": {"loss": {"ssim_stride": 3}}}"#, ""), "ssim_stride"),
+            (with(r#"{"key": "a", "settings": {"steps": 3}}"#, ""), "`steps` is the same for all"),
+            (with(r#"{"key": "a", "paper": {"beauty": "1"}}"#, ""), "beauty"),
+            (with(r#"{"key": "a"}"#, r#", "steps": [10, 0]"#), "above 0"),
+            (with(r#"{"key": "a"}"#, r#", "base": "mine"}"#), "mine"),
+            (with(r#"{"key": "a"}"#, r#", "baseline": "b""#), "no arm has the key"),
+        ] {
+            let fault = Study::parse(Path::new("own.json"), &text).unwrap_err();
+            assert!(fault.to_string().contains(reason) && fault.exit_code() == 3, "{text}: {fault}");
+            assert!(fault.to_string().contains("own.json") || reason == "unknown preset", "{fault}");
+        }
+        assert!(Study::find("best").unwrap_err().to_string().contains("trade"));
+        assert!(Study::find("/no/such.json").unwrap_err().to_string().contains("cannot be read"));
+    }
+}

@@ -1,0 +1,320 @@
+//! Finished runs: what each came to, and how that changes from one time of measuring to the next.
+
+use crate::error::{Error, Result};
+use crate::files::read_file;
+use crate::report::statistics::{mean, range};
+use crate::report::{Axis, Chart, Mark, Panel, Row, Series};
+use crate::train::{Config, Preset, Run, merge};
+use serde_json::Value;
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+/// Settings that are not listed: they have columns of their own, or the preset stands before all others.
+const TOLD_APART: [&str; 4] = ["seed", "steps", "epochs", "preset"];
+
+/// What a finished run came to.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct RunResult {
+    /// The folder of its capture, without those above it.
+    pub capture: String,
+    /// Its settings that are not the defaults, as for `--set`, in the order of their names; `defaults` where there is none.
+    pub settings: String,
+    /// Steps done.
+    pub steps: u64,
+    /// Its seed.
+    pub seed: u64,
+    /// Mean over the test images, dB.
+    pub psnr: f64,
+    /// The same after the affine map of colours that brings each view closest to its image, dB.
+    pub psnr_aligned: f64,
+    /// The test camera with the lowest mean PSNR.
+    pub worst_camera: String,
+    /// That PSNR, dB.
+    pub worst_psnr: f64,
+    /// Mean over the test images.
+    pub ssim: f64,
+    /// Mean over the test images; none of runs without weights for it.
+    pub lpips: Option<f64>,
+    /// The same of colours in [0, 1].
+    pub lpips_unscaled: Option<f64>,
+    /// Gaussians at the end.
+    pub gaussians: u64,
+    /// Bytes of their parameters.
+    pub bytes: u64,
+    /// From the start of the process until its scene is written, before it is scored; the first Gaussians and the compilation of
+    /// kernels included. Of a run that was resumed, those of its last process.
+    pub seconds: f64,
+    /// The same of all processors together, where the system told.
+    pub cpu_seconds: Option<f64>,
+    /// Name of the device.
+    pub device: String,
+    /// Name and version of its driver.
+    pub driver: String,
+    /// The source that `ivv` was built from, as git names it; none where the build did not know.
+    pub revision: Option<String>,
+    /// The images that were trained on and scored, to tell them from others. Empty of those in a history.
+    #[serde(skip)]
+    pub images: String,
+}
+
+/// What is read of `train.json`.
+#[derive(serde::Deserialize)]
+struct Totals {
+    steps: u64,
+    gaussians: u64,
+    scene_bytes: u64,
+    seconds: f64,
+    cpu_seconds: Option<f64>,
+    device: Device,
+    revision: Option<String>,
+}
+
+#[derive(serde::Deserialize)]
+struct Device {
+    name: String,
+    driver: String,
+}
+
+/// What is read of `eval.json`.
+#[derive(serde::Deserialize)]
+struct Scored {
+    psnr: f64,
+    psnr_aligned: f64,
+    ssim: f64,
+    lpips: Option<f64>,
+    lpips_unscaled: Option<f64>,
+    views: Vec<ScoredView>,
+}
+
+#[derive(serde::Deserialize)]
+struct ScoredView {
+    camera: String,
+    psnr: f64,
+}
+
+impl RunResult {
+    /// Reads the folder of a run that has ended and has test images.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file that is absent or not what `ivv train` writes.
+    pub fn read(folder: &Path) -> Result<Self> {
+        let run = Run::read(folder)?;
+        let config: Config = read(folder, "config.json")?;
+        let untested = |file| Error::data(&folder.join(file), "", "has no test image", "compare runs that have some");
+        if run.held.test_images == 0 {
+            return Err(untested("run.json"));
+        }
+        let totals: Totals = read(folder, "train.json")?;
+        let scored: Scored = read(folder, "eval.json")?;
+        let mut cameras: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
+        scored.views.iter().for_each(|view| cameras.entry(&view.camera).or_default().push(view.psnr));
+        let means = cameras.iter().map(|(camera, psnr)| (*camera, mean(psnr.iter().copied()).unwrap_or(0.0)));
+        let Some((worst_camera, worst_psnr)) = means.min_by(|a, b| a.1.total_cmp(&b.1)) else {
+            return Err(untested("eval.json"));
+        };
+        Ok(RunResult {
+            capture: run.capture.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned()),
+            settings: differences(&config),
+            steps: totals.steps,
+            seed: config.seed,
+            psnr: scored.psnr,
+            psnr_aligned: scored.psnr_aligned,
+            worst_camera: worst_camera.to_owned(),
+            worst_psnr,
+            ssim: scored.ssim,
+            lpips: scored.lpips,
+            lpips_unscaled: scored.lpips_unscaled,
+            gaussians: totals.gaussians,
+            bytes: totals.scene_bytes,
+            seconds: totals.seconds,
+            cpu_seconds: totals.cpu_seconds,
+            device: totals.device.name,
+            driver: totals.device.driver,
+            revision: totals.revision,
+            images: serde_json::json!([run.capture, run.capture_settings, run.test_cameras, run.held]).to_string(),
+        })
+    }
+}
+
+/// Reads a file of a finished run.
+pub(super) fn read<T: serde::de::DeserializeOwned>(folder: &Path, name: &str) -> Result<T> {
+    let (file, remedy) =
+        (folder.join(name), "give folders of runs that have ended (`ivv train --resume -o RUN` ends one)");
+    let fault = |reason: String| Error::data(&file, "", reason, remedy);
+    let text = read_file(&file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+    serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
+}
+
+/// The settings of `config` that are not those of its preset or the defaults; the preset first.
+pub fn differences(config: &Config) -> String {
+    let value = |config: &Config| serde_json::to_value(config).unwrap_or(Value::Null);
+    let mut base = value(&Config::default());
+    let mut told = Vec::new();
+    if let Some(id) = &config.preset {
+        told.push(id.name.clone());
+        // A preset of the user's own file is not at hand: its settings are listed.
+        if let Ok(preset) = Preset::find(&id.name) {
+            merge(&mut base, &preset.settings);
+            // With the roundings that the run's settings went through.
+            base = serde_json::from_value(base).map_or(Value::Null, |config| value(&config));
+        }
+    }
+    let mut own = value(config);
+    if !config.loss.has_lpips() {
+        // LPIPS is measured at most.
+        own["loss"]["lpips"] = base["loss"]["lpips"].clone();
+        own["loss"]["lpips_weights"] = base["loss"]["lpips_weights"].clone();
+    }
+    list("", &base, &own, &mut told);
+    if told.is_empty() { "defaults".to_owned() } else { told.join(" ") }
+}
+
+fn list(name: &str, base: &Value, own: &Value, told: &mut Vec<String>) {
+    match (base, own) {
+        (Value::Object(base), Value::Object(own)) => {
+            for (key, value) in own {
+                let full = if name.is_empty() { key.clone() } else { format!("{name}.{key}") };
+                if !TOLD_APART.contains(&full.as_str()) {
+                    list(&full, base.get(key).unwrap_or(&Value::Null), value, told);
+                }
+            }
+        }
+        (base, own) if base != own => told.push(match own {
+            Value::String(word) => format!("{name}={word}"),
+            // Single precision has more digits than anyone wrote.
+            own => match own.as_f64().filter(|number| f64::from(*number as f32) == *number) {
+                Some(number) => format!("{name}={}", number as f32),
+                None => format!("{name}={own}"),
+            },
+        }),
+        _ => {}
+    }
+}
+
+/// Width and height of a panel of a history.
+const PANEL: [f64; 2] = [250.0, 190.0];
+
+/// A score that a history shows: its title and how to get it.
+type Shown = (&'static str, fn(&RunResult) -> Option<f64>);
+
+const SHOWN: [Shown; 5] = [
+    ("PSNR, dB", |run| Some(run.psnr)),
+    ("SSIM", |run| Some(run.ssim)),
+    ("LPIPS (less is better)", |run| run.lpips),
+    ("seconds", |run| Some(run.seconds)),
+    ("seconds of processors", |run| run.cpu_seconds),
+];
+
+/// One time of measuring, of a file of them.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Entry {
+    /// Year-month-day, UTC.
+    pub date: String,
+    /// What was measured.
+    pub runs: Vec<RunResult>,
+}
+
+/// A file of measurements, the oldest first.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct History(pub Vec<Entry>);
+
+impl History {
+    /// The entries as a picture: a row a capture and kind of settings, scores from the first entry to the last.
+    pub fn svg(&self) -> String {
+        // What one row follows must be alike but for the code.
+        let kind = |run: &RunResult| (run.capture.clone(), run.settings.clone(), run.steps);
+        let kinds: BTreeSet<_> = self.0.iter().flat_map(|entry| &entry.runs).map(kind).collect();
+        let row = |own: (String, String, u64)| {
+            let panels = SHOWN.into_iter().filter_map(|shown| self.panel(shown, |run| kind(run) == own));
+            Row { heading: format!("{}, {} steps, {}", own.0, own.2, own.1), panels: panels.collect() }
+        };
+        Chart { panel: PANEL, rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
+    }
+
+    /// A score of the runs that `is_own` names, over the entries: mean and range. None where no run has it.
+    fn panel(&self, (title, of): Shown, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
+        let point = |(index, entry): (usize, &Entry)| {
+            let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(of).collect();
+            let (mean, [least, most]) = (mean(values.iter().copied())?, range(values));
+            let revision = entry.runs.iter().find_map(|run| run.revision.clone()).unwrap_or_default();
+            let title = format!("{} {revision}: {mean:.4} ({least:.4} to {most:.4})", entry.date);
+            Some(Mark { at: [(index + 1) as f64, mean], range: Some([least, most]), radius: 3.0, title })
+        };
+        let marks: Vec<Mark> = self.0.iter().enumerate().filter_map(point).collect();
+        // Changes of less than a hundredth look as small as they are.
+        let largest = marks.iter().map(|mark| mark.at[1].abs()).reduce(f64::max)?.max(1e-3);
+        Some(Panel {
+            title: title.to_owned(),
+            margin: [56.0, 24.0, 10.0, 42.0],
+            x: Axis::around("measurement", marks.iter().map(|mark| mark.at[0]), 1.0).in_whole_numbers(),
+            y: Axis::around("", marks.iter().filter_map(|mark| mark.range).flatten(), 0.02 * largest),
+            series: vec![Series { colour: Some(0), is_joined: true, marks }],
+            notes: Vec::new(),
+            list: Vec::new(),
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use serde_json::json;
+
+    fn result(capture: &str, settings: &str, (steps, seed): (u64, u64), psnr: f64) -> RunResult {
+        RunResult {
+            capture: capture.to_owned(),
+            settings: settings.to_owned(),
+            steps,
+            seed,
+            psnr,
+            psnr_aligned: psnr + 1.0,
+            worst_camera: "a<b".to_owned(),
+            worst_psnr: psnr - 2.0,
+            ssim: 0.9,
+            lpips: None,
+            lpips_unscaled: None,
+            gaussians: 1000,
+            bytes: 236_000,
+            seconds: steps as f64 / 10.0,
+            cpu_seconds: None,
+            device: "a device".to_owned(),
+            driver: "1.0".to_owned(),
+            revision: Some("abc".to_owned()),
+            images: "all".to_owned(),
+        }
+    }
+
+    #[test]
+    fn settings_are_told_by_what_differs() {
+        let mut config = Config { seed: 7, steps: 100, epochs: 2, ..Config::default() };
+        assert_eq!(differences(&config), "defaults");
+        // Weights that serve the score alone do not change the run.
+        (config.loss.lpips, config.loss.lpips_weights) = (0.0, Some("weights.bin".into()));
+        assert_eq!(differences(&config), "defaults");
+        config.loss.lpips = 0.2;
+        (config.lr.pace.steps, config.frame.alpha_cut) = (0, 0.0078);
+        assert_eq!(
+            differences(&config),
+            "frame.alpha_cut=0.0078 loss.lpips=0.2 loss.lpips_weights=weights.bin lr.pace.steps=0"
+        );
+        let preset = Preset::find("fast").unwrap();
+        let mut value = json!(Config::default());
+        merge(&mut value, &preset.settings);
+        let config = Config { preset: Some(preset.id), ..serde_json::from_value(value).unwrap() };
+        assert_eq!(differences(&config), "fast");
+    }
+
+    #[test]
+    fn a_history_follows_what_is_alike() {
+        let entry = |date: &str, psnr| Entry {
+            date: date.to_owned(),
+            runs: vec![result("fox", "defaults", (500, 42), psnr), result("fox", "defaults", (100, 42), psnr)],
+        };
+        let history = History(vec![entry("2026-11-23", 29.0), entry("2026-11-24", 30.0)]);
+        let svg = history.svg();
+        assert!(svg.contains("fox, 100 steps, defaults") && svg.contains("2026-11-24 abc: 30.0000"), "{svg}");
+        // PSNR, SSIM and seconds of two lengths, two points each.
+        assert_eq!((svg.matches("<circle").count(), svg.contains("NaN")), (12, false));
+        assert!(!History::default().svg().contains("NaN"));
+    }
+}
