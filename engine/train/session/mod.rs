@@ -16,13 +16,12 @@ pub use priors::Priors;
 use crate::error::Result;
 use crate::gpu::{Dispatch, Gpu};
 use crate::scene::Splats;
-use crate::scene::capture::{Capture, Picture};
+use crate::scene::capture::Capture;
 use crate::settings::Constants;
 use crate::train::average::Average;
 use crate::train::backdrop::{backdrop_of, put_before};
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::Config;
-use crate::train::images::Shot;
 use crate::train::init::initialise;
 use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
@@ -230,12 +229,6 @@ impl<'a> Session<'a> {
         self.waited + self.coming.as_ref().map_or(0.0, |coming| coming.stats().waited.as_secs_f64())
     }
 
-    /// The images of the steps to come, as camera and frame, see [`training_order`].
-    pub fn order(&self) -> Vec<(usize, u32)> {
-        let images = |steps: u64| steps.saturating_mul(u64::from(self.config.batch));
-        training_order(&self.frames, self.config.seed, images(self.trainer.step()), images(self.total))
-    }
-
     /// What has happened since this was last asked, in order. Steps end while others are under way, so one that was handed over
     /// may be missing; [`Session::wait`] has it.
     pub fn take_events(&mut self) -> Vec<Event> {
@@ -253,25 +246,6 @@ impl<'a> Session<'a> {
         self.trainer.train_on(images)?;
         self.stepped(begun)?;
         Ok(true)
-    }
-
-    /// As [`Session::step`] with the images that are at hand, whole or at the size that the step sees: the next `batch` of
-    /// [`Session::order`]. A session steps either this way or the other.
-    ///
-    /// # Errors
-    /// Those of the device.
-    pub fn step_on(&mut self, images: &[((usize, u32), &Picture)]) -> Result<()> {
-        self.settle()?;
-        let _step = self.begun();
-        let begun = Instant::now();
-        let seen = |((camera, frame), picture): &((usize, u32), &Picture)| {
-            let view = self.capture.view(*camera, *frame)?;
-            let loaded = self.trainer.load(&view, Shot::Passes(picture))?;
-            Ok(Seen { camera: *camera, view, loaded: Some(loaded) })
-        };
-        let images = images.iter().map(seen).collect::<Result<_>>()?;
-        self.trainer.train_on(images)?;
-        self.stepped(begun)
     }
 
     /// As [`Session::step`], with the time of every pass; none at the end of the run. Not of a step that several processes share.
