@@ -24,7 +24,7 @@ pub const STUDIES: [(&str, &str); 10] = [
     ("perceptual", include_str!("../../assets/studies/perceptual.json")),
 ];
 
-const REMEDY: &str = "see the manual's page Measuring and the studies in assets/studies";
+const REMEDY: &str = "see the manual's page Benchmarks and the studies in assets/studies";
 
 /// Settings that are compared with others.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -52,11 +52,16 @@ pub struct Args {
     runs: Vec<PathBuf>,
     /// A JSON file to which these runs are added as a new measurement, made where it is absent. Beside it, with the ending
     /// `.svg`, the course of all measurements is drawn.
-    #[arg(long, requires = "runs")]
+    #[arg(long)]
     history: Option<PathBuf>,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    // clap asks for --runs only where nothing conflicts with it.
+    anyhow::ensure!(
+        args.history.is_none() || !args.runs.is_empty(),
+        "--history: expected --runs with it, found a study"
+    );
     let bench = match (&args.study, &args.output) {
         (Some(study), Some(output)) => of_study(args, study, output)?,
         _ => of_runs(args)?,
