@@ -1,7 +1,8 @@
 //! How `ivv` ends: the message of a fault, for people and as JSON, and the exit code.
 
 use crate::screen::{self, alert, out};
-use crate::{check, extremes, interrupt};
+use crate::verbs::debug::extremes;
+use crate::{check, interrupt};
 use clap::error::ErrorKind;
 use serde_json::{Value, json};
 

@@ -49,13 +49,16 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 use verbs::{
-    bench, cameras, check, demo, devices, eval, export, extremes, init, inspect, list_settings, manual, play, prepare,
-    profile, render, segments, serve, sound, synth, train, vjp,
+    bench, cameras, check, debug, devices, eval, export, init, inspect, list_settings, play, prepare, profile, render,
+    segments, serve, sound, synth, train,
 };
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
 #[derive(Parser)]
 #[command(name = "ivv", version)]
+#[command(
+    after_help = "`ivv debug --help` lists commands for developers: a check of the device, gradients, completions, manual pages."
+)]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -102,8 +105,6 @@ enum Verb {
     /// Compares settings: trains each arm of a study with several seeds on captures, and tabulates and plots the scores. Or compares
     /// finished runs, and may add them to a history of measurements.
     Bench(bench::Args),
-    /// Runs numerical extremes on a device and reports, row by row, whether it passes.
-    Extremes(extremes::Args),
     /// Measures the device, and how close each pass of a step or a frame comes to it; captures and replays single kernels.
     Profile(profile::Args),
     /// Lists the settings of a training run: default, unit, range, meaning, and the presets that change each.
@@ -115,16 +116,11 @@ enum Verb {
     /// Shows a scene in a window, by the engine itself: where you look, with sound and the times of frames and passes. Of programs
     /// built with `--features play`.
     Play(play::Args),
-    /// Gradients of sum(cotangent * output) of a view, by parameter group.
-    Vjp(vjp::Args),
-    /// Writes the scene that the project ships in assets/demo.
-    Demo(demo::Args),
     /// Writes a synthetic capture of a room with moving things, with its ground truth.
     Synth(synth::Args),
-    /// Writes what a shell needs to complete commands and options, on standard output.
-    Completions(manual::CompletionArgs),
-    /// Writes manual pages.
-    Man(manual::ManArgs),
+    /// Commands for developers: a check of the device, gradients, the demo scene, completions, manual pages.
+    #[command(hide = true)]
+    Debug(debug::Args),
 }
 
 fn main() -> ExitCode {
@@ -169,19 +165,12 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Segments(args) => segments::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),
         Verb::Bench(args) => bench::run(args, cli.json),
-        Verb::Extremes(args) => extremes::run(args, cli.json),
         Verb::Profile(args) => profile::run(args, cli.json),
         Verb::Settings(args) => list_settings::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Serve(args) => serve::run(args, cli.json),
         Verb::Play(args) => play::run(args),
-        Verb::Vjp(args) => vjp::run(args, cli.json),
-        Verb::Demo(args) => demo::run(args, cli.json),
         Verb::Synth(args) => synth::run(args, cli.json),
-        Verb::Completions(args) => {
-            manual::completions(args);
-            Ok(())
-        }
-        Verb::Man(args) => manual::man(args, cli.json),
+        Verb::Debug(args) => debug::run(args, cli.json),
     }
 }

@@ -161,7 +161,7 @@ fn the_shipped_demo_is_what_its_generator_makes() {
     for file in ["scene.ply", "cameras.json"] {
         let (made, shipped) =
             (std::fs::read(folder.join(file)).unwrap(), std::fs::read(root().join("assets/demo").join(file)).unwrap());
-        assert!(!made.is_empty() && made == shipped, "{file}: mend it with: ivv demo -o assets/demo");
+        assert!(!made.is_empty() && made == shipped, "{file}: mend it with: ivv debug demo -o assets/demo");
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }

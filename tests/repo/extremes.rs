@@ -39,7 +39,10 @@ fn every_row_has_a_mutant_and_every_mutant_changes_its_file() {
     assert_eq!(without, Vec::<&str>::new(), "rows without a mutant");
     for row in [1, 2, 10, 27, 36, 42] {
         let begin = format!("row {row}, ");
-        assert!(mutants.iter().any(|[name, ..]| name.starts_with(&begin)), "row {row} of `ivv extremes` has no mutant");
+        assert!(
+            mutants.iter().any(|[name, ..]| name.starts_with(&begin)),
+            "row {row} of `ivv debug extremes` has no mutant"
+        );
     }
 }
 
@@ -97,7 +100,7 @@ fn the_shipped_reports_are_of_this_table_and_every_row_ran_and_passed() {
         let lane = of("- subgroups: ").split_whitespace().next().unwrap_or_default();
         lanes.insert(format!("{driver} {lane}"));
         let faults = faults_of(&report);
-        assert!(faults.is_empty(), "{file}: {faults:#?}\nmake it anew with: ivv extremes -o {file}");
+        assert!(faults.is_empty(), "{file}: {faults:#?}\nmake it anew with: ivv debug extremes -o {file}");
     }
     assert_eq!(lanes, BTreeSet::from(["SwiftShader 4", "llvmpipe 16", "llvmpipe 4", "llvmpipe 8"].map(str::to_owned)));
     // A bar would end a cell.

@@ -3,15 +3,13 @@
 pub mod bench;
 pub mod cameras;
 pub mod check;
-pub mod demo;
+pub mod debug;
 pub mod devices;
 pub mod eval;
 pub mod export;
-pub mod extremes;
 pub mod init;
 pub mod inspect;
 pub mod list_settings;
-pub mod manual;
 #[cfg(feature = "play")]
 pub mod play;
 #[cfg(not(feature = "play"))]
@@ -25,4 +23,3 @@ pub mod serve;
 pub mod sound;
 pub mod synth;
 pub mod train;
-pub mod vjp;

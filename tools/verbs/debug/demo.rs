@@ -1,4 +1,4 @@
-//! `ivv demo`.
+//! `ivv debug demo`.
 
 use crate::screen::out;
 use ivv::formats::write_ply;
@@ -7,7 +7,7 @@ use ivv::words::count;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Options of `ivv demo`.
+/// Options of `ivv debug demo`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder to write scene.ply and cameras.json to.

@@ -1,4 +1,4 @@
-//! `ivv extremes`.
+//! `ivv debug extremes`.
 
 use crate::device::cache_folder;
 use crate::fault;
@@ -19,7 +19,7 @@ const REVISION: &str = match option_env!("IVV_REVISION") {
     None => "of an unknown revision",
 };
 
-/// Options of `ivv extremes`.
+/// Options of `ivv debug extremes`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The device: an index or part of a name from `ivv devices`.

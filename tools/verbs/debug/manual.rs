@@ -1,4 +1,4 @@
-//! `ivv completions` and `ivv man`: what shells and manual readers are told of the command line.
+//! `ivv debug completions` and `ivv debug man`: what shells and manual readers are told of the command line.
 
 use crate::Cli;
 use crate::files::make_folder;
@@ -8,14 +8,14 @@ use ivv::files::write_atomic;
 use ivv::words::count;
 use std::path::{Path, PathBuf};
 
-/// Options of `ivv completions`.
+/// Options of `ivv debug completions`.
 #[derive(clap::Args)]
 pub struct CompletionArgs {
     /// The shell to write for.
     shell: clap_complete::Shell,
 }
 
-/// Options of `ivv man`.
+/// Options of `ivv debug man`.
 #[derive(clap::Args)]
 pub struct ManArgs {
     /// The folder for the pages, such as ~/.local/share/man/man1.

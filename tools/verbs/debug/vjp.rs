@@ -1,4 +1,4 @@
-//! `ivv vjp`.
+//! `ivv debug vjp`.
 
 use crate::device::DeviceArgs;
 use crate::screen::out;
@@ -11,7 +11,7 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Options of `ivv vjp`.
+/// Options of `ivv debug vjp`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A scene file, as for render.

@@ -1,0 +1,40 @@
+//! `ivv debug`: what developers and packagers need. One file per verb; `manual` has two.
+
+mod demo;
+pub mod extremes;
+mod manual;
+mod vjp;
+
+/// Options of `ivv debug`.
+#[derive(clap::Args)]
+pub struct Args {
+    #[command(subcommand)]
+    verb: Verb,
+}
+
+#[derive(clap::Subcommand)]
+enum Verb {
+    /// Runs numerical extremes on a device and reports, row by row, whether it passes.
+    Extremes(extremes::Args),
+    /// Gradients of sum(cotangent * output) of a view, by parameter group.
+    Vjp(vjp::Args),
+    /// Writes the scene that the project ships in assets/demo.
+    Demo(demo::Args),
+    /// Writes what a shell needs to complete commands and options, on standard output.
+    Completions(manual::CompletionArgs),
+    /// Writes manual pages.
+    Man(manual::ManArgs),
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    match &args.verb {
+        Verb::Extremes(args) => extremes::run(args, json),
+        Verb::Vjp(args) => vjp::run(args, json),
+        Verb::Demo(args) => demo::run(args, json),
+        Verb::Completions(args) => {
+            manual::completions(args);
+            Ok(())
+        }
+        Verb::Man(args) => manual::man(args, json),
+    }
+}
