@@ -1,5 +1,5 @@
 //! How the verbs that read a capture are told to read it: one set of options for `check`, `prepare`,
-//! `train`, `render` and `cameras`.
+//! `train`, `render` and `inspect`.
 
 use crate::screen::say;
 use crate::settings::contradiction;

@@ -33,7 +33,7 @@ pub struct ClipArgs {
     /// Length of the clip, seconds, where neither a run nor the file says it.
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Views to start from: a cameras file (JSON, as of `ivv cameras`). By default those of the run's training cameras.
+    /// Views to start from: a cameras file (JSON, as of `ivv inspect --cameras`). By default those of the run's training cameras.
     #[arg(long)]
     cameras: Option<PathBuf>,
     /// Stores every attribute of a .4dgs as coarsely as pictures of the scene stay so many dB from what they are. By default

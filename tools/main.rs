@@ -49,8 +49,8 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 use verbs::{
-    bench, cameras, check, debug, devices, eval, export, init, inspect, list_settings, play, prepare, profile, render,
-    segments, serve, sound, synth, train,
+    bench, check, debug, devices, eval, export, init, inspect, list_settings, play, prepare, profile, render, segments,
+    serve, sound, synth, train,
 };
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
@@ -85,13 +85,12 @@ enum Verb {
     Prepare(prepare::Args),
     /// Lists everything that is wrong with a capture, and what it holds.
     Check(check::Args),
-    /// Shows what a scene holds: static and dynamic Gaussians, SH degree, bytes, extent.
+    /// Shows what a scene holds: static and dynamic Gaussians, SH degree, bytes, extent. Or writes the views of a capture as a
+    /// cameras file.
     Inspect(inspect::Args),
     /// Renders views of a run or a scene, one file per view and format, named after the view; or a video along a path, with
     /// sound, or around the scene.
     Render(render::Args),
-    /// Writes the views of a capture as a cameras file.
-    Cameras(cameras::Args),
     /// Sound: finds speakers, and renders what is heard along a path.
     Sound(sound::Args),
     /// Writes the first Gaussians of a capture from the points of its frames.
@@ -158,7 +157,6 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Check(args) => check::run(args, cli.json),
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
-        Verb::Cameras(args) => cameras::run(args, cli.json),
         Verb::Sound(args) => sound::run(args, cli.json),
         Verb::Init(args) => init::run(args, cli.json),
         Verb::Train(args) => train::run(args, cli.json),

@@ -33,7 +33,8 @@ fn an_option_out_of_range_is_told_with_what_was_expected_and_what_was_found() {
             vec!["sound", "bench", "scene.json", "--truth", "truth", "--block", "65537"],
             "--block: expected at most 65536 samples, found 65537",
         ),
-        (vec!["cameras", &capture, "-o", &out, "--capture", &capture], "which is none; leave it out"),
+        (vec!["inspect", &capture, "--cameras", &out, "--capture", &capture], "which is none; leave it out"),
+        (vec!["inspect", &scene, "--test-every", "4"], "--cameras"),
     ];
     for (arguments, expected) in cases {
         let output = ivv(&arguments).output().unwrap();

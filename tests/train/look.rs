@@ -132,10 +132,10 @@ fn the_cameras_of_a_capture_are_written_and_read_as_its_views() {
     };
     let all: Vec<usize> = (0..tiny.capture.cameras.len()).collect();
     assert!(all.len() > 2 && tiny.capture.n_frames == 4);
-    works(&["cameras", capture, "-o", output]);
+    works(&["inspect", capture, "--cameras", output]);
     assert_eq!(read_views(&file).unwrap(), views(&all, 0..4));
     let [first, last] = [0, all.len() - 1].map(|camera| tiny.capture.cameras[camera].name.as_str());
-    let some = ["cameras", capture, "-o", output, "--camera", last, "--camera", first];
+    let some = ["inspect", capture, "--cameras", output, "--camera", last, "--camera", first];
     for (frames, range) in [("1:3", 1..3), (":2", 0..2), ("3:", 3..4), ("2", 2..3), ("2:99", 2..4)] {
         works(&[&some[..], &["--frames", frames]].concat());
         assert_eq!(read_views(&file).unwrap(), views(&[0, all.len() - 1], range), "{frames}");
@@ -145,14 +145,14 @@ fn the_cameras_of_a_capture_are_written_and_read_as_its_views() {
         assert!(fails(&[&some[..], &[&frames]].concat(), 2).contains("A:B"), "{frames}");
     }
     assert!(fails(&[&some[..], &["--frames", "4:"]].concat(), 2).contains("frames 0 to 3"));
-    assert!(fails(&["cameras", capture, "-o", output, "--camera", "none"], 2).contains(first));
+    assert!(fails(&["inspect", capture, "--cameras", output, "--camera", "none"], 2).contains(first));
 }
 
 #[test]
 fn a_capture_is_read_for_its_views_as_for_its_training() {
     let tiny = Tiny::new("read");
     let (capture, file) = (text(&tiny.folder), tiny.folder.join("out.json"));
-    works(&["cameras", capture, "-o", text(&file), "--max-frames", "2", "--frames", "1:", "--test-every", "3"]);
+    works(&["inspect", capture, "--cameras", text(&file), "--max-frames", "2", "--frames", "1:", "--test-every", "3"]);
     let views: Vec<View> = (0..tiny.capture.cameras.len()).map(|c| tiny.capture.view(c, 1).unwrap()).collect();
     let names = |views: &[View]| views.iter().map(|view| view.name.clone()).collect::<Vec<_>>();
     assert_eq!(names(&read_views(&file).unwrap()), names(&views), "frame 1 of two");
@@ -168,7 +168,7 @@ fn a_capture_is_read_for_its_views_as_for_its_training() {
     let (scene, out) = (folder.0.join("scene.ply"), folder.0.join("out"));
     ivv::formats::write_ply(&scene, &ivv::scene::demo().0).unwrap();
     let options = ["--images", "pictures", "--downscale", "2", "--skip-missing"];
-    works(&[&["cameras", text(&folder.0), "-o", text(&file)], &options[..]].concat());
+    works(&[&["inspect", text(&folder.0), "--cameras", text(&file)], &options[..]].concat());
     let sizes: Vec<_> =
         read_views(&file).unwrap().iter().map(|view| (view.intrinsics.width, view.intrinsics.height)).collect();
     assert_eq!(sizes, [(3, 2), (3, 2)]);
@@ -179,21 +179,21 @@ fn a_capture_is_read_for_its_views_as_for_its_training() {
         assert_eq!(sizes, [(3, 2), (3, 2)], "{of}");
         std::fs::remove_dir_all(&out).unwrap();
     }
-    assert!(fails(&["cameras", text(&folder.0), "-o", text(&file)], 3).contains("images"), "needs the options");
+    assert!(fails(&["inspect", text(&folder.0), "--cameras", text(&file)], 3).contains("images"), "needs the options");
 
     // A cameras file is not read as a capture, and a run is read as for its training.
     let told = fails(&["render", text(&scene), "--cameras", text(&file), "-o", text(&out), "--rescale"], 2);
     assert!(told.contains("is a cameras file; leave them out"), "{told}");
     let run = short_run(&tiny);
     works(&[
-        "cameras",
+        "inspect",
         text(&run),
-        "-o",
+        "--cameras",
         text(&file),
         "--test-cameras",
         &Run::read(&run).unwrap().test_cameras.join(","),
     ]);
-    let told = fails(&["cameras", text(&run), "-o", text(&file), "--max-frames", "2"], 2);
+    let told = fails(&["inspect", text(&run), "--cameras", text(&file), "--max-frames", "2"], 2);
     assert!(told.contains("run.json has those of the run"), "{told}");
 }
 

@@ -204,7 +204,7 @@ fn what_a_killed_process_left_is_in_nobodys_way_and_goes() {
     assert_eq!(hidden(&case.run), [".mine.tmp"], "only what no process of this kind names so stays");
     assert_eq!(hidden(&case.run.join("checkpoints")), Vec::<String>::new());
     // Where nothing sweeps: the names are free all the same.
-    let cameras = ["cameras", case.path(), "-o", "out.json"];
+    let cameras = ["inspect", case.path(), "--cameras", "out.json"];
     let output = with_known_number(&leftovers(".out.json"), &cameras, &case.tiny.folder);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
 }

@@ -332,7 +332,7 @@ fn an_orbit_of_a_clip_plays_it_once_or_stands_still() {
     // A file of a clip has views to start from, all of them at its begin.
     let [cameras, clip] = ["cameras.json", "clip.4dgs"].map(|name| folder.0.join(name).to_str().unwrap().to_owned());
     for step in [
-        &["cameras", &capture, "--frames", "0", "-o", &cameras][..],
+        &["inspect", &capture, "--frames", "0", "--cameras", &cameras][..],
         &["export", scene, "-o", &clip, "--seconds", "1", "--cameras", &cameras],
     ] {
         let done = ivv(step);

@@ -2,9 +2,10 @@
 
 use crate::require;
 use crate::screen::{out, say};
-use crate::shown::{self, Shown};
+use crate::shown::{self, Shown, is_run};
+use crate::views::ViewArgs;
 use ivv::formats::FourDgs;
-use ivv::scene::{Quantiles, Summary};
+use ivv::scene::{Quantiles, Summary, write_views};
 use ivv::train::Review;
 use ivv::words::count;
 use serde_json::Value;
@@ -12,13 +13,31 @@ use std::path::{Path, PathBuf};
 
 /// Options of `ivv inspect`.
 #[derive(clap::Args)]
+#[command(mut_args(of_cameras))]
 pub struct Args {
     /// A scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG; or the folder of a run: its
-    /// scene.ply, or the newest checkpoint where it has not ended.
+    /// scene.ply, or the newest checkpoint where it has not ended. With --cameras a capture, or the folder of a run.
+    #[arg(value_name = "SCENE|RUN|CAPTURE")]
     scene: PathBuf,
+    /// Instead writes the views of the capture, or of that of the run, to this file (JSON).
+    #[arg(long, value_name = "FILE")]
+    cameras: Option<PathBuf>,
+    /// The capture of the run, if it has moved.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    views: ViewArgs,
+}
+
+/// Options but the first two say which views --cameras writes.
+fn of_cameras(arg: clap::Arg) -> clap::Arg {
+    if ["scene", "cameras"].contains(&arg.get_id().as_str()) { arg } else { arg.requires("cameras") }
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    if let Some(file) = &args.cameras {
+        return cameras(args, file, json);
+    }
     if FourDgs::is(&args.scene) {
         return clip(&args.scene, json);
     }
@@ -38,6 +57,28 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     print(&scene, &summary);
     for review in &reviews {
         out!("{}", require::told(review));
+    }
+    Ok(())
+}
+
+/// Writes the views of a capture or of a run's capture to `file`.
+fn cameras(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
+    let source = &args.scene;
+    let views = if is_run(source) {
+        args.views.of_run(source, args.capture.as_deref(), None)?
+    } else {
+        anyhow::ensure!(
+            args.capture.is_none(),
+            "--capture: expected a run, found {}, which is none; leave it out",
+            source.display()
+        );
+        args.views.of_capture(source, None)?
+    };
+    write_views(file, &views)?;
+    if json {
+        out!("{}", serde_json::json!({ "path": file.to_string_lossy(), "views": views.len() }));
+    } else {
+        out!("{}: {}", file.display(), count(views.len(), "view"));
     }
     Ok(())
 }

@@ -1,7 +1,6 @@
 //! The verbs of the command line, one file or folder each.
 
 pub mod bench;
-pub mod cameras;
 pub mod check;
 pub mod debug;
 pub mod devices;

@@ -35,7 +35,7 @@ pub struct Args {
     /// The same as RUN|SCENE.
     #[arg(long, value_name = "RUN|SCENE")]
     scene: Option<PathBuf>,
-    /// Views to render: a cameras file (JSON, as of `ivv cameras`), a transforms.json, or a capture, as a COLMAP project.
+    /// Views to render: a cameras file (JSON, as of `ivv inspect --cameras`), a transforms.json, or a capture, as a COLMAP project.
     #[arg(long, conflicts_with_all = ["path", "capture"])]
     cameras: Option<PathBuf>,
     /// The capture of the scene: its views are rendered. Of a run, where its capture is now. With --path its frame rate and

@@ -54,7 +54,7 @@ pub struct Args {
     /// Length of the clip, seconds, where neither a run nor the file says it.
     #[arg(long, value_name = "S")]
     seconds: Option<f64>,
-    /// Views to start from: a cameras file (JSON, as of `ivv cameras`). By default those of the run's training cameras.
+    /// Views to start from: a cameras file (JSON, as of `ivv inspect --cameras`). By default those of the run's training cameras.
     #[arg(long)]
     cameras: Option<PathBuf>,
     /// Sound: the scene.json of `ivv sound localize`. By default that of the scene file, if it is a .4dgs.
