@@ -13,10 +13,12 @@ mod fault;
 mod files;
 mod film;
 mod frame_rate;
+mod instead;
 mod interrupt;
 mod kept;
 mod kernels;
 mod line;
+mod list_settings;
 mod look;
 #[cfg(feature = "mpi")]
 mod message;
@@ -49,8 +51,8 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 use verbs::{
-    bench, check, debug, devices, eval, export, init, inspect, list_settings, play, prepare, profile, render, segments,
-    serve, sound, synth, train,
+    bench, check, debug, devices, eval, export, init, inspect, play, prepare, profile, render, segments, serve, sound,
+    synth, train,
 };
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
@@ -95,7 +97,7 @@ enum Verb {
     Sound(sound::Args),
     /// Writes the first Gaussians of a capture from the points of its frames.
     Init(init::Args),
-    /// Fits Gaussians to the images of a capture.
+    /// Fits Gaussians to the images of a capture; or only plans that, or lists its settings.
     Train(train::Args),
     /// Trains a long clip in parts, each in the memory of its own frames, on one machine or as jobs of many.
     Segments(segments::Args),
@@ -106,8 +108,6 @@ enum Verb {
     Bench(bench::Args),
     /// Measures the device, and how close each pass of a step or a frame comes to it; captures and replays single kernels.
     Profile(profile::Args),
-    /// Lists the settings of a training run: default, unit, range, meaning, and the presets that change each.
-    Settings(list_settings::Args),
     /// Writes a scene in another format, or as it looks at one time.
     Export(export::Args),
     /// Serves a scene with the browser player on this machine.
@@ -164,7 +164,6 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Eval(args) => eval::run(args, cli.json),
         Verb::Bench(args) => bench::run(args, cli.json),
         Verb::Profile(args) => profile::run(args, cli.json),
-        Verb::Settings(args) => list_settings::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Serve(args) => serve::run(args, cli.json),
         Verb::Play(args) => play::run(args),

@@ -23,8 +23,8 @@ pub struct SettingArgs {
     /// A JSON file of settings, such as an earlier run's config.json. It overrides the preset.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2; `ivv settings` lists all. It overrides the
-    /// file; may be given several times.
+    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2; `ivv train --list-settings` lists all. It
+    /// overrides the file; may be given several times.
     #[arg(long = "set")]
     set: Vec<String>,
     /// Most Gaussians, those that the run begins with among them.

@@ -29,6 +29,8 @@ pub struct Start {
     pub config: Config,
     /// Steps of the whole run.
     pub total: u64,
+    /// The run folder.
+    pub output: PathBuf,
     pub checkpoints: PathBuf,
     /// Where the run goes on from.
     pub resumed: Option<Checkpoint>,
@@ -70,16 +72,17 @@ impl Start {
         let capture = capture.transformed(&run.world);
         run.constants = args.constants.checked_over(Constants::default())?;
         let total = config.total(n_training(&capture)?);
-        let checkpoints = args.output.join("checkpoints");
+        let output = folder(args)?;
+        let checkpoints = output.join("checkpoints");
         let (mut lock, mut replaces) = (None, false);
         if leads {
-            make_folder(&args.output)?;
-            lock = Some(locked(&args.output)?);
-            replaces = holds_a_run(&args.output)?;
+            make_folder(&output)?;
+            lock = Some(locked(&output)?);
+            replaces = holds_a_run(&output)?;
         }
         if replaces && !args.overwrite {
             let remedy = "continue it with --resume, replace it with --overwrite, or choose another folder with -o";
-            return Err(Error::data(&args.output, "", "already holds a run", remedy).into());
+            return Err(Error::data(&output, "", "already holds a run", remedy).into());
         }
         let gpu = args.device.open_nth(local_rank())?;
         config.check_on(&gpu, total)?;
@@ -90,9 +93,9 @@ impl Start {
             ivv::Result::Ok(base.checkpoint((&capture, &run), found.splats, config.clone(), total))
         };
         let resumed = base.map(begin).transpose()?;
-        let start = Start { lock, gpu, run, capture, config, total, checkpoints, resumed, replaces };
+        let start = Start { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces };
         if leads && !replaces {
-            start.write_settings(&args.output)?;
+            start.write_settings(&start.output)?;
         }
         Ok(start)
     }
@@ -117,7 +120,8 @@ impl Start {
     }
 
     fn resumed(args: &Args, leads: bool) -> anyhow::Result<Self> {
-        let (folder, checkpoints) = (&args.output, args.output.join("checkpoints"));
+        let output = folder(args)?;
+        let (folder, checkpoints) = (output.as_path(), output.join("checkpoints"));
         is_run(folder)?;
         let lock = leads.then(|| locked(folder)).transpose()?;
         let mut run = Run::read(folder)?;
@@ -174,7 +178,8 @@ impl Start {
         if leads && is_stale {
             write_json(&file, &config)?;
         }
-        Ok(Start { lock, gpu, run, capture, config, total, checkpoints, resumed: checkpoint, replaces: false })
+        let resumed = checkpoint;
+        Ok(Start { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces: false })
     }
 
     /// Says of `session`, which begins, what is worth a warning.
@@ -218,6 +223,11 @@ impl Start {
         );
         Ok(())
     }
+}
+
+/// The run folder that `args` name.
+fn folder(args: &Args) -> anyhow::Result<PathBuf> {
+    args.output.clone().context("give the run folder, -o FOLDER")
 }
 
 /// What a run learns from: photographs show what rests, which teaches a run nothing that leaves that alone.

@@ -40,7 +40,7 @@ pub enum Range {
 }
 
 /// Declares a group of settings, a `struct` whose field is all that there is to write of a setting: its comment is the
-/// meaning that the manual and `ivv settings` show, and then come type, default, unit and range. It gives `Default` and
+/// meaning that the manual and `ivv train --list-settings` show, and then come type, default, unit and range. It gives `Default` and
 /// `SETTINGS`, the rows. Groups within a group follow `with`. The name of a setting is `in` and the field's name.
 macro_rules! settings {
     (

@@ -48,11 +48,13 @@ pub fn check_name(name: &str) -> Result<(), String> {
         return Ok(());
     }
     if all_settings().any(|setting| setting.name.starts_with(&format!("{name}."))) {
-        return Err(format!("{name} is a group of settings, not a single value; `ivv settings {name}` lists them"));
+        return Err(format!(
+            "{name} is a group of settings, not a single value; `ivv train --list-settings {name}` lists them"
+        ));
     }
     let near = nearest(name, all_settings().map(|setting| setting.name));
     let like = near.first().map_or(String::new(), |like| format!("; did you mean {like}?"));
-    Err(format!("there is no setting {name}{like} (`ivv settings` lists all)"))
+    Err(format!("there is no setting {name}{like} (`ivv train --list-settings` lists all)"))
 }
 
 /// The names of all values in `settings`, those of groups with dots.

@@ -345,9 +345,9 @@ fn every_option_that_the_manual_names_alone_is_one_of_some_verb_or_script() {
     }
 }
 
-/// What `ivv settings` lists.
+/// The settings as `ivv train` lists them.
 fn settings() -> Vec<Value> {
-    serde_json::from_str(&ivv(&["settings", "--json"])).unwrap()
+    serde_json::from_str(&ivv(&["train", "--list-settings", "--json"])).unwrap()
 }
 
 #[test]

@@ -105,11 +105,11 @@ fn a_trace_is_whole_when_the_command_fails_or_cannot_write_it() {
     assert_eq!(output.status.code(), Some(3));
     assert_eq!(paths(&spans(Path::new(&file))), ["ivv".to_owned()].into());
     let nowhere = folder.path("no/trace.json");
-    let output = ivv(&["settings", "--trace", &nowhere]).output().unwrap();
+    let output = ivv(&["train", "--list-settings", "--trace", &nowhere]).output().unwrap();
     let told = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.code() == Some(3) && told.contains(&nowhere) && output.stdout.is_empty(), "{told}");
     if Path::new("/dev/full").exists() {
-        let output = ivv(&["settings", "--trace", "/dev/full"]).output().unwrap();
+        let output = ivv(&["train", "--list-settings", "--trace", "/dev/full"]).output().unwrap();
         let told = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.code() == Some(3) && told.contains("/dev/full") && !told.contains("panicked"), "{told}");
         assert!(!output.stdout.is_empty(), "the results are told all the same");

@@ -113,7 +113,7 @@ fn what_set_cannot_take_is_told_before_the_capture_is_opened() {
     for (set, told) in [
         ("density.grwoth=1", "there is no setting density.grwoth; did you mean density.growth?"),
         ("growth=1", "did you mean density.growth?"),
-        ("zzzzzz=1", "there is no setting zzzzzz (`ivv settings` lists all)"),
+        ("zzzzzz=1", "there is no setting zzzzzz (`ivv train --list-settings` lists all)"),
         ("density=1", "density is a group of settings"),
         ("density.growth.x=1", "there is no setting density.growth.x"),
         ("preset=fast", "there is no setting preset"),
@@ -160,18 +160,18 @@ fn a_run_from_more_points_than_it_may_have_gaussians_keeps_to_them() {
 
 #[test]
 fn settings_are_listed_with_default_unit_range_meaning_and_presets() {
-    let all: Vec<Value> = serde_json::from_str(&works(&["settings", "--json"])).unwrap();
+    let all: Vec<Value> = serde_json::from_str(&works(&["train", "--list-settings", "--json"])).unwrap();
     assert_eq!(all.len(), all_settings().count());
     let moments = all.iter().find(|line| line["name"] == "moment_bits").unwrap();
     assert_eq!(moments["presets"], json!({ "balanced": 16, "fast": 16 }));
     assert_eq!((&moments["default"], &moments["unit"]), (&json!(32), &json!("bits")));
     assert_eq!(moments["range"], "16 or 32");
-    let text = works(&["settings", "density"]);
+    let text = works(&["train", "--list-settings", "density"]);
     let listed = all_settings().filter(|setting| setting.name.starts_with("density."));
     assert!(listed.clone().all(|setting| text.contains(&format!("{} = ", setting.name))), "{text}");
     assert!(text.contains("density.prune_scale = 0.5 (scene extents)\n"), "{text}");
     assert!(text.contains("    Expected: a number above 0.\n") && !text.contains("lr."), "{text}");
     assert_eq!(text.lines().last().unwrap().split(' ').next().unwrap(), listed.count().to_string());
-    assert!(works(&["settings", "frame.t_cut"]).contains("    Presets: fast 0.001.\n"));
-    assert!(fails(&["settings", "densty.growth"], 2).contains("did you mean density.growth?"));
+    assert!(works(&["train", "--list-settings", "frame.t_cut"]).contains("    Presets: fast 0.001.\n"));
+    assert!(fails(&["train", "--list-settings", "densty.growth"], 2).contains("did you mean density.growth?"));
 }

@@ -8,7 +8,6 @@ pub mod eval;
 pub mod export;
 pub mod init;
 pub mod inspect;
-pub mod list_settings;
 #[cfg(feature = "play")]
 pub mod play;
 #[cfg(not(feature = "play"))]

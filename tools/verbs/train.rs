@@ -5,11 +5,11 @@ use crate::capture::CaptureArgs;
 use crate::device::DeviceArgs;
 use crate::due::{Due, DueArgs};
 use crate::files::{write_json, write_scene};
+use crate::instead::{self, InsteadArgs};
 use crate::interrupt::{Interrupted, Stop};
 use crate::kept;
 use crate::look::Look;
 use crate::offsets;
-use crate::outline;
 use crate::passes::{self, TimedPass};
 use crate::poses;
 use crate::progress::{Steps, watch};
@@ -32,7 +32,7 @@ use ivv::train::{
 use ivv::vk::DeviceKind;
 use ivv::words::count;
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
 use std::time::Instant;
 
@@ -41,12 +41,12 @@ use std::time::Instant;
 pub struct Args {
     /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume
     /// only where it has moved.
-    #[arg(required_unless_present = "resume")]
+    #[arg(required_unless_present_any = ["resume", "list_settings"])]
     pub capture: Option<PathBuf>,
     /// The run folder: run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders,
     /// report.html.
-    #[arg(short, long)]
-    pub output: PathBuf,
+    #[arg(short, long, required_unless_present = "list_settings")]
+    pub output: Option<PathBuf>,
     #[command(flatten)]
     pub settings: SettingArgs,
     /// Bytes of images to decode ahead; by default a quarter of the machine's memory, divided by the processes of the run on it.
@@ -81,13 +81,8 @@ pub struct Args {
     pub overwrite: bool,
     #[command(flatten)]
     due: DueArgs,
-    /// Only tells what the run will take: steps, memory, bytes on the disk; as if the clip had so many frames, where that is given.
-    /// Nothing is written.
-    #[arg(long, value_name = "FRAMES", num_args = 0..=1, conflicts_with = "resume")]
-    plan: Option<Option<u32>>,
-    /// With `--plan`: plans for a card that is not here: H200, RTX4090, RX7900XTX or A770.
-    #[arg(long, value_name = "CARD", requires = "plan")]
-    pub card: Option<String>,
+    #[command(flatten)]
+    pub instead: InsteadArgs,
     /// Print the mean time of every pass of a step.
     #[arg(long)]
     profile: bool,
@@ -102,8 +97,8 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    if let Some(frames) = args.plan {
-        return outline::tell(args, frames, json);
+    if instead::of_training(args, json)? {
+        return Ok(());
     }
     let begun = Instant::now();
     let stop = Stop::listen()?;
@@ -115,7 +110,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     team.check(&start.config)?;
     // All have read what they begin with before one of them writes.
     team.any(false)?;
-    let Start { gpu, run, capture, config, total, checkpoints, resumed, .. } = &start;
+    let Start { gpu, run, capture, config, total, output, checkpoints, resumed, .. } = &start;
     if config.loss.lacks_lpips_weights() {
         say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
     }
@@ -132,7 +127,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(checkpoint) => Session::resume(gpu.clone(), capture, checkpoint, options)?,
         None => Session::begin(gpu.clone(), capture, config.clone(), options)?,
     };
-    start.replace(&args.output)?;
+    start.replace(output)?;
     start.extend(&mut session)?;
     if !team.leads() {
         return follow(session, (*total, &args.due), &team, &stop);
@@ -155,13 +150,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let own = config.batch as usize / team.size();
         say!("{} processes, each of which sees {own} of the {} images of a step", team.size(), config.batch);
     }
-    let log = Log::open(&args.output, before);
+    let log = Log::open(output, before);
     let said = Said::default();
-    let _beside = args.view.map(|port| Beside::new(&args.output, port, said.clone())).transpose()?;
+    let _beside = args.view.map(|port| Beside::new(output, port, said.clone())).transpose()?;
     std::thread::scope(|scope| {
         let mut training = Training {
             behind: Behind::new(scope),
             args,
+            output,
             scorer: Scorer { gpu, capture, run, config },
             session,
             team: team.clone(),
@@ -212,6 +208,7 @@ struct Scored {
 /// A run under way, with its folder.
 struct Training<'scope, 'env> {
     args: &'env Args,
+    output: &'env Path,
     scorer: Scorer<'env>,
     session: Session<'env>,
     /// The processes that share its steps.
@@ -289,7 +286,7 @@ impl Training<'_, '_> {
         let best = psnr.filter(|psnr| best.is_none_or(|best| *psnr > best));
         let checkpoint = if is_due || best.is_some() { Some(self.session.checkpoint()?) } else { None };
         let (scorer, log, at) = (self.scorer, self.log.clone(), (self.session.steps(), self.total));
-        let (folder, output) = (self.checkpoints.clone(), self.args.output.clone());
+        let (folder, output) = (self.checkpoints.clone(), self.output.to_owned());
         self.behind.begin(move || {
             let save = || {
                 if let Some(checkpoint) = checkpoint {
@@ -336,7 +333,7 @@ impl Training<'_, '_> {
                 let _ = self.log.write();
             }
         }
-        kept::told(error, self.session.trainer().ended(), &self.checkpoints, &self.args.output)
+        kept::told(error, self.session.trainer().ended(), &self.checkpoints, self.output)
     }
 
     /// Does what is due after the last step, and notes what has happened.
@@ -420,7 +417,7 @@ impl Training<'_, '_> {
 
     /// Writes the scene, the totals, all scores and the report.
     fn finish(&mut self, json: bool) -> anyhow::Result<()> {
-        let output = &self.args.output;
+        let output = self.output;
         self.behind.wait()?;
         self.team.finish();
         let trained = self.session.scene()?;

@@ -1,4 +1,4 @@
-//! `ivv settings`.
+//! The settings of a run: `ivv train --list-settings`.
 
 use crate::screen::out;
 use anyhow::bail;
@@ -7,15 +7,8 @@ use ivv::train::{PRESETS, Preset, all_settings, check_name, default_of};
 use ivv::words::count;
 use serde_json::{Value, json};
 
-/// Options of `ivv settings`.
-#[derive(clap::Args)]
-pub struct Args {
-    /// Only the settings whose names begin with this, such as density or lr.scale.
-    name: Option<String>,
-}
-
-pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let prefix = args.name.as_deref().unwrap_or_default();
+/// Prints those whose names begin with `prefix`.
+pub fn print(prefix: &str, json: bool) -> anyhow::Result<()> {
     let listed: Vec<&Setting> = all_settings().filter(|setting| setting.name.starts_with(prefix)).collect();
     if listed.is_empty() {
         match check_name(prefix) {

@@ -1,0 +1,34 @@
+//! What `ivv train` does instead of a training.
+
+use crate::list_settings;
+use crate::outline;
+use crate::verbs::train::Args;
+
+/// Options for something else than a training.
+#[derive(clap::Args)]
+pub struct InsteadArgs {
+    /// Only tells what the run will take: steps, memory, bytes on the disk; as if the clip had so many frames, where that is given.
+    /// Nothing is written.
+    #[arg(long, value_name = "FRAMES", num_args = 0..=1, conflicts_with = "resume")]
+    plan: Option<Option<u32>>,
+    /// With `--plan`: plans for a card that is not here: H200, RTX4090, RX7900XTX or A770.
+    #[arg(long, value_name = "CARD", requires = "plan")]
+    pub card: Option<String>,
+    /// Only lists the settings of a run: default, unit, range, meaning, and the presets that change each; those whose names begin with
+    /// NAME, such as density or lr.scale, where that is given.
+    #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with_all = ["capture", "output", "resume", "plan"])]
+    list_settings: Option<Option<String>>,
+}
+
+/// Does what `args` ask for instead of a training, and says whether they do.
+pub fn of_training(args: &Args, json: bool) -> anyhow::Result<bool> {
+    let InsteadArgs { plan, list_settings, card: _ } = &args.instead;
+    if let Some(name) = list_settings {
+        list_settings::print(name.as_deref().unwrap_or_default(), json)?;
+    } else if let Some(frames) = plan {
+        outline::tell(args, *frames, json)?;
+    } else {
+        return Ok(false);
+    }
+    Ok(true)
+}
