@@ -1,8 +1,10 @@
-//! What `ivv train` does instead of a training.
+//! `ivv train` without a training: a plan, the settings, or the first Gaussians.
 
+use crate::first;
 use crate::list_settings;
 use crate::outline;
 use crate::verbs::train::Args;
+use std::path::PathBuf;
 
 /// Options for something else than a training.
 #[derive(clap::Args)]
@@ -18,15 +20,20 @@ pub struct InsteadArgs {
     /// NAME, such as density or lr.scale, where that is given.
     #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with_all = ["capture", "output", "resume", "plan"])]
     list_settings: Option<Option<String>>,
+    /// Only writes the first Gaussians of the run to this file, a PLY in the capture's own frame.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["output", "resume", "base", "plan", "list_settings"])]
+    only_init: Option<PathBuf>,
 }
 
 /// Does what `args` ask for instead of a training, and says whether they do.
 pub fn of_training(args: &Args, json: bool) -> anyhow::Result<bool> {
-    let InsteadArgs { plan, list_settings, card: _ } = &args.instead;
+    let InsteadArgs { plan, list_settings, only_init, card: _ } = &args.instead;
     if let Some(name) = list_settings {
         list_settings::print(name.as_deref().unwrap_or_default(), json)?;
     } else if let Some(frames) = plan {
         outline::tell(args, *frames, json)?;
+    } else if let Some(file) = only_init {
+        first::write(args, file, json)?;
     } else {
         return Ok(false);
     }

@@ -12,6 +12,7 @@ mod export_clip;
 mod fault;
 mod files;
 mod film;
+mod first;
 mod frame_rate;
 mod instead;
 mod interrupt;
@@ -51,8 +52,8 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 use verbs::{
-    bench, check, debug, devices, eval, export, init, inspect, play, prepare, profile, render, segments, serve, sound,
-    synth, train,
+    bench, check, debug, devices, eval, export, inspect, play, prepare, profile, render, segments, serve, sound, synth,
+    train,
 };
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
@@ -95,9 +96,7 @@ enum Verb {
     Render(render::Args),
     /// Sound: finds speakers, and renders what is heard along a path.
     Sound(sound::Args),
-    /// Writes the first Gaussians of a capture from the points of its frames.
-    Init(init::Args),
-    /// Fits Gaussians to the images of a capture; or only plans that, or lists its settings.
+    /// Fits Gaussians to the images of a capture. Or only plans that, lists the settings, or writes the first Gaussians.
     Train(train::Args),
     /// Trains a long clip in parts, each in the memory of its own frames, on one machine or as jobs of many.
     Segments(segments::Args),
@@ -158,7 +157,6 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Inspect(args) => inspect::run(args, cli.json),
         Verb::Render(args) => render::run(args, cli.json),
         Verb::Sound(args) => sound::run(args, cli.json),
-        Verb::Init(args) => init::run(args, cli.json),
         Verb::Train(args) => train::run(args, cli.json),
         Verb::Segments(args) => segments::run(args, cli.json),
         Verb::Eval(args) => eval::run(args, cli.json),

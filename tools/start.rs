@@ -48,10 +48,7 @@ impl Start {
     fn anew(args: &Args, leads: bool) -> anyhow::Result<Self> {
         let mut config = args.settings.resolve()?;
         let base = args.base.as_deref().map(Base::read).transpose()?;
-        let path = args.capture.as_deref().context("expected CAPTURE, found none; give it, or --resume a run")?;
-        let settings = CaptureSettings { background: config.background, ..args.read.settings() };
-        let mut capture = crate::capture::open(path, &settings)?;
-        capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
+        let mut capture = capture(args, &config)?;
         if let Some(base) = &base {
             config = base.config(config);
             config.check_held()?;
@@ -230,8 +227,17 @@ fn folder(args: &Args) -> anyhow::Result<PathBuf> {
     args.output.clone().context("give the run folder, -o FOLDER")
 }
 
+/// The capture that `args` name, read for a run of `config`.
+pub fn capture(args: &Args, config: &Config) -> anyhow::Result<Capture> {
+    let path = args.capture.as_deref().context("expected CAPTURE, found none; give it, or --resume a run")?;
+    let settings = CaptureSettings { background: config.background, ..args.read.settings() };
+    let mut capture = crate::capture::open(path, &settings)?;
+    capture.viewpoints = args.viewpoints.as_deref().map_or(Ok(Vec::new()), read_views)?;
+    Ok(capture)
+}
+
 /// What a run learns from: photographs show what rests, which teaches a run nothing that leaves that alone.
-fn shown(capture: Capture, config: &Config) -> Capture {
+pub fn shown(capture: Capture, config: &Config) -> Capture {
     if config.trains_static { capture } else { capture.without_photos() }
 }
 

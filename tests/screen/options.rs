@@ -16,10 +16,9 @@ fn an_option_out_of_range_is_told_with_what_was_expected_and_what_was_found() {
             vec!["export", &scene, "-o", &ply, "--time", "0.5", "--min-opacity", "2"],
             "--min-opacity: expected a number from 0 to 1, found 2",
         ),
-        (
-            vec!["init", &capture, "-o", &ply, "--threshold=-1"],
-            "--threshold: expected pixels per frame, 0 or more, found -1",
-        ),
+        (vec!["train", &capture, "-o", &out, "--only-init", &ply], "--only-init"),
+        (vec!["train", &capture, "-o", &out, "--list-settings"], "--list-settings"),
+        (vec!["train", &capture], "--output"),
         (vec!["sound", "synth", "-o", &out, "--seconds", "0"], "--seconds: expected a number from 0.1 to 600, found 0"),
         (
             vec!["sound", "localize", &capture, "-o", &out, "--metres-per-unit", "0"],

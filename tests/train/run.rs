@@ -3,6 +3,7 @@
 use super::Tiny;
 use super::report::{assert_self_contained, assert_well_formed, plot};
 use ivv::formats::{read_ply, read_scene};
+use ivv::train::{Config, initialise};
 use serde_json::Value;
 use std::path::Path;
 use std::process::Output;
@@ -308,4 +309,21 @@ fn the_options_of_a_capture_are_those_of_its_run() {
     assert_eq!(run["capture_settings"]["skip_missing"], true);
     assert_eq!(run["test_cameras"], serde_json::json!(["b"]));
     works(&["eval", &output]);
+}
+
+#[test]
+fn the_first_gaussians_alone_are_those_of_the_run_that_is_asked_for() {
+    let tiny = Tiny::new("first-alone");
+    let (capture, file) = (tiny.folder.to_str().unwrap(), tiny.folder.join("first.ply"));
+    let only = ["train", capture, "--only-init", file.to_str().unwrap(), "--json"];
+    let told: Value = serde_json::from_str(&works(&[&only[..], &["--max-gaussians", "300"]].concat())).unwrap();
+    let config = Config { max_gaussians: 300, ..Config::default() };
+    let training = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let initial = initialise(&training, &config, &mut |_, _| {}).unwrap().splats;
+    let written = read_ply(&file).unwrap();
+    assert_eq!((written.len(), written.n_static), (initial.len(), initial.n_static));
+    assert_eq!((&told["gaussians"], &told["dynamic_gaussians"]), (&initial.len().into(), &initial.motion.len().into()));
+    assert!((1..=300).contains(&written.len()) && written.sh_degree == 0);
+    let concatenated: Value = serde_json::from_str(&works(&[&only[..], &["--set", "init=concat"]].concat())).unwrap();
+    assert!(concatenated["from"] == "concat" && concatenated["gaussians"].as_u64() > told["gaussians"].as_u64());
 }

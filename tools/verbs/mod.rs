@@ -6,7 +6,6 @@ pub mod debug;
 pub mod devices;
 pub mod eval;
 pub mod export;
-pub mod init;
 pub mod inspect;
 #[cfg(feature = "play")]
 pub mod play;

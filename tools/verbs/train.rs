@@ -45,7 +45,7 @@ pub struct Args {
     pub capture: Option<PathBuf>,
     /// The run folder: run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders,
     /// report.html.
-    #[arg(short, long, required_unless_present = "list_settings")]
+    #[arg(short, long, required_unless_present_any = ["list_settings", "only_init"])]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub settings: SettingArgs,
