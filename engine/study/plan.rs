@@ -206,7 +206,7 @@ impl Base {
 fn paper_rates() -> LearningRates {
     let constant = |rate: f64| Rate { start: rate, end: rate };
     LearningRates {
-        pace: Pace { steps: 0, ..Pace::default() },
+        pace: Pace { steps: 0 },
         position: Rate { start: 1.6e-4, end: 1.6e-6 },
         position_size: 0.0,
         sh0: constant(2.5e-3),

@@ -17,7 +17,7 @@ const STEPS: u64 = 60;
 
 /// A run in which all is learnt and due that can be: poses, reviews, grids, a look at the time offsets.
 fn config() -> Config {
-    let required = Required { reviews: 2, first: 0.3, last: 0.6, grids_at: 0.2, images: 4, ..Required::default() };
+    let required = Required { reviews: 2, first: 0.3, last: 0.6, grids_at: 0.2, images: 4 };
     Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, poses: PoseKind::Auto, required, ..Config::default() }
 }
 
@@ -226,7 +226,7 @@ fn a_run_that_is_made_shorter_makes_up_for_the_reviews_that_it_is_past() {
         };
         events.iter().filter_map(of).collect::<Vec<_>>()
     };
-    let two = Required { reviews: 2, first: 0.6, last: 0.8, images: 4, grids_at: 0.0, ..Required::default() };
+    let two = Required { reviews: 2, first: 0.6, last: 0.8, images: 4, grids_at: 0.0 };
     assert_eq!(reviews(&two, [20, 40]), [(24, 0), (32, 0)], "as it was");
     assert_eq!(reviews(&two, [20, 22]), [(20, 0)], "both are past");
     assert_eq!(reviews(&two, [20, 30]), [(20, 0), (24, 0)], "one is past");
