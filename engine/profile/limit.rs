@@ -6,7 +6,7 @@ use crate::gpu::Gpu;
 use crate::gpu::table::Cost;
 use serde::Serialize;
 
-/// What a device was measured to do, per second.
+/// Measured peak rates of a device, per second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Peaks {
     /// Bytes that kernels move: of a streaming copy, read and written, or of scattered rows, whichever are more.

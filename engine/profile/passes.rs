@@ -84,7 +84,7 @@ pub struct Profile {
 }
 
 impl Profile {
-    /// Of at least one sample on the device with `caps`.
+    /// The profile of at least one sample, measured on the device with `caps`.
     pub fn new(
         subject: String,
         sample: &'static str,

@@ -49,9 +49,9 @@ settings! {
 pub struct Culls {
     /// The tiles that a Gaussian is listed for.
     pub tile_bound: TileBound,
-    /// Whether blocks of pixels skip the Gaussians that miss them.
+    /// True if blocks of pixels skip the Gaussians that miss them.
     pub block_cull: bool,
-    /// Whether Gaussians that are invisible at a frame's time are left out early. Without it `temporal_cut` leaves out nothing.
+    /// True if culling drops the Gaussians that are invisible at a frame's time. Without it `temporal_cut` leaves out nothing.
     pub time_cull: bool,
 }
 

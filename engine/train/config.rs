@@ -347,7 +347,7 @@ impl Rate {
 }
 
 /// A run of n steps begins with ([`Pace::steps`] / n)^this times the rates. This and the three below were measured together
-/// (`assets/schedule/compare.md`).
+/// (`assets/lab/schedule/compare.md`).
 const PACE_START: f64 = 0.55;
 /// Steps from which on a run ends with the rates as they are.
 const SETTLED: u64 = 3000;
