@@ -5,6 +5,7 @@ pub mod frames;
 pub mod golden;
 pub mod notes;
 pub mod running;
+pub mod same;
 pub mod stages;
 pub mod twins;
 

@@ -1,7 +1,8 @@
 //! Clips of which one part at a time is in memory: pictures, files, and what a damaged file says.
 
-use super::clip::{at, bits, clip};
+use super::clip::{at, clip};
 use crate::common::device::gpu;
+use crate::common::same::assert_same_frame;
 use crate::scene::{Folder, fault};
 use ivv::formats::{
     Clock, Contents, Encoded, FourDgs, FourDgsParts, Grades, Own, PlyParts, Sounds, read_ply, read_scene, write_parts,
@@ -120,7 +121,7 @@ fn shows(parts: Box<dyn Parts>, whole: &Splats) {
     let mut found = Renderer::of_parts(gpu().clone(), parts, constants).unwrap();
     for time in TIMES {
         let [expected, found] = [&mut expected, &mut found].map(|r| r.render(&at(time), Outputs::All).unwrap());
-        assert!(bits(&found.0) == bits(&expected.0), "at {time}");
+        assert_same_frame(format_args!("at {time}"), &found.0, &expected.0);
         assert_eq!((found.1.active, found.1.visible), (expected.1.active, expected.1.visible), "at {time}");
     }
     let (cotangents, report) = found.render(&at(0.5), Outputs::All).unwrap();

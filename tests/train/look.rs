@@ -2,6 +2,7 @@
 
 use super::Tiny;
 use super::run::{fails, ivv, json, works};
+use crate::common::same::assert_same;
 use ivv::scene::capture::{Capture, CaptureSettings, Frames};
 use ivv::scene::{View, read_views, write_views};
 use ivv::sound::rig::Rig;
@@ -96,7 +97,8 @@ fn a_run_that_has_not_ended_is_looked_at_by_its_newest_checkpoint() {
     let output = ivv(&["export", text(&run), "-o", text(&exported)]);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && told.contains("has not ended") && told.contains("step 12 of 12"), "{told}");
-    assert!(std::fs::read(&exported).unwrap() == ended, "the last checkpoint holds the scene that the run ended with");
+    // The last checkpoint holds the scene that the run ended with.
+    assert_same("the checkpoint", &std::fs::read(&exported).unwrap(), &ended);
 
     let inspected: Value = serde_json::from_str(&works(&["inspect", text(&run), "--json"])).unwrap();
     assert_eq!((&inspected["checkpoint_step"], &inspected["n"]), (&Value::from(12), &scores["gaussians"]));

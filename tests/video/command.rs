@@ -11,6 +11,7 @@ use ivv::sound::wav::{self, Channel, Depth};
 use ivv::synth::{Options, Preset, write_capture};
 
 use crate::capture::Folder;
+use crate::common::same::assert_same;
 
 fn ivv(arguments: &[&str]) -> Output {
     run(Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments))
@@ -131,11 +132,11 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
     let report: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
     let pictures = at("without/film.y4m");
     assert_eq!(report["path"], pictures.as_str());
-    assert!(std::fs::read(&pictures).unwrap() == film, "they are other pictures");
+    assert_same("pictures", &std::fs::read(&pictures).unwrap(), &film);
     let command = report["command"].as_str().unwrap();
     assert!(command.starts_with("ffmpeg ") && !Path::new(&whole).exists(), "{command}");
     let sound = std::fs::read(folder.0.join("film.wav")).unwrap();
-    assert!(std::fs::read(folder.0.join("without/film.wav")).unwrap() == sound, "it is another sound");
+    assert_same("sound", &std::fs::read(folder.0.join("without/film.wav")).unwrap(), &sound);
     if super::has_ffmpeg() {
         let joined = Command::new("sh").args(["-c", command]).output().unwrap();
         assert!(joined.status.success(), "{command}: {}", String::from_utf8_lossy(&joined.stderr));
