@@ -3,6 +3,7 @@
 
 use super::edit::{Edit, hash, id_of};
 use crate::common::device::{Watched, opened, options};
+use crate::common::folder::Folder;
 use crate::common::notes::skip;
 use crate::common::random::{scene, view};
 use crate::common::same::{assert_same_frame, assert_same_gradients, assert_same_splats};
@@ -235,9 +236,9 @@ fn pictures_and_gradients_have_the_same_bits_in_another_order_where_they_claim_s
 
 #[test]
 fn training_has_the_same_bits_in_another_order() {
-    let folder = std::env::temp_dir().join(format!("ivv-order-{}", std::process::id()));
-    write_capture(&folder, &Synthesis { frames: 4, ..Preset::Tiny.options(7) }, 2, &mut |_, _| {}).unwrap();
-    let capture = Capture::open(&folder).unwrap();
+    let folder = Folder::new("order");
+    write_capture(&folder.0, &Synthesis { frames: 4, ..Preset::Tiny.options(7) }, 2, &mut |_, _| {}).unwrap();
+    let capture = Capture::open(&folder.0).unwrap();
     let train = |device: Watched| {
         let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
         let options = SessionOptions { total: Some(24), priors: Some(Priors::default()), ..SessionOptions::default() };
@@ -246,7 +247,6 @@ fn training_has_the_same_bits_in_another_order() {
         session.finish().unwrap()
     };
     let [usual, other] = [ordered, reordered].map(|device| train(device()));
-    std::fs::remove_dir_all(&folder).unwrap();
     assert!(usual.len() > 300, "none were added");
     assert_same_splats("training", &other, &usual);
 }

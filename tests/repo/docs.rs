@@ -2,6 +2,7 @@
 
 use super::{files, marked, quoted, root, table, text};
 use crate::common::device::gpu;
+use crate::common::folder::Folder;
 use crate::common::random;
 use ivv::Constants;
 use ivv::gpu::table::{FAMILIES, KERNELS};
@@ -114,15 +115,13 @@ fn bash_can_read_every_script() {
 
 #[test]
 fn the_shipped_demo_is_what_its_generator_makes() {
-    let folder = std::env::temp_dir().join(format!("ivv-demo-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
+    let folder = Folder::new("demo");
     let (splats, views) = ivv::scene::demo();
-    ivv::formats::write_ply(&folder.join("scene.ply"), &splats).unwrap();
-    ivv::scene::write_views(&folder.join("cameras.json"), &views).unwrap();
+    ivv::formats::write_ply(&folder.file("scene.ply"), &splats).unwrap();
+    ivv::scene::write_views(&folder.file("cameras.json"), &views).unwrap();
     for file in ["scene.ply", "cameras.json"] {
         let (made, shipped) =
-            (std::fs::read(folder.join(file)).unwrap(), std::fs::read(root().join("assets/demo").join(file)).unwrap());
+            (std::fs::read(folder.file(file)).unwrap(), std::fs::read(root().join("assets/demo").join(file)).unwrap());
         assert!(!made.is_empty() && made == shipped, "{file}: mend it with: ivv debug demo -o assets/demo");
     }
-    std::fs::remove_dir_all(&folder).unwrap();
 }

@@ -3,6 +3,7 @@
 use super::four_dgs::{contents, there_and_back};
 use super::{Folder, fault};
 use crate::common::device::gpu;
+use crate::common::frames::psnr;
 use crate::common::random;
 use ivv::Constants;
 use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades};
@@ -42,12 +43,6 @@ fn frames(splats: &Splats, views: &[View]) -> Vec<Frame> {
     let gpu = gpu();
     let mut renderer = Renderer::new(gpu.clone(), &splats.clone().by_degree(), Constants::default()).unwrap();
     views.iter().map(|view| renderer.render(view, Outputs::Color).unwrap().0).collect()
-}
-
-fn psnr(a: &Frame, b: &Frame) -> f64 {
-    let pairs = a.color.as_flattened().iter().zip(b.color.as_flattened());
-    let squares: f64 = pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum();
-    -10.0 * (squares / a.color.as_flattened().len() as f64).max(1e-12).log10()
 }
 
 #[test]

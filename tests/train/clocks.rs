@@ -1,7 +1,7 @@
 //! Errors of learnt clocks where all cameras are in step. Where they are not, 6 of 12 offsets were further off than they said after 400
 //! steps (seeds 1 to 3, 29 November 2026): an open fault.
 
-use super::run::{json, works};
+use crate::common::program::{json, works};
 use std::path::Path;
 
 /// Standard errors that an offset is within, of nineteen out of twenty.

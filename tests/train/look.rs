@@ -1,7 +1,7 @@
 //! Runs that are looked at: rendered from their own cameras, and before they have ended.
 
 use super::Tiny;
-use super::run::{fails, ivv, json, works};
+use crate::common::program::{fails, ivv, json, text, works};
 use crate::common::same::assert_same;
 use ivv::scene::capture::{Capture, CaptureSettings, Frames};
 use ivv::scene::{View, read_views, write_views};
@@ -9,10 +9,6 @@ use ivv::sound::rig::Rig;
 use ivv::train::{Run, spread};
 use serde_json::Value;
 use std::path::Path;
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
 
 /// Trains so shortly in `tiny.folder/run` that little is learnt; the near plane cuts away much of what is there.
 fn short_run(tiny: &Tiny) -> std::path::PathBuf {

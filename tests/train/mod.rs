@@ -109,9 +109,12 @@ impl Tiny {
     }
 
     fn of_frames(name: &str, frames: u32) -> Self {
+        Self::of(name, &Options { frames, ..Preset::Tiny.options(7) })
+    }
+
+    fn of(name: &str, options: &Options) -> Self {
         let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
-        let options = Options { frames, ..Preset::Tiny.options(7) };
-        write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+        write_capture(&folder, options, 2, &mut |_, _| {}).unwrap();
         let capture = Capture::open(&folder).unwrap();
         Tiny { folder, capture }
     }

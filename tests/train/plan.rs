@@ -195,7 +195,7 @@ fn a_plan_of_a_training_tells_what_its_files_and_steps_are() {
         "pictures stay on a card, and not on a driver whose memory is the host's"
     );
     let unknown = ["train", tiny.folder.to_str().unwrap(), "-o", run.to_str().unwrap(), "--plan", "--card", "GTX 480"];
-    assert!(super::run::fails(&unknown, 2).contains("H200, RTX4090"));
+    assert!(crate::common::program::fails(&unknown, 2).contains("H200, RTX4090"));
     // The newest checkpoint of a run with as many Gaussians, all of which move in the worst case.
     let ran = ivv(&[
         &output[..],

@@ -1,9 +1,9 @@
 //! Poses of cameras that are learnt.
 
-use super::run::{json, works};
 use super::{Tiny, nothing_moves};
 use crate::common::device::gpu;
 use crate::common::one::{ball, camera, scene_of};
+use crate::common::program::{json, works};
 use crate::common::random::Random;
 use glam::DVec3;
 use ivv::Constants;

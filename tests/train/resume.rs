@@ -1,8 +1,8 @@
 //! Runs that were killed, extended, or started twice: nothing is lost, and nothing else is trained than was asked for.
 
 use super::Tiny;
-use super::run::{fails, ivv, json, works};
 use crate::common::device::gpu;
+use crate::common::program::{fails, ivv, json, works};
 use crate::common::running::Running;
 use crate::common::same::{assert_same, assert_same_splats};
 use ivv::Constants;

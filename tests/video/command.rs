@@ -11,22 +11,12 @@ use ivv::sound::wav::{self, Channel, Depth};
 use ivv::synth::{Options, Preset, write_capture};
 
 use crate::capture::Folder;
+use crate::common::program::{command, ivv, text};
 use crate::common::same::assert_same;
-
-fn ivv(arguments: &[&str]) -> Output {
-    run(Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments))
-}
 
 /// The same where a folder holds all programs that are installed.
 fn with_programs_of(folder: &Path, arguments: &[&str]) -> Output {
-    run(Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments).env("PATH", folder))
-}
-
-fn run(command: &mut Command) -> Output {
-    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    command.output().unwrap()
+    command(arguments).env("PATH", folder).output().unwrap()
 }
 
 /// Ears by 18 directions: what is on a side comes there two thirds of a millisecond earlier and twice as loud.
@@ -168,10 +158,8 @@ fn a_name_with_a_colon_is_a_name() {
     let path = folder.write("path.txt", "0 -0.3 0 -4 0 0 0 1\n0.05 0.3 0 -4 0 0 0 1\n");
     let still = still_scene(&folder);
     for name in ["a:b.mp4", "-c.mp4"] {
-        let output = run(Command::new(env!("CARGO_BIN_EXE_ivv"))
-            .current_dir(&folder.0)
-            .args(["render", "--scene", &still, "--path", path.to_str().unwrap(), "--size", "32x24"])
-            .arg(format!("--output={name}")));
+        let render = ["render", "--scene", &still, "--path", text(&path), "--size", "32x24"];
+        let output = command(&render).current_dir(&folder.0).arg(format!("--output={name}")).output().unwrap();
         assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
         assert!(folder.0.join(name).is_file(), "{name}");
     }
