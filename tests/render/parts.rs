@@ -2,6 +2,7 @@
 
 use super::clip::{at, clip};
 use crate::common::device::gpu;
+use crate::common::program::{command, done};
 use crate::common::same::assert_same_frame;
 use crate::scene::{Folder, fault};
 use ivv::formats::{
@@ -278,11 +279,8 @@ fn an_export_in_parts_tells_how_many_gaussians_it_wrote() {
     told.moving[1].opacity[7] = f32::NAN;
     write_parts(&folder.file("a.ply"), &mut told, &Own::new()).unwrap();
     let export = |more: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let command = command.current_dir(folder.file("")).args(["export", "a.ply", "-o", "a.4dgs", "--seconds", "5"]);
-        let done = command.args(more).output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
+        let export = ["export", "a.ply", "-o", "a.4dgs", "--seconds", "5"];
+        done(command(&[&export[..], more].concat()).current_dir(&folder.0))
     };
     let text = export(&[]);
     assert!(text.contains("1998 of 2000 Gaussians, 1499 of them dynamic"), "{text}");

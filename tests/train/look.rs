@@ -1,7 +1,7 @@
 //! Runs that are looked at: rendered from their own cameras, and before they have ended.
 
 use super::Tiny;
-use crate::common::program::{fails, ivv, json, text, works};
+use crate::common::program::{command, fails, ivv, json, text, works};
 use crate::common::same::assert_same;
 use ivv::scene::capture::{Capture, CaptureSettings, Frames};
 use ivv::scene::{View, read_views, write_views};
@@ -271,13 +271,9 @@ fn stills_are_shown_at_the_time_that_is_asked_for_within_the_clip() {
 fn a_run_under_way_shows_test_views_and_its_report() {
     let tiny = Tiny::new("progress");
     let run = tiny.folder.join("run");
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(["train", text(&tiny.folder), "-o", text(&run), "--steps", "100000", "--sh-degree", "0"]);
-    command.args(["--eval-at", "3", "--eval-every", "0", "--eval-images", "5", "--checkpoint-every", "2", "--quiet"]);
-    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    let mut child = command.spawn().unwrap();
+    let train = ["train", text(&tiny.folder), "-o", text(&run), "--steps", "100000", "--sh-degree", "0", "--quiet"];
+    let often = ["--eval-at", "3", "--eval-every", "0", "--eval-images", "5", "--checkpoint-every", "2"];
+    let mut child = command(&[&train[..], &often].concat()).spawn().unwrap();
     // They are written at once, each as a whole.
     let (report, strip) = (run.join("report.html"), run.join("renders/progress/00000003.png"));
     let begun = std::time::Instant::now();
