@@ -195,18 +195,6 @@ fn a_video_of_years_is_refused_with_the_number_of_its_frames() {
     assert!(!output.exists());
 }
 
-/// The loader says that memory is short when it cannot parse the file of a driver.
-#[test]
-fn the_file_of_a_driver_that_is_no_json_is_no_lack_of_memory() {
-    let folder = Folder::new("film-driver");
-    let file = folder.write("driver.json", "no JSON");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    let output = command.arg("devices").env("VK_ICD_FILENAMES", &file).env("VK_DRIVER_FILES", &file).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(4), "{told}");
-    assert!(told.contains("the file of a driver may be damaged") && !told.contains("limit is 0"), "{told}");
-}
-
 /// The pictures of a .y4m of `width` x `height` pixels in three full planes.
 fn y4m(file: &Path, width: usize, height: usize) -> Vec<Vec<u8>> {
     let film = std::fs::read(file).unwrap();
