@@ -196,7 +196,7 @@ fn gaussians_are_there_from_when_up_to_when_their_span_says() {
         for knobs in [Knobs::default(), unculled()] {
             let constants = Constants { knobs, ..Constants::default() };
             let mut spans = Renderer::new(gpu().clone(), &splats, constants).unwrap();
-            for time in [0.0, 0.25, 0.2499, 0.255, 0.26, 0.5, 0.6, 0.75, 0.9, -0.5, 1.0, 0.25] {
+            for time in [0.25, 0.2499, 0.26, 0.5, 0.9, -0.5, 0.25] {
                 let there: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_there(i, time)).collect();
                 let alone = Splats { span: Vec::new(), ..splats.in_order(&there) };
                 assert!(there.len() < splats.len());

@@ -62,7 +62,7 @@ fn frames_of_a_file_are_those_of_the_scene_at_all_times_borders_of_chunks_too() 
             times.sort_unstable_by(f64::total_cmp);
             times.dedup();
             assert!(name == "demo" || told.chunk_intervals.len() > 5, "{name}: {} chunks", told.chunk_intervals.len());
-            let at = |time: &f64| View { time: *time, name: time.to_string(), ..views[2].clone() };
+            let at = |time: &f64| View { time: *time, name: time.to_string(), ..views[2].reduced(2) };
             let views: Vec<View> = times.iter().map(at).collect();
             let pairs = frames(&splats, &views).into_iter().zip(frames(&read, &views));
             let worst = pairs.map(|(a, b)| psnr(&a, &b)).fold(f64::INFINITY, f64::min);
@@ -158,7 +158,7 @@ fn a_file_is_as_small_as_its_pictures_allow_and_as_good_as_its_size_allows() {
     let gpu = gpu();
     let find = |goal| compact(&gpu, &subject, goal, &mut |_, _| {});
     let mut before = finest;
-    for db in [42.0, 36.0, 30.0] {
+    for db in [42.0, 30.0] {
         let found = find(Goal::Psnr(db)).unwrap();
         println!("{db} dB: {} bytes of {finest}, {:.2} dB, {:?}", found.bytes.len(), found.psnr, found.grades);
         assert!(found.psnr >= db && (found.bytes.len() as u64) < before, "{db}: {} dB", found.psnr);
