@@ -5,6 +5,7 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::{Watched, gpu};
 use crate::common::one::{One, ball, logit, scene_of};
 use crate::common::random::Random;
+use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::gpu::Buf;
@@ -404,7 +405,8 @@ fn two_rounds_on_the_same_scene_give_the_same_bits_and_another_key_does_not() {
             numbers.map(|x| x.to_bits()).collect::<Vec<_>>()
         };
         let first = bits(1);
-        assert!(first == bits(1) && first != bits(2));
+        assert_same("the same key", &bits(1), &first);
+        assert!(first != bits(2));
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::{Folder, fault, sample};
 use crate::common::device::gpu;
+use crate::common::program::{command, done};
 use crate::common::random;
 use ivv::Constants;
 use ivv::formats::{SpzVersion, read_ply, read_scene, write_ply, write_splat, write_spz};
@@ -130,12 +131,7 @@ fn what_a_format_cannot_hold_is_refused_or_left_out() {
 
 /// What the program tells of an export of `from`, with and without --json.
 fn told(from: &Path, to: &Path, more: &[&str]) -> (Value, String) {
-    let export = |last: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let done = command.arg("export").arg(from).arg("-o").arg(to).args(more).args(last).output().unwrap();
-        assert!(done.status.success(), "{}: {}", to.display(), String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
-    };
+    let export = |last: &[&str]| done(command(&["export"]).arg(from).arg("-o").arg(to).args(more).args(last));
     (serde_json::from_str(&export(&["--json"])).unwrap(), export(&[]))
 }
 
@@ -187,13 +183,7 @@ fn an_export_removes_what_killed_ones_left_and_nothing_that_is_being_written() {
     write_ply(&folder.file("scene.ply"), &demo().0).unwrap();
     std::fs::create_dir(folder.file("web")).unwrap();
     let export = |to: &str| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let done = command
-            .current_dir(folder.file(""))
-            .args(["export", "scene.ply", "--seconds", "1", "-o", to])
-            .output()
-            .unwrap();
-        assert!(done.status.success(), "{to}: {}", String::from_utf8_lossy(&done.stderr));
+        done(command(&["export", "scene.ply", "--seconds", "1", "-o", to]).current_dir(&folder.0));
     };
     for (to, within) in [("s.4dgs", ""), ("./s.html", ""), ("web/", "web/")] {
         let left = folder.write(&format!("{within}.s.ply.1-0.tmp"), "half");

@@ -2,13 +2,14 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
+use crate::common::folder::Folder;
+use crate::common::program::{fails, ivv, json};
 use ivv::sound::sphere::Sphere;
 use ivv::sound::wav::{Depth, read, write};
 
 fn run(args: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_ivv")).args(args).output().unwrap();
+    let output = ivv(args);
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
@@ -27,9 +28,9 @@ fn ears(folder: &Path) {
 
 #[test]
 fn a_scene_is_made_rendered_and_measured() {
-    let folder = std::env::temp_dir().join(format!("ivv-sound-verbs-{}", std::process::id()));
-    let name = |file: &str| folder.join(file).to_str().unwrap().to_owned();
-    ears(&folder.join("ears"));
+    let folder = Folder::new("sound-verbs");
+    let name = |file: &str| folder.path(file);
+    ears(&folder.file("ears"));
     let hrtf = name("ears");
     let (code, _, error) = run(&["sound", "synth", "-o", &name(""), "--seconds", "0.4", "--still", "--hrtf", &hrtf]);
     assert_eq!(code, 0, "{error}");
@@ -45,7 +46,7 @@ fn a_scene_is_made_rendered_and_measured() {
         assert!(said.contains("licence: not stated") && said.contains("sha256"), "{said}");
         let heard = read(Path::new(&out)).unwrap();
         assert_eq!((heard.channels.len(), heard.channels[0].len(), heard.fs), (2, 19_200, 48_000));
-        let report: serde_json::Value = serde_json::from_slice(&fs::read(report).unwrap()).unwrap();
+        let report = json(Path::new(&report));
         assert_eq!((report["mode"].as_str(), report["seconds"].as_f64()), (Some(mode), Some(0.4)));
         let (code, said, error) =
             run(&["--json", "sound", "bench", &scene, "--truth", &name(""), "--hrtf", &hrtf, "--mode", mode]);
@@ -56,7 +57,7 @@ fn a_scene_is_made_rendered_and_measured() {
     assert!(fs::read_to_string(name("more--plot")).unwrap().contains("<circle"));
     assert_eq!(read(Path::new(&name("more--ambix"))).unwrap().channels.len(), 4);
     // A source that is far too loud is lowered in both, and clips in none.
-    let mut scene: serde_json::Value = serde_json::from_slice(&fs::read(name("scene.json")).unwrap()).unwrap();
+    let mut scene = json(&folder.file("scene.json"));
     scene["sources"][0]["gain_db"] = 40.0.into();
     fs::write(name("loud.json"), scene.to_string()).unwrap();
     let arguments = [&name("loud.json"), "--path", &name("path.csv"), "-o", &name("loud.wav"), "--hrtf", &hrtf];
@@ -75,20 +76,14 @@ fn a_scene_is_made_rendered_and_measured() {
     let (code, _, _) =
         run(&["sound", "render", &name("scene.json"), "--path", &name("path.csv"), "-o", "x.wav", "--mode", "loud"]);
     assert_eq!(code, 2);
-    fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
 fn a_bench_without_a_scene_takes_the_built_in_one_and_a_scene_needs_its_truth() {
-    let bench = |arguments: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let output = command.args(["sound", "bench"]).args(arguments).output().unwrap();
-        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
-    };
     for built_in in [&["--hrtf", "/no/such.sofa"][..], &["--built-in", "--hrtf", "/no/such.sofa"]] {
-        let (code, told) = bench(built_in);
-        assert!(code == Some(3) && told.contains("/no/such.sofa"), "{code:?} {told}");
+        let told = fails(&[&["sound", "bench"], built_in].concat(), 3);
+        assert!(told.contains("/no/such.sofa"), "{told}");
     }
-    let (code, told) = bench(&["scene.json"]);
-    assert!(code == Some(2) && told.contains("--truth"), "{code:?} {told}");
+    let told = fails(&["sound", "bench", "scene.json"], 2);
+    assert!(told.contains("--truth"), "{told}");
 }

@@ -1,14 +1,14 @@
 //! What lies behind a scene: a background that varies while it is trained, and a backdrop where no training camera looks.
 
-use super::run::{ivv, json, works};
 use super::{Tiny, train};
 use crate::common::device::gpu;
+use crate::common::program::{ivv, json, works};
 use image::{DynamicImage, Rgb, RgbImage};
 use ivv::Constants;
 use ivv::scene::capture::Capture;
 use ivv::scene::{Splats, View};
 use ivv::stage::{Outputs, Renderer};
-use ivv::synth::{Options, Preset, Rig, write_capture};
+use ivv::synth::{Options, Preset, Rig};
 use ivv::train::{Config, Event, Kind, Log, Run, Session, SessionOptions, Setup, initialise};
 
 /// Gives every image of the capture another form.
@@ -88,11 +88,7 @@ fn a_background_does_not_vary_where_cameras_look_outward() {
 }
 
 fn outward(name: &str) -> Tiny {
-    let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
-    let options = Options { frames: 2, rig: Rig::Outward, ..Preset::Tiny.options(7) };
-    write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
-    let capture = Capture::open(&folder).unwrap();
-    Tiny { folder, capture }
+    Tiny::of(name, &Options { frames: 2, rig: Rig::Outward, ..Preset::Tiny.options(7) })
 }
 
 /// Views of the training cameras, or of those for testing, at the first frame.

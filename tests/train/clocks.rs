@@ -1,6 +1,6 @@
 //! Errors of learnt clocks, against true ones.
 
-use super::run::{json, works};
+use crate::common::program::{json, works};
 use std::path::Path;
 
 /// Standard errors that an offset is within, of nineteen out of twenty.

@@ -1,8 +1,9 @@
 //! Images that stay in the device's memory, and steps that allocate nothing.
 
-use super::{Tiny, bits};
+use super::Tiny;
 use crate::common::device::{gpu, opened, options};
 use crate::common::notes;
+use crate::common::same::assert_same_splats;
 use ivv::gpu::{Gpu, Options};
 use ivv::train::{Config, Density, Required, Resolution, Session, SessionOptions};
 use ivv::vk::{DeviceChoice, DeviceKind};
@@ -37,14 +38,14 @@ fn images_that_stay_on_the_device_give_the_bits_of_those_that_pass() {
             most = most.max(kept_bytes(&gpu));
         }
         let splats = session.finish().unwrap();
-        (bits(&splats), most)
+        (splats, most)
     };
     let (passing, none) = run(Some(0));
     assert_eq!(none, 0);
     let n_images = tiny.capture.training_frames().len() as u64;
     for (bytes, expected) in [(u64::MAX, n_images * IMAGE), (5 * IMAGE, 5 * IMAGE)] {
         let (staying, most) = run(Some(bytes));
-        assert!(staying == passing, "{bytes} bytes give other bits");
+        assert_same_splats(format_args!("{bytes} bytes"), &staying, &passing);
         // Some images lack a prior; what leaves is there until its step has ended.
         assert!(most > expected * 2 / 3 && most < expected + IMAGE, "{most} bytes stayed, of {expected}");
     }

@@ -36,6 +36,7 @@ mod terms;
 mod worlds;
 
 use crate::common::device::gpu;
+use crate::common::same::assert_same_splats;
 use ivv::Constants;
 use ivv::scene::capture::{Capture, PriorPlan};
 use ivv::scene::{Motion, Splats};
@@ -108,9 +109,12 @@ impl Tiny {
     }
 
     fn of_frames(name: &str, frames: u32) -> Self {
+        Self::of(name, &Options { frames, ..Preset::Tiny.options(7) })
+    }
+
+    fn of(name: &str, options: &Options) -> Self {
         let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
-        let options = Options { frames, ..Preset::Tiny.options(7) };
-        write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+        write_capture(&folder, options, 2, &mut |_, _| {}).unwrap();
         let capture = Capture::open(&folder).unwrap();
         Tiny { folder, capture }
     }
@@ -161,14 +165,6 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
     (splats, mean(&losses[..10]), mean(&losses[losses.len() - 10..]))
 }
 
-/// All bits of a scene.
-fn bits(splats: &Splats) -> Vec<u32> {
-    let motion: &[f32] = bytemuck::cast_slice(&splats.motion);
-    let all = splats.position.as_flattened().iter().chain(splats.rotation.as_flattened());
-    let all = all.chain(splats.scale.as_flattened()).chain(&splats.opacity).chain(splats.sh.as_flattened());
-    all.chain(motion).map(|x| x.to_bits()).collect()
-}
-
 #[test]
 fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_seen() {
     let _device = gpu();
@@ -190,10 +186,10 @@ fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
     let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
     let begin = from_points(&random_points(&tiny.capture, &config), &tiny.capture, &config);
     assert_eq!(begin.len(), 300);
-    let run = |seed| bits(&train(&tiny.capture, &Config { seed, ..config.clone() }, &begin, 60).0);
+    let run = |seed| train(&tiny.capture, &Config { seed, ..config.clone() }, &begin, 60).0;
     let first = run(1);
-    assert!(!first.is_empty() && first == run(1), "the same seed gives other bits");
-    assert_ne!(first, run(2));
+    assert_same_splats("the same seed", &run(1), &first);
+    assert!(!first.is_empty() && first != run(2));
 }
 
 #[test]
@@ -316,7 +312,7 @@ fn resumes_to_the_same_bits(name: &str, config: &Config) {
     let mut second_half = Trainer::resume(gpu.clone(), &checkpoint, Constants::default(), setup.clone()).unwrap();
     drive(&mut second_half, &tiny.capture, config.seed, 60);
     assert!(whole.n_gaussians() as usize > begin.len());
-    assert_eq!(bits(&whole.splats().unwrap()), bits(&second_half.splats().unwrap()));
+    assert_same_splats("resumed", &second_half.splats().unwrap(), &whole.splats().unwrap());
 }
 
 #[test]

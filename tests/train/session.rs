@@ -1,8 +1,10 @@
 //! A run as the library has it.
 
-use super::{Tiny, bits};
+use super::Tiny;
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
+use crate::common::program::{text, works};
+use crate::common::same::assert_same_splats;
 use ivv::scene::{Similarity, Splats};
 use ivv::train::{
     Average, Checkpoint, Config, Event, GridKind, Init, Notice, Owed, Phase, PoseKind, Required, Session,
@@ -11,7 +13,6 @@ use ivv::train::{
 use ivv::vk::DeviceKind;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::process::Command;
 
 const STEPS: u64 = 60;
 
@@ -75,7 +76,7 @@ fn a_session_does_what_is_due_wherever_it_is_resumed() {
         checkpoint.write(&folder).unwrap();
         let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
         let resumed = Session::resume(gpu().clone(), &tiny.capture, &checkpoint, SessionOptions::default()).unwrap();
-        assert_eq!(bits(&end(resumed).0), bits(&whole), "resumed at {at}");
+        assert_same_splats(format_args!("resumed at {at}"), &end(resumed).0, &whole);
     }
 }
 
@@ -89,19 +90,14 @@ fn a_session_gives_the_scene_that_the_command_line_writes() {
     let (path, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let file = tiny.folder.join("settings.json");
     std::fs::write(&file, serde_json::to_string(&config()).unwrap()).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(["train", path, "-o", run.to_str().unwrap(), "--config", file.to_str().unwrap(), "-q"]);
-    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    let done = command.output().unwrap();
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    works(&["train", path, "-o", text(&run), "--config", text(&file), "-q"]);
     let written = Checkpoint::newest(&run.join("checkpoints")).unwrap().unwrap();
     let run = ivv::train::Run::read(&run).unwrap();
     let capture = run.open_capture(None).unwrap();
     let options = SessionOptions { constants: run.constants, ..SessionOptions::default() };
     let session = Session::begin(gpu().clone(), &capture, config(), options).unwrap();
-    assert_eq!(bits(&end(session).0), bits(written.average.scene().expect("the mean of the last scenes")));
+    let mean = written.average.scene().expect("the mean of the last scenes");
+    assert_same_splats("the command line", &end(session).0, mean);
 }
 
 #[test]
@@ -138,7 +134,7 @@ fn a_run_lists_few_of_its_images_at_a_time_and_has_the_same_bits() {
             while session.step().unwrap() {
                 steps += 1;
             }
-            (steps, bits(&session.finish().unwrap()))
+            (steps, session.finish().unwrap())
         };
         let all = run(u64::MAX);
         assert_eq!(all.0, 26);
@@ -165,18 +161,19 @@ fn a_run_ends_with_the_mean_of_its_last_scenes() {
         }
     }
     let (found, last) = (session.finish().unwrap(), last.unwrap());
-    assert_eq!((truth.n, bits(&found)), (10, bits(truth.scene().unwrap())));
-    assert_ne!(bits(&found), bits(&last));
+    assert_eq!(truth.n, 10);
+    assert_same_splats("the mean", &found, truth.scene().unwrap());
+    assert!(found != last);
     let changed = |event: &Event| matches!(event, Event::Step(step) if step.density.is_some() && step.step > 30);
     assert!(!session.take_events().iter().any(changed), "the Gaussians stay the same");
     // What a checkpoint of the end has is what the run's scene has; one from before it has what was trained so far.
     let checkpoint = session.checkpoint().unwrap();
     let relative = Checkpoint { world: Similarity::default(), ..checkpoint };
-    assert_eq!(bits(&relative.splats()), bits(&found));
-    assert_ne!(bits(&Checkpoint { step: 39, ..relative }.splats()), bits(&found));
+    assert_same_splats("the checkpoint of the end", &relative.splats(), &found);
+    assert!(Checkpoint { step: 39, ..relative }.splats() != found);
     // Steps that are added make the end another.
     session.extend(config, 80).unwrap();
-    assert_eq!(bits(&session.finish().unwrap()), bits(&last));
+    assert_same_splats("extended", &session.finish().unwrap(), &last);
 }
 
 #[test]
