@@ -20,7 +20,7 @@ pub fn hash(parts: &[&[u8]]) -> u64 {
 }
 
 /// A kernel's source with everything it includes, by path below `shaders-glsl`.
-fn closure(root: &Path, file: &str, into: &mut BTreeMap<String, String>) -> Result<(), String> {
+pub fn closure(root: &Path, file: &str, into: &mut BTreeMap<String, String>) -> Result<(), String> {
     if into.contains_key(file) {
         return Ok(());
     }

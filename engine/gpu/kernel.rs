@@ -60,7 +60,6 @@ macro_rules! variant {
         #[doc = concat!("A variant of [`mod@", stringify!($first), "`].")]
         pub mod $name {
             use crate::gpu::kernel::KernelInfo;
-            /// What the device needs to know.
             pub const INFO: &KernelInfo = &KernelInfo {
                 name: stringify!($name),
                 spirv: include_bytes!(concat!(
@@ -137,6 +136,22 @@ impl Slice {
     pub(super) fn binding(&self) -> Binding {
         Binding { buffer: self.buffer.clone(), offset: self.offset, size: self.size }
     }
+}
+
+/// The buffers of numbers in the layout of the parameters, as kernels bind them.
+pub struct PlaneSlices {
+    /// Position and opacity; rotation; scale and t_scale.
+    pub geometry: Slice,
+    /// The constant band.
+    pub sh0: Slice,
+    /// Velocity and t_center.
+    pub motion: Slice,
+    /// Band 1.
+    pub sh1: Slice,
+    /// Band 2.
+    pub sh2: Slice,
+    /// Band 3.
+    pub sh3: Slice,
 }
 
 /// A typed device buffer; cheap to clone, freed with its last clone.

@@ -2,6 +2,7 @@
 
 mod cost;
 mod dispatch;
+#[allow(missing_docs, reason = "the shaders' own comments are there, and no others")]
 pub mod generated;
 pub mod kernel;
 mod record;
@@ -14,7 +15,7 @@ pub mod table;
 mod window;
 
 pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
-pub use kernel::{Buf, Kernel, KernelInfo, Slice};
+pub use kernel::{Buf, Kernel, KernelInfo, PlaneSlices, Slice};
 pub use record::{Grid, Pass, Recording, Work};
 pub use run::{COUNTS, Gpu, Options, PassTime, Rewrite, Running, StandIn};
 pub use staging::Staging;

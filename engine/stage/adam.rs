@@ -197,26 +197,14 @@ impl Optimiser {
         rec.section("adam");
         for (index, group) in scene.trained() {
             rec.group(Some(index));
-            let (params, moments) = (&group.params, &self.moments.groups[index]);
-            let [sh1, sh2, sh3] = params.three_bands();
-            let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
+            let params = &group.params;
             let args = adam_idle::Args {
                 frame_status: status,
                 adam: &self.params,
                 ranges: &cull.ranges,
                 idle_id: &cull.idle_id,
-                geometry: &params.geometry,
-                sh0: &params.sh0,
-                motion: params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
-                moments_geometry: &moments.geometry,
-                moments_sh0: &moments.sh0,
-                moments_motion: moments.motion_or_any(),
-                moments_sh1,
-                moments_sh2,
-                moments_sh3,
+                params: params.slices(),
+                moments: self.moments.groups[index].slices(),
                 state: &self.state[index],
             };
             let push = adam_idle::Push {
@@ -272,27 +260,15 @@ impl Optimiser {
         for (index, group) in scene.trained() {
             rec.group(Some(index));
             let (all, grid) = of(index, group.n);
-            let (params, moments) = (&group.params, &self.moments.groups[index]);
-            let [sh1, sh2, sh3] = params.three_bands();
-            let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
+            let params = &group.params;
             let args = adam_catch_up::Args {
                 frame_status: status,
                 adam: &self.params,
                 ranges,
                 active_id,
                 sums: &self.sums,
-                geometry: &params.geometry,
-                sh0: &params.sh0,
-                motion: params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
-                moments_geometry: &moments.geometry,
-                moments_sh0: &moments.sh0,
-                moments_motion: moments.motion_or_any(),
-                moments_sh1,
-                moments_sh2,
-                moments_sh3,
+                params: params.slices(),
+                moments: self.moments.groups[index].slices(),
                 state: &self.state[index],
             };
             let push = adam_catch_up::Push {

@@ -189,14 +189,11 @@ impl Backward {
     /// The projection's adjoint for one group, which writes gradients.
     fn record_gradients(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn, n_bad: &Buf<u32>) {
         let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
-        let (d, params) = (&self.gradients[index], &group.params);
-        let [sh1, sh2, sh3] = params.three_bands();
-        let [d_sh1, d_sh2, d_sh3] = d.three_bands();
         let args = project_bwd_static_sh0::Args {
             view,
             ranges: &cull.ranges,
             active_id: &cull.active_id,
-            geometry: &params.geometry,
+            params: group.params.slices(),
             splats: &projected.splats,
             tile_counts: &projected.tile_counts,
             slot_first: &tiles.slot_first,
@@ -204,16 +201,7 @@ impl Backward {
             n_bad,
             frame_status: status,
             d_camera: &self.d_camera_each,
-            motion: params.motion_or_any(),
-            sh1,
-            sh2,
-            sh3,
-            d_geometry: &d.geometry,
-            d_sh0: &d.sh0,
-            d_motion: d.motion_or_any(),
-            d_sh1,
-            d_sh2,
-            d_sh3,
+            d: self.gradients[index].slices(),
         };
         let push = project_bwd_static_sh0::Push {
             group: index as u32,
@@ -221,21 +209,18 @@ impl Backward {
             is_summed: self.is_summed(),
             wants_camera: self.camera(),
         };
-        let kernel = generated::project_bwd(false, params.motion.is_some(), group.degree(), false);
+        let kernel = generated::project_bwd(false, group.params.motion.is_some(), group.degree(), false);
         rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
     }
 
     /// The projection's adjoint for one group, which moves the parameters at once.
     fn record_adam(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn, optimiser: &Optimiser) {
         let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
-        let (params, moments) = (&group.params, &optimiser.moments.groups[index]);
-        let [sh1, sh2, sh3] = params.three_bands();
-        let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
         let args = project_bwd_adam_static_sh0::Args {
             view,
             ranges: &cull.ranges,
             active_id: &cull.active_id,
-            geometry: &params.geometry,
+            params: group.params.slices(),
             splats: &projected.splats,
             tile_counts: &projected.tile_counts,
             slot_first: &tiles.slot_first,
@@ -243,17 +228,7 @@ impl Backward {
             n_bad: &optimiser.n_bad,
             frame_status: status,
             d_camera: &self.d_camera_each,
-            sh0: &params.sh0,
-            motion: params.motion_or_any(),
-            sh1,
-            sh2,
-            sh3,
-            moments_geometry: &moments.geometry,
-            moments_sh0: &moments.sh0,
-            moments_motion: moments.motion_or_any(),
-            moments_sh1,
-            moments_sh2,
-            moments_sh3,
+            moments: optimiser.moments.groups[index].slices(),
             state: &optimiser.state[index],
             adam: &optimiser.params,
         };
@@ -264,7 +239,7 @@ impl Backward {
             wants_camera: self.camera(),
         };
         let is_16_bits = optimiser.moments.bits == 16;
-        let kernel = generated::project_bwd(true, params.motion.is_some(), group.degree(), is_16_bits);
+        let kernel = generated::project_bwd(true, group.params.motion.is_some(), group.degree(), is_16_bits);
         rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
     }
 

@@ -71,22 +71,7 @@ impl Fisher {
         for (index, ((group, d), sums)) in scene.groups.iter().zip(gradients).zip(&self.sums).enumerate() {
             rec.group(Some(index));
             let params = &group.params;
-            let [sh1, sh2, sh3] = params.three_bands();
-            let [d_sh1, d_sh2, d_sh3] = d.three_bands();
-            let args = fisher_static_sh0::Args {
-                geometry: &params.geometry,
-                d_geometry: &d.geometry,
-                d_sh0: &d.sh0,
-                sums,
-                motion: params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
-                d_sh1,
-                d_sh2,
-                d_sh3,
-                cameras: &self.cameras,
-            };
+            let args = fisher_static_sh0::Args { params: params.slices(), d: d.slices(), sums, cameras: &self.cameras };
             let squares = if self.squares { 1.0 } else { 0.0 };
             let push = fisher_static_sh0::Push {
                 n: group.n,

@@ -56,21 +56,15 @@ impl Projected {
         rec.section("project");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            let [sh1, sh2, sh3] = group.params.three_bands();
             let args = project_static_sh0::Args {
                 view,
                 ranges: &cull.ranges,
                 active_id: &cull.active_id,
-                geometry: &group.params.geometry,
-                sh0: &group.params.sh0,
+                params: group.params.slices(),
                 splats: &self.splats,
                 depth_keys: &self.depth_keys,
                 tile_counts: &self.tile_counts,
                 frame_status: status,
-                motion: group.params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
             };
             let kernel = generated::project(group.params.motion.is_some(), group.degree());
             let push = project_static_sh0::Push { group: index as u32, first: group.first };
