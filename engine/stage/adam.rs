@@ -28,14 +28,14 @@ pub enum AdamMode {
     Lazy,
 }
 
-/// One number per kind of parameter, such as its learning rate.
+/// The learning rates of a step, and the size of Gaussians that the one of positions is for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
-    /// Scene units, of a Gaussian of `position_size`.
+    /// Scene units, of a Gaussian of `reference_size`.
     pub position: f64,
-    /// Longest standard deviation of a Gaussian whose position has that rate, scene units; positions of others have theirs in
-    /// proportion, from a quarter to sixteen times. 0: all have the same. Not a rate.
-    pub position_size: f64,
+    /// Longest standard deviation of a Gaussian whose position has the rate `position`, scene units. Positions of others have theirs in
+    /// proportion, from a quarter to sixteen times. 0: all have the same.
+    pub reference_size: f64,
     /// Of the logits.
     pub opacity: f64,
     /// Of the quaternions.
@@ -53,11 +53,11 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// In the order of `AdamParams`, each times `factor`.
-    fn rows(&self, factor: f64) -> [[f32; 4]; 3] {
+    /// In the order that the fields of [`AdamParams`] name.
+    fn rows(&self) -> [[f64; 4]; 3] {
         let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh, .. } = *self;
-        [[position, opacity, rotation, scale], [t_scale, velocity, t_center, sh[0]], [sh[1], sh[2], sh[3], 0.0]]
-            .map(|row| row.map(|x| (x * factor) as f32))
+        let [sh0, sh1, sh2, sh3] = sh;
+        [[position, opacity, rotation, scale], [t_scale, velocity, t_center, sh0], [sh1, sh2, sh3, 0.0]]
     }
 }
 
@@ -88,13 +88,15 @@ pub(super) fn correction(beta: f64, step: u64) -> f64 {
 /// The numbers of step `step` (from 1) for `n` Gaussians.
 pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) -> AdamParams {
     let [beta1, beta2] = [BETA1, BETA2].map(|beta| f64::from(beta as f32).powi(settings.images as i32));
-    let [rates0, rates1, rates2] = rates.rows(1.0 / correction(beta1, step));
+    let factor = 1.0 / correction(beta1, step);
+    let rows = rates.rows().map(|row| row.map(|rate| (rate * factor) as f32));
+    let [position_opacity_rotation_scale, t_scale_velocity_t_center_sh0, sh1_sh2_sh3] = rows;
     // The gradients are sums over the images, so the regularisers are as well.
     let (n, images) = (f64::from(n.max(1)), f64::from(settings.images));
     AdamParams {
-        rates0,
-        rates1,
-        rates2,
+        position_opacity_rotation_scale,
+        t_scale_velocity_t_center_sh0,
+        sh1_sh2_sh3,
         beta1: beta1 as f32,
         beta2: beta2 as f32,
         inverse_c2: (1.0 / correction(beta2, step)) as f32,
@@ -103,7 +105,7 @@ pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) ->
         opacity_reg: (images * settings.opacity_reg / n) as f32,
         scale_reg: (images * settings.scale_reg / (3.0 * n)) as f32,
         step: step as f32,
-        inverse_size: if rates.position_size > 0.0 { (1.0 / rates.position_size) as f32 } else { 0.0 },
+        inverse_size: if rates.reference_size > 0.0 { (1.0 / rates.reference_size) as f32 } else { 0.0 },
     }
 }
 
@@ -116,20 +118,19 @@ pub fn lazy_sums(rates: impl Fn(u64) -> Rates, total: u64) -> Vec<[f32; 4]> {
     let (beta1, beta2) = (f64::from(BETA1 as f32), f64::from(BETA2 as f32));
     let r = beta1 / beta2.sqrt();
     // 300 steps on, what is left is 1e-13.
-    let mut sum = [0.0; 12];
+    let mut sums = [[0.0; 4]; 3];
     let mut rows = vec![[0.0; 4]; 3 * (total as usize + 1)];
     for s in (0..=total + 300).rev() {
         if s <= total {
-            let row: [f32; 12] = sum.map(|x| x as f32);
-            rows[3 * s as usize..3 * s as usize + 3].copy_from_slice(row.as_chunks().0);
+            rows[3 * s as usize..][..3].copy_from_slice(&sums.map(|row| row.map(|x| x as f32)));
         }
         if s == 0 {
             break;
         }
         let weight = correction(BETA2, s).sqrt() / correction(BETA1, s);
-        let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh, .. } = rates(s);
-        let of = [position, opacity, rotation, scale, t_scale, velocity, t_center, sh[0], sh[1], sh[2], sh[3], 0.0];
-        sum.iter_mut().zip(of).for_each(|(sum, rate)| *sum = r * (*sum + weight * rate));
+        let of_step = rates(s).rows();
+        let sums = sums.as_flattened_mut().iter_mut();
+        sums.zip(of_step.as_flattened()).for_each(|(sum, rate)| *sum = r * (*sum + weight * rate));
     }
     rows
 }

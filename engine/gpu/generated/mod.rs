@@ -46,12 +46,11 @@ pub use tiles::*;
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct AdamParams {
-    /// lr / c1 of position at a pace of 1, opacity, rotation, scale.
-    pub rates0: [f32; 4],
-    /// of t_scale, velocity, t_center, constant band.
-    pub rates1: [f32; 4],
-    /// of bands 1 to 3; 0 for a band that is not active yet.
-    pub rates2: [f32; 4],
+    /// lr / c1; that of position at a pace of 1.
+    pub position_opacity_rotation_scale: [f32; 4],
+    pub t_scale_velocity_t_center_sh0: [f32; 4],
+    /// 0 for a band that is not active yet.
+    pub sh1_sh2_sh3: [f32; 4],
     pub beta1: f32,
     pub beta2: f32,
     pub inverse_c2: f32,
