@@ -135,7 +135,7 @@ pub fn lazy_sums(rates: impl Fn(u64) -> Rates, total: u64) -> Vec<[f32; 4]> {
     rows
 }
 
-/// State of every Gaussian of a group, see [`Optimiser::state`].
+/// State of every Gaussian of a group, see `Optimiser::state`.
 pub type State = Buf<[f32; 4]>;
 
 /// Moments and state of every Gaussian, and the numbers of the step at hand.
@@ -221,46 +221,28 @@ impl Optimiser {
         rec.group(None);
     }
 
-    /// Appends the steps that the Gaussians in view missed up to step `until`, for [`AdamMode::Lazy`]; goes between culling
-    /// and projection.
+    /// Appends the steps that Gaussians missed up to step `until`, for [`AdamMode::Lazy`]: those that `cull` found in view, where it goes
+    /// between culling and projection, or without it all.
     pub fn record_catch_up(
         &self,
         rec: &mut Recording,
         scene: &SceneBuffers,
-        cull: &Cull,
+        cull: Option<&Cull>,
         status: &Buf<Status>,
         until: u64,
     ) {
-        if self.mode == AdamMode::Lazy {
-            self.record_steps(rec, scene, (&cull.ranges, &cull.active_id), status, until, |index, _| {
-                (0, indirect(&cull.args, ARGS_FIRST_GROUP + index))
-            });
+        if self.mode != AdamMode::Lazy {
+            return;
         }
-    }
-
-    /// Appends the steps that any Gaussian missed up to step `until`, for [`AdamMode::Lazy`].
-    pub fn record_catch_up_all(&self, rec: &mut Recording, scene: &SceneBuffers, status: &Buf<Status>, until: u64) {
-        if self.mode == AdamMode::Lazy {
-            // The ranges and the list are not read.
-            let (ranges, ids) = (self.n_bad.cast(), &self.n_bad);
-            self.record_steps(rec, scene, (&ranges, ids), status, until, |_, n| (1, Grid::Threads(n)));
-        }
-    }
-
-    fn record_steps(
-        &self,
-        rec: &mut Recording,
-        scene: &SceneBuffers,
-        (ranges, active_id): (&Buf<[u32; 2]>, &Buf<u32>),
-        status: &Buf<Status>,
-        until: u64,
-        of: impl Fn(usize, u32) -> (u32, Grid),
-    ) {
         let kernel = generated::adam_catch_up(self.moments.bits == 16);
+        // Without a list the kernel reads neither it nor the ranges.
+        let no_ranges = self.n_bad.cast();
+        let (ranges, active_id) = cull.map_or((&no_ranges, &self.n_bad), |cull| (&cull.ranges, &cull.active_id));
         rec.section("adam");
         for (index, group) in scene.trained() {
             rec.group(Some(index));
-            let (all, grid) = of(index, group.n);
+            let of_view = |cull: &Cull| indirect(&cull.args, ARGS_FIRST_GROUP + index);
+            let grid = cull.map_or(Grid::Threads(group.n), of_view);
             let params = &group.params;
             let args = adam_catch_up::Args {
                 frame_status: status,
@@ -276,7 +258,7 @@ impl Optimiser {
                 group: index as u32,
                 first: group.first,
                 n: group.n,
-                all,
+                all: u32::from(cull.is_none()),
                 is_dynamic: u32::from(params.motion.is_some()),
                 degree: group.degree() as u32,
                 until: until as u32,

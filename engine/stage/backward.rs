@@ -66,6 +66,8 @@ pub struct Drawn<'a> {
     pub lists: &'a Lists,
     /// The images.
     pub blend: &'a Blend,
+    /// What the blend kept of each pixel for the way back.
+    pub tail: &'a Buf<[u32; 2]>,
     /// The strip.
     pub size: Size,
 }
@@ -169,25 +171,25 @@ impl Backward {
                     for buffer in self.gradients[index].buffers() {
                         rec.fill(buffer.slice(), 0);
                     }
-                    self.record_gradients(rec, (index, group), drawn, &self.n_bad);
+                    self.record_gradients(rec, index, group, drawn, &self.n_bad);
                 }
                 Target::Step(_) | Target::Sums(..) if scene.holds(group) => {}
-                Target::Step(optimiser) => self.record_adam(rec, (index, group), drawn, optimiser),
+                Target::Step(optimiser) => self.record_adam(rec, index, group, drawn, optimiser),
                 // Of those that are not in view nothing is read.
-                Target::Sums(_, optimiser) => self.record_gradients(rec, (index, group), drawn, &optimiser.n_bad),
+                Target::Sums(_, optimiser) => self.record_gradients(rec, index, group, drawn, &optimiser.n_bad),
             }
         }
         rec.group(None);
         if let Target::Sums(batch, _) = target {
-            batch.record_add(rec, scene, (drawn.cull, drawn.eye.status), &self.gradients);
+            batch.record_add(rec, scene, drawn.cull, drawn.eye.status, &self.gradients);
         }
-        if let (true, Some(tail)) = (self.wants_camera, &drawn.blend.tail) {
-            self.record_camera(rec, scene.n_flat, drawn, tail, target);
+        if self.wants_camera {
+            self.record_camera(rec, scene.n_flat, drawn, target);
         }
     }
 
     /// The projection's adjoint for one group, which writes gradients.
-    fn record_gradients(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn, n_bad: &Buf<u32>) {
+    fn record_gradients(&self, rec: &mut Recording, index: usize, group: &Group, drawn: Drawn, n_bad: &Buf<u32>) {
         let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
         let args = project_bwd_static_sh0::Args {
             view,
@@ -214,7 +216,7 @@ impl Backward {
     }
 
     /// The projection's adjoint for one group, which moves the parameters at once.
-    fn record_adam(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn, optimiser: &Optimiser) {
+    fn record_adam(&self, rec: &mut Recording, index: usize, group: &Group, drawn: Drawn, optimiser: &Optimiser) {
         let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
         let args = project_bwd_adam_static_sh0::Args {
             view,
@@ -249,9 +251,9 @@ impl Backward {
     }
 
     /// The sum of what all Gaussians, of which the flat index has `n_flat`, and the background say of the camera.
-    fn record_camera(&self, rec: &mut Recording, n_flat: u32, drawn: Drawn, tail: &Buf<[u32; 2]>, target: &Target) {
+    fn record_camera(&self, rec: &mut Recording, n_flat: u32, drawn: Drawn, target: &Target) {
         rec.section("camera bwd");
-        let Drawn { cull, size: Size { n_pixels, .. }, .. } = drawn;
+        let Drawn { cull, tail, size: Size { n_pixels, .. }, .. } = drawn;
         let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
         rec.pass(
             camera_sum::Args { count: &cull.n_active, bits: &cull.bits, offsets: &cull.offsets, d_camera, partials },
@@ -291,7 +293,7 @@ impl Backward {
     }
 
     fn record_chunks(&self, rec: &mut Recording, drawn: Drawn, chunks: &Chunks, d_slots: &Buf<[f32; 2]>) {
-        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, size, .. } = drawn;
+        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
         for block in 0..self.dispatches(blend) {
             let args = blend_bwd_p4::Args {
                 view,
@@ -300,7 +302,7 @@ impl Backward {
                 splat_ids: &lists.splat_ids,
                 slots: lists.slots.as_ref().unwrap_or(&lists.splat_ids),
                 splats: &projected.splats,
-                tail: tail_of(blend),
+                tail,
                 d_image0: &self.d_image0,
                 tile_last: &tiles.tile_last,
                 d_slots,
@@ -319,7 +321,7 @@ impl Backward {
     }
 
     fn record_rounds(&self, rec: &mut Recording, drawn: Drawn, d_slots: &Buf<[f32; 2]>) {
-        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, size, .. } = drawn;
+        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
         let Size { n_tiles, rounds, .. } = size;
         let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
         let subgroups_per_group = kernel.local / blend.subgroup_size();
@@ -335,7 +337,7 @@ impl Backward {
                     splat_ids: &lists.splat_ids,
                     slots: lists.slots.as_ref().unwrap_or(&lists.splat_ids),
                     splats: &projected.splats,
-                    tail: tail_of(blend),
+                    tail,
                     d_image0: &self.d_image0,
                     carry: &self.carry,
                     d_slots,
@@ -360,10 +362,4 @@ impl Backward {
 /// The size from which on terms of fixed point are large, see `fixed.glsl`: a sum has at most one from each block of pixels.
 fn large(blend: &Blend, size: Size) -> f32 {
     constants::fixed::FIXED_SMALL / (size.n_tiles.max(1) * blend.blocks_per_tile()) as f32
-}
-
-/// What the forward pass kept of each pixel.
-fn tail_of(blend: &Blend) -> &Buf<[u32; 2]> {
-    let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
-    tail
 }

@@ -79,7 +79,8 @@ impl Batch {
         &self,
         rec: &mut Recording,
         scene: &SceneBuffers,
-        (cull, status): (&Cull, &Buf<Status>),
+        cull: &Cull,
+        status: &Buf<Status>,
         gradients: &[Planes],
     ) {
         rec.section("batch");
@@ -155,9 +156,10 @@ impl Batch {
         rec.section("exchange");
         let mut rows = Vec::new();
         for ((index, planes, _), ids) in self.parts(scene).zip(&ids) {
+            rec.group(Some(index));
             for ids in ids.chunks(rows_of_part(planes)) {
                 let part = gpu.alloc::<i64>("rows of sums", ids.len() * elements(planes))?;
-                self.record_rows(gpu, &mut rec, (scene, index, planes), ids, (&part, true))?;
+                record_rows(gpu, &mut rec, &scene.groups[index], planes, ids, &part, Direction::Out)?;
                 rows.push(part);
             }
         }
@@ -179,11 +181,12 @@ impl Batch {
         rec.section("exchange");
         let mut from = 0;
         for ((index, planes, _), ids) in self.parts(scene).zip(&rows.ids) {
+            rec.group(Some(index));
             for ids in ids.chunks(rows_of_part(planes)) {
                 let n = ids.len() * elements(planes);
                 let part = gpu.upload("rows of sums", &rows.sums[from..from + n])?;
                 from += n;
-                self.record_rows(gpu, &mut rec, (scene, index, planes), ids, (&part, false))?;
+                record_rows(gpu, &mut rec, &scene.groups[index], planes, ids, &part, Direction::Back)?;
             }
         }
         gpu.run(&rec)
@@ -199,34 +202,42 @@ impl Batch {
         };
         self.sums.iter().map(of_group).collect()
     }
+}
 
-    /// Appends the copy of sums to rows, or back.
-    fn record_rows(
-        &self,
-        gpu: &Gpu,
-        rec: &mut Recording,
-        (scene, index, sums): (&SceneBuffers, usize, &Planes),
-        ids: &[u32],
-        (rows, is_out): (&Buf<i64>, bool),
-    ) -> Result<()> {
-        let group = &scene.groups[index];
-        let (n, is_dynamic) = (ids.len() as u32, u32::from(group.params.motion.is_some()));
-        let degree = group.degree() as u32;
-        let ids = &gpu.upload("rows", ids)?;
-        let rows = &rows.cast();
-        let planes = sums.slices();
-        rec.group(Some(index));
-        if is_out {
+/// Which way sums are copied.
+#[derive(Clone, Copy)]
+enum Direction {
+    /// To rows.
+    Out,
+    /// From rows.
+    Back,
+}
+
+/// Appends the copy of the `sums` of Gaussians `ids` of `group` to `rows`, or back.
+fn record_rows(
+    gpu: &Gpu,
+    rec: &mut Recording,
+    group: &Group,
+    sums: &Planes,
+    ids: &[u32],
+    rows: &Buf<i64>,
+    direction: Direction,
+) -> Result<()> {
+    let (n, is_dynamic) = (ids.len() as u32, u32::from(group.params.motion.is_some()));
+    let degree = group.degree() as u32;
+    let (ids, rows, planes) = (&gpu.upload("rows", ids)?, &rows.cast(), sums.slices());
+    match direction {
+        Direction::Out => {
             let args = batch_pack::Args { ids, rows, sums: planes };
             rec.pass(args, batch_pack::Push { n, is_dynamic, degree }, Grid::Threads(n));
-        } else {
+        }
+        Direction::Back => {
             let args = batch_unpack::Args { ids, rows, sums: planes };
             rec.pass(args, batch_unpack::Push { n, is_dynamic, degree }, Grid::Threads(n));
         }
-        rec.scale(f64::from(n) * (elements(sums) / 4) as f64);
-        rec.group(None);
-        Ok(())
     }
+    rec.scale(f64::from(n) * (elements(sums) / 4) as f64);
+    Ok(())
 }
 
 /// Words of a bit for each of `n` Gaussians, so many that the next group's are bound where a binding can begin.

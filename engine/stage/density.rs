@@ -88,7 +88,7 @@ pub struct Counts {
     pub relocated: u32,
 }
 
-/// A scene after a round, with its moments and state by group, as in [`super::Optimiser`].
+/// A scene after a round, with its moments and state by group, as in `Optimiser`.
 pub struct Grown {
     /// The Gaussians.
     pub scene: SceneBuffers,
@@ -125,7 +125,7 @@ struct Scratch {
 }
 
 impl DensityRound {
-    /// One round on `scene`, with the moments and the state of [`super::Optimiser`], before `lenses`, relative to the scene's
+    /// One round on `scene`, with the moments and the state of `Optimiser`, before `lenses`, relative to the scene's
     /// origin. The Gaussians come out by population, time and place (Morton's order); whatever is not as it was has moments
     /// zero, and so has every opacity after a reset; all statistics begin anew.
     ///
@@ -180,7 +180,7 @@ impl DensityRound {
         let sources = scratch.sorted_sources(gpu, n)?;
         let counts_by_bucket = std::array::from_fn(|bucket| counters[N_BUCKET + bucket] as usize);
         let scene = SceneBuffers::reshaped(gpu, scene, &counts_by_bucket)?;
-        let (moments, state) = self.carry(gpu, old, &scene, (&sources, &scratch.copies), constants)?;
+        let (moments, state) = self.carry(gpu, old, &scene, &sources, &scratch.copies, constants)?;
         Ok(Grown { scene, moments, state, counts })
     }
 
@@ -271,7 +271,7 @@ impl DensityRound {
     fn record_pulled(&self, gpu: &Gpu, rec: &mut Recording, scratch: &Scratch) -> Result<()> {
         let Scratch { flags, scores, identity, entries, codes, counters, sources, source_codes, .. } = scratch;
         let n = flags.len();
-        let (keys, order) = record_sort(gpu, rec, &scratch.n_flat, n, (scores, identity))?;
+        let (keys, order) = record_sort(gpu, rec, &scratch.n_flat, n, scores, identity)?;
         let args = density_choose::Args { keys: &keys, order: &order, counters, flags, entries };
         let push = density_choose::Push { n: n as u32, max_gaussians: self.max_gaussians, growth: self.growth };
         rec.pass(args, push, Grid::Threads(n as u32));
@@ -304,7 +304,8 @@ impl DensityRound {
         gpu: &Gpu,
         old: Before,
         scene: &SceneBuffers,
-        (sources, copies): (&Buf<u32>, &Buf<u32>),
+        sources: &Buf<u32>,
+        copies: &Buf<u32>,
         constants: &Constants,
     ) -> Result<(Moments, Vec<Buf<[f32; 4]>>)> {
         let moments = old.moments.undefined(gpu, scene)?;
@@ -441,7 +442,7 @@ impl Scratch {
         let count = gpu.upload("density listed", &[n as u32])?;
         let mut rec = Recording::new();
         rec.section("density");
-        let (_, sources) = record_sort(gpu, &mut rec, &count, n, (&self.source_codes, &self.sources))?;
+        let (_, sources) = record_sort(gpu, &mut rec, &count, n, &self.source_codes, &self.sources)?;
         gpu.run(&rec)?;
         Ok(sources)
     }
@@ -453,7 +454,8 @@ fn record_sort(
     rec: &mut Recording,
     count: &Buf<u32>,
     n: usize,
-    (keys, values): (&Buf<u32>, &Buf<u32>),
+    keys: &Buf<u32>,
+    values: &Buf<u32>,
 ) -> Result<(Buf<u32>, Buf<u32>)> {
     let sort = Sort::new(gpu, n, u32::BITS)?;
     let blocks = &Grid::Groups(n.div_ceil(SORT_BLOCK) as u32);

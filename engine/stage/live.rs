@@ -63,7 +63,8 @@ impl Live {
         &self,
         rec: &mut Recording,
         view: &Buf<ViewParams>,
-        (bits, counts): (&Buf<u32>, &Buf<u32>),
+        bits: &Buf<u32>,
+        counts: &Buf<u32>,
         first: u32,
     ) {
         let Live { life: Some(life), blocks: live, args, n_blocks: n } = self else { return };

@@ -199,7 +199,7 @@ impl Network {
         let to = self.channels.len();
         let mut first = 0;
         for (name, shape) in convs {
-            let conv = file.conv(name, *shape, self.channels[from], (from, to), first)?;
+            let conv = file.conv(name, *shape, self.channels[from], from, to, first)?;
             first += conv.outputs;
             self.layers.push(Layer::Conv(conv));
         }
@@ -346,7 +346,8 @@ impl File<'_> {
         name: &str,
         [kernel, stride, pad]: [u32; 3],
         inputs: u32,
-        (from, to): (usize, usize),
+        from: usize,
+        to: usize,
         first: u32,
     ) -> Result<Conv> {
         let (k, s, c) = (kernel as usize, stride as usize, inputs as usize);

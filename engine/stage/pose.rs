@@ -64,7 +64,8 @@ impl Poses {
     pub fn record_step(
         &self,
         rec: &mut Recording,
-        (d_camera, view): (&Buf<[f32; 4]>, &Buf<ViewParams>),
+        d_camera: &Buf<[f32; 4]>,
+        view: &Buf<ViewParams>,
         status: &Buf<Status>,
         at: &PoseStep,
     ) {

@@ -34,7 +34,8 @@ impl Scan {
         rec: &mut Recording,
         count: &Buf<u32>,
         [index, table]: [&Buf<u32>; 2],
-        (sums, total): (&Buf<u32>, &Buf<u32>),
+        sums: &Buf<u32>,
+        total: &Buf<u32>,
         grids: PairGrids,
     ) {
         let (partials, blocks) = (&self.partials, grids.blocks);

@@ -70,12 +70,12 @@ impl Sort {
     }
 
     /// Numbers that must be zero before a sort of up to `capacity` pairs by up to `n_bits` bits.
-    pub fn n_counters(capacity: usize, n_bits: u32) -> usize {
+    pub(crate) fn n_counters(capacity: usize, n_bits: u32) -> usize {
         n_rounds(n_bits) as usize * Self::round_counters(capacity)
     }
 
     /// As [`Sort::new`], with those numbers in `range_counts`.
-    pub fn counting_in(gpu: &Gpu, capacity: usize, range_counts: Buf<u32>) -> Result<Self> {
+    pub(crate) fn counting_in(gpu: &Gpu, capacity: usize, range_counts: Buf<u32>) -> Result<Self> {
         Ok(Sort {
             block_counts: gpu.alloc("sort counts", DIGITS * capacity.div_ceil(SORT_BLOCK))?,
             range_counts,

@@ -28,7 +28,8 @@ pub fn record_totals(rec: &mut Recording, terms: &[Buf<[f32; 4]>], totals: &Buf<
 pub fn record_report(
     rec: &mut Recording,
     terms: &[Buf<[f32; 4]>],
-    (status, n_bad): (&Buf<Status>, &Buf<u32>),
+    status: &Buf<Status>,
+    n_bad: &Buf<u32>,
     to: &Report,
 ) {
     let none = n_bad.cast();

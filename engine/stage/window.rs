@@ -136,7 +136,7 @@ impl Windows {
     ///
     /// # Errors
     /// As [`Windows::of`]; [`Error::Data`] where no scene is right for all times.
-    pub fn load_whole(&mut self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
+    pub(crate) fn load_whole(&mut self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
         let (what, remedy) = ("what is asked of a scene as a whole", "give one of the segments that it was joined of");
         if let Some(clip) = &mut self.clip {
             let reason = format!("is a clip in parts, which {what} cannot take");

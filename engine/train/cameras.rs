@@ -349,7 +349,7 @@ impl Cameras {
                 shift_rate: lr.pose_shift.at(done) * pace * self.extent,
                 most_shift: MOST_SHIFT * self.extent,
             };
-            poses.record_step(rec, (&backward.d_camera, &work.view), &work.status, &at);
+            poses.record_step(rec, &backward.d_camera, &work.view, &work.status, &at);
         }
         let Some(clocks) = &self.clocks else { return };
         let at = TimeOffsetStep {

@@ -46,9 +46,11 @@ fn rotation(turn: DVec3) -> DMat3 {
 /// A step of `camera`, whose loss has the gradient `d_turn`, `d_shift` along the camera's own axes and whose rotation is `seen`.
 /// `centers` are those of the cameras whose poses are learnt, none of the others.
 pub fn pose_step(
-    (poses, all): (&mut [PoseState], &mut PoseMoments),
+    poses: &mut [PoseState],
+    all: &mut PoseMoments,
     centers: &[Option<DVec3>],
-    (camera, seen): (usize, &DMat3),
+    camera: usize,
+    seen: &DMat3,
     [d_turn, d_shift]: [DVec3; 2],
     rule: &PoseRule,
 ) {
