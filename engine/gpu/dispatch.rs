@@ -36,7 +36,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Gpu::run`].
-    pub fn run_dumping(&self, mut recording: Recording, kernel: &str) -> Result<Option<Dispatch>> {
+    pub(crate) fn run_dumping(&self, mut recording: Recording, kernel: &str) -> Result<Option<Dispatch>> {
         let Some(at) = recording.passes().iter().position(|pass| pass.kernel() == Some(kernel)) else {
             self.run(&recording)?;
             return Ok(None);

@@ -15,10 +15,11 @@ pub mod table;
 mod window;
 
 pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
-pub use kernel::{Buf, Kernel, KernelInfo, PlaneSlices, Slice};
+pub(crate) use kernel::PlaneSlices;
+pub use kernel::{Buf, Kernel, KernelInfo, Slice};
 pub use record::{Grid, Pass, Recording, Work};
 pub use run::{COUNTS, Gpu, Options, PassTime, Rewrite, Running, StandIn};
-pub use staging::Staging;
+pub(crate) use staging::Staging;
 use std::collections::BTreeMap;
 #[cfg(feature = "play")]
 pub use window::Window;

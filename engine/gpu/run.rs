@@ -246,7 +246,7 @@ impl Gpu {
     }
 
     /// Bytes that a recording may copy from: `items`, visible to the device at once.
-    pub fn staged<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
+    pub(crate) fn staged<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
         let bytes: &[u8] = bytemuck::cast_slice(items);
         let mut buffer = Buffer::new(&self.device, name, bytes.len() as u64, Location::Upload)?;
         let mapped = buffer.bytes_mut().ok_or_else(|| unmapped(name))?;
@@ -273,7 +273,7 @@ impl Gpu {
     }
 
     /// As [`Gpu::start`], with the time of each pass taken.
-    pub fn start_timed(&self, recording: &Recording) -> Result<Running> {
+    pub(crate) fn start_timed(&self, recording: &Recording) -> Result<Running> {
         self.start_as(recording, true)
     }
 
@@ -290,7 +290,7 @@ impl Gpu {
     }
 
     /// Runs `recording`, waits, and returns the time of each pass; none where the device has no timestamps.
-    pub fn run_timed(&self, recording: &Recording) -> Result<Vec<PassTime>> {
+    pub(crate) fn run_timed(&self, recording: &Recording) -> Result<Vec<PassTime>> {
         self.start_timed(recording)?.wait()
     }
 

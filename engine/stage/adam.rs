@@ -14,7 +14,7 @@ pub const BETA1: f64 = 0.9;
 /// Exponential decay of the second moment (SPEC 6).
 pub const BETA2: f64 = 0.999;
 /// Keeps a step finite where no gradient has been (SPEC 6).
-pub const EPS: f32 = 1e-15;
+pub(super) const EPS: f32 = 1e-15;
 
 /// Which Gaussians take a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]

@@ -252,7 +252,7 @@ impl Grids {
         }
     }
 
-    /// Appends the adjoint of [`Grids::record_slice`]: from the cotangent of the graded colour that of the colour, and
+    /// Appends the adjoint of `record_slice`: from the cotangent of the graded colour that of the colour, and
     /// [`Grids::d_grid`], to which the total variation of the camera's grid adds its share; its value is left in
     /// [`Grids::tv_sums`]. Needs [`Grids::fit`].
     pub fn record_backward(&self, rec: &mut Recording, camera: usize, back: &GradedBack) {

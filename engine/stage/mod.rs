@@ -45,8 +45,7 @@ mod zeros;
 
 pub use accumulation::{Accumulation, Sums};
 pub use adam::{AdamMode, Rates, State, StepSettings, adam_params, lazy_sums};
-pub(crate) use adam::{BETA1, BETA2, EPS, LAZY_BYTES, Optimiser};
-pub(crate) use backward::Backward;
+pub(crate) use adam::{BETA1, BETA2, LAZY_BYTES, Optimiser};
 pub use backward::{Drawn, Target};
 pub(crate) use batch::MOST_IMAGES;
 pub use batch::{Batch, Rows};
@@ -54,7 +53,6 @@ pub(crate) use bilateral::{GRID_BYTES, GradedBack};
 pub use bilateral::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 pub use blend::Blend;
 pub use clear::Clearings;
-pub(crate) use compact::Compact;
 pub use compact::{Goal, Subject, compact};
 pub(crate) use counters::add_passes;
 pub use counters::{Counters, PassReport};

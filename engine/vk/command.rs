@@ -240,7 +240,7 @@ impl Commands {
     }
 
     /// Runs `pipeline` over the workgroups that `args` (three words) holds when the device gets there.
-    pub fn dispatch_indirect(
+    pub(crate) fn dispatch_indirect(
         &mut self,
         pipeline: &Arc<Pipeline>,
         bindings: &[Binding],
