@@ -103,7 +103,7 @@ struct Kernel {
     reflected: Reflected,
 }
 
-/// What the plain module says of a kernel, as Rust.
+/// The plain module's interface, as Rust.
 struct Reflected {
     purpose: String,
     /// Its push constants.
@@ -184,7 +184,7 @@ impl Comments {
                 scope = if code.contains('}') { "" } else { name };
             } else if code.starts_with('}') {
                 scope = "";
-            } else if let Some((declared, _)) = code.rsplit_once(';').filter(|_| scope != "") {
+            } else if let Some((declared, _)) = code.rsplit_once(';').filter(|_| !scope.is_empty()) {
                 self.add(scope, declared, comment);
             } else if let Some((declared, _)) = code.strip_suffix("; };").zip(code.strip_prefix("layout(")) {
                 self.add("", declared, comment);
@@ -232,7 +232,7 @@ fn compile(root: &Path, spec: &Spec, level: shaderc::OptimizationLevel) -> Resul
     Ok(compiled.as_binary_u8().to_vec())
 }
 
-/// Whether the module declares one of the GroupNonUniform capabilities (61 to 68).
+/// True if the module declares one of the GroupNonUniform capabilities (61 to 68).
 fn uses_subgroups(spirv: &[u8]) -> bool {
     const OP_CAPABILITY: u32 = 17;
     let words: Vec<u32> = spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
@@ -296,6 +296,7 @@ fn rust_struct(
     for member in members {
         let field = member.name.as_deref().ok_or("a member without a name")?;
         let (kind, bytes) = rust_type(module, member.ty, comments, structs)?;
+        let kind = qualified(kind);
         if member.offset != end {
             return Err(format!("{name}.{field} is padded: reorder the members"));
         }
@@ -352,9 +353,8 @@ fn reflect(
     if !bindings.keys().copied().eq(0..bindings.len() as u32) {
         return Err("its bindings have gaps".to_owned());
     }
-    let mut own = BTreeMap::new();
     let (push_text, push_bytes) = match push {
-        Some(handle) => rust_struct(module, handle, comments, &mut own).map(|(_, text, bytes)| (text, bytes))?,
+        Some(handle) => rust_struct(module, handle, comments, structs).map(|(_, text, bytes)| (text, bytes))?,
         None => ("pub type Push = ();\n".to_owned(), 0),
     };
     let mut summary = format!("local {local}\nsubgroups {subgroups}\npush {push_bytes}\n");
@@ -363,11 +363,7 @@ fn reflect(
     for (at, (name, kind, access, element)) in &bindings {
         floats |= u32::from(element.contains("f32")) << at;
         writeln!(summary, "binding {name} {kind} {access}").ok();
-        let element = if element.starts_with(char::is_uppercase) {
-            format!("crate::gpu::generated::{element}")
-        } else {
-            element.clone()
-        };
+        let element = qualified(element.clone());
         if let Some((together, plane)) = plane_of(name, &names) {
             let field = format!("pub {together}: PlaneSlices,");
             if !fields.contains(&field) {
@@ -392,6 +388,11 @@ fn reflect(
         info: format!("local: {local}, subgroups: {subgroups}, floats: {floats:#x},\nbindings: &[\n{infos}],\n"),
         summary,
     })
+}
+
+/// A Rust type with the path of a struct that kernels share.
+fn qualified(kind: String) -> String {
+    if kind.starts_with(char::is_uppercase) { format!("crate::gpu::generated::{kind}") } else { kind }
 }
 
 /// The field that takes a kernel's buffer together with others, and its place there: where the kernel binds the planes of all bands.
@@ -520,7 +521,7 @@ fn constants_of(text: &str) -> String {
     found
 }
 
-/// What kernels share, and a list of all.
+/// The structs that kernels share, and a list of all kernels.
 fn index(structs: &BTreeMap<String, String>, modules: &BTreeMap<&str, String>) -> String {
     let structs: String = structs.values().map(|s| format!("{s}\n")).collect();
     let folders: String = modules.keys().map(|folder| format!("mod {folder};\n")).collect();

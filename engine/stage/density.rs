@@ -8,8 +8,8 @@ use super::sort::{Carried, SORT_BLOCK, Sort, Unsorted};
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::density as shared;
 use crate::gpu::generated::{
-    Status, density_children, density_choose, density_classify_dynamic, density_classify_static, density_gather,
-    density_list, density_relocate, density_sample, mcmc_noise,
+    self, PruneLimits, Status, density_children, density_choose, density_classify_static, density_gather, density_list,
+    density_relocate, density_sample, mcmc_noise,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::scene::Cone;
@@ -36,14 +36,12 @@ const N_COUNTERS: usize = N_BUCKET + BUCKETS;
 /// How Gaussians are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Choice {
-    /// 3DGS: those whose projected centre is pulled grow, the hardest pulled first; faint and huge ones go.
+    /// 3DGS: those whose projected centre is pulled grow, the hardest pulled first; those that rules prune go.
     Pulled {
         /// Mean norm of the gradient, in half pictures, above which a Gaussian grows.
         gradient: f32,
         /// Standard deviation, scene units, above which it splits and below which it is cloned.
         split_above: f32,
-        /// Standard deviation, scene units, above which a Gaussian goes.
-        prune_scale: f32,
     },
     /// 3DGS-MCMC (Kheradmand et al. 2024): the dead, and new ones, become copies of living ones drawn by opacity.
     Drawn,
@@ -60,11 +58,8 @@ pub struct DensityRound {
     pub center: [f32; 3],
     /// Its size, scene units.
     pub extent: f32,
-    /// Opacity, the largest over the training times, below which a Gaussian is removed or counts as dead.
-    pub prune_opacity: f32,
-    /// Floaters before the camera: standard deviation towards a lens that sees it, as a part of its depth before that, above which a
-    /// Gaussian is removed or counts as dead; infinite for none.
-    pub prune_veil: f32,
+    /// Limits beyond which a Gaussian is removed or counts as dead; infinite ones, and an opacity of 0, let all stay.
+    pub limits: PruneLimits,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,
     /// Gaussians never exceed this.
@@ -75,7 +70,7 @@ pub struct DensityRound {
     pub key: u32,
 }
 
-/// What a round did.
+/// The changes of a round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counts {
     /// Gaussians cloned; of drawn ones, those added.
@@ -96,7 +91,7 @@ pub struct Grown {
     pub moments: Moments,
     /// Their state.
     pub state: Vec<Buf<[f32; 4]>>,
-    /// What the round did.
+    /// The changes of the round.
     pub counts: Counts,
 }
 
@@ -208,61 +203,44 @@ impl DensityRound {
     ) {
         let n_flat = old.scene.n_flat;
         let [x, y, z] = self.center;
-        let (weight, largest, split_above, gradient) = match self.choice {
-            Choice::Pulled { gradient, split_above, prune_scale } => {
-                (0, prune_scale.ln().min(LARGEST), split_above.ln(), gradient)
-            }
-            Choice::Drawn => (WEIGHT.min(u32::MAX / n_flat.max(1) - 1), LARGEST, f32::MAX, f32::MAX),
+        let (weight, split_above, gradient) = match self.choice {
+            Choice::Pulled { gradient, split_above } => (0, split_above.ln(), gradient),
+            Choice::Drawn => (WEIGHT.min(u32::MAX / n_flat.max(1) - 1), f32::MAX, f32::MAX),
         };
+        let limits = PruneLimits { log_scale: self.limits.log_scale.min(LARGEST), ..self.limits };
         let Scratch { flags, scores, identity, entries, codes, counters, .. } = scratch;
         for (index, (group, state)) in old.scene.groups.iter().zip(old.state).enumerate() {
             rec.group(Some(index));
+            let (is_held, params) = (old.scene.holds(group), &group.params);
             let push = density_classify_static::Push {
                 center: [x, y, z, 1.0 / self.extent],
                 n: group.n,
                 first: group.first,
                 n_frames: self.n_frames,
                 weight,
-                prune_opacity: self.prune_opacity,
-                largest,
                 split_above,
-                gradient,
+                // What is held does not grow either.
+                gradient: if is_held { f32::MAX } else { gradient },
                 bucket: group.bucket() as u32,
                 n_lenses,
                 levels: self.levels(),
-                veil: self.prune_veil,
+                is_held: u32::from(is_held),
+                limits,
             };
-            let push = if old.scene.holds(group) { held(push) } else { push };
-            let (geometry, grid) = (&group.params.geometry, Grid::Threads(group.n));
-            if let Some(motion) = &group.params.motion {
-                let push = bytemuck::cast(push);
-                let args = density_classify_dynamic::Args {
-                    geometry,
-                    state,
-                    flags,
-                    scores,
-                    identity,
-                    entries,
-                    codes,
-                    counters,
-                    lenses,
-                    motion,
-                };
-                rec.pass(args, push, grid);
-            } else {
-                let args = density_classify_static::Args {
-                    geometry,
-                    state,
-                    flags,
-                    scores,
-                    identity,
-                    entries,
-                    codes,
-                    counters,
-                    lenses,
-                };
-                rec.pass(args, push, grid);
-            }
+            let args = density_classify_static::Args {
+                geometry: &params.geometry,
+                state,
+                flags,
+                scores,
+                identity,
+                entries,
+                codes,
+                counters,
+                lenses,
+                motion: params.motion.as_ref().unwrap_or(&params.geometry),
+            };
+            let kernel = generated::density_classify(params.motion.is_some());
+            rec.pass_variant(kernel, args, push, Grid::Threads(group.n));
         }
         rec.group(None);
     }
@@ -362,13 +340,6 @@ impl DensityRound {
         gpu.run(&rec)?;
         Ok((moments, state))
     }
-}
-
-/// Limits that no Gaussian reaches.
-fn held(push: density_classify_static::Push) -> density_classify_static::Push {
-    // Times any depth above 0 it stays beyond every size.
-    let veil = f32::INFINITY;
-    density_classify_static::Push { prune_opacity: 0.0, largest: f32::MAX, veil, gradient: f32::MAX, ..push }
 }
 
 fn nothing_left() -> Error {

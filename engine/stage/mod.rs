@@ -43,6 +43,7 @@ mod window;
 mod workspace;
 mod zeros;
 
+pub use crate::gpu::generated::PruneLimits;
 pub use accumulation::{Accumulation, Sums};
 pub use adam::{AdamMode, Rates, State, StepSettings, adam_params, lazy_sums};
 pub(crate) use adam::{BETA1, BETA2, LAZY_BYTES, Optimiser};

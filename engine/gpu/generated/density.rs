@@ -13,73 +13,17 @@ pub mod density_classify_static {
         pub n_frames: u32,
         /// of opacity 1; 0 asks for pulls.
         pub weight: u32,
-        pub prune_opacity: f32,
-        /// log of the standard deviation above which a Gaussian is not kept.
-        pub largest: f32,
-        /// log of that above which it splits.
+        /// log of the standard deviation above which a Gaussian splits.
         pub split_above: f32,
         pub gradient: f32,
         pub bucket: u32,
         pub n_lenses: u32,
         pub levels: u32,
-        /// standard deviation towards a lens, in units of its depth before it, above which it is not kept.
-        pub veil: f32,
+        /// 1: no rule prunes.
+        pub is_held: u32,
+        pub limits: crate::gpu::generated::PruneLimits,
     }
-    const _: () = assert!(size_of::<Push>() == 64);
-    pub struct Args<'a> {
-        pub geometry: &'a Buf<[f32; 4]>,
-        pub state: &'a Buf<[f32; 4]>,
-        pub flags: &'a Buf<u32>,
-        pub scores: &'a Buf<u32>,
-        pub identity: &'a Buf<u32>,
-        pub entries: &'a Buf<u32>,
-        pub codes: &'a Buf<u32>,
-        pub counters: &'a Buf<u32>,
-        /// two each: place and reach, axis.
-        pub lenses: &'a Buf<[f32; 4]>,
-    }
-    impl Kernel for Args<'_> {
-        type Push = Push;
-        const INFO: &'static KernelInfo = INFO;
-        fn slices(&self) -> Vec<Slice> {
-            vec![
-                self.geometry.slice(),
-                self.state.slice(),
-                self.flags.slice(),
-                self.scores.slice(),
-                self.identity.slice(),
-                self.entries.slice(),
-                self.codes.slice(),
-                self.counters.slice(),
-                self.lenses.slice(),
-            ]
-        }
-    }
-    pub const INFO: &KernelInfo = &KernelInfo {
-        name: "density_classify_static",
-        push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/density_classify_static.spv"),
-        local: 128,
-        subgroups: true,
-        floats: 0x103,
-        bindings: &[
-            BindingInfo { name: "geometry", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "state", kind: BindingKind::Storage, access: Access::Read },
-            BindingInfo { name: "flags", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "scores", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "identity", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "entries", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "codes", kind: BindingKind::Storage, access: Access::Write },
-            BindingInfo { name: "counters", kind: BindingKind::Storage, access: Access::ReadWrite },
-            BindingInfo { name: "lenses", kind: BindingKind::Storage, access: Access::Read },
-        ],
-    };
-}
-
-/// Decides for each Gaussian of a group whether it is kept, how hard it is pulled and where it is stored.
-pub mod density_classify_dynamic {
-    pub use super::density_classify_static::Push;
-    use crate::gpu::kernel::*;
+    const _: () = assert!(size_of::<Push>() == 68);
     pub struct Args<'a> {
         pub geometry: &'a Buf<[f32; 4]>,
         pub state: &'a Buf<[f32; 4]>,
@@ -112,9 +56,9 @@ pub mod density_classify_dynamic {
         }
     }
     pub const INFO: &KernelInfo = &KernelInfo {
-        name: "density_classify_dynamic",
+        name: "density_classify_static",
         push_bytes: size_of::<Push>() as u32,
-        spirv: include_bytes!("../../../shaders-glsl/spv/density_classify_dynamic.spv"),
+        spirv: include_bytes!("../../../shaders-glsl/spv/density_classify_static.spv"),
         local: 128,
         subgroups: true,
         floats: 0x303,
@@ -132,6 +76,7 @@ pub mod density_classify_dynamic {
         ],
     };
 }
+crate::gpu::kernel::variant!(density_classify_dynamic of density_classify_static);
 
 /// Lets the Gaussians that are pulled hardest grow, as many as the budget allows.
 pub mod density_choose {

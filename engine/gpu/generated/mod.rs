@@ -68,6 +68,19 @@ pub struct AdamParams {
 }
 const _: () = assert!(size_of::<AdamParams>() == 84);
 
+/// The limits of the rules of pruning, which are functions below.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct PruneLimits {
+    /// the largest over the training times, below which a Gaussian goes.
+    pub opacity: f32,
+    /// log of the largest standard deviation, above which it goes.
+    pub log_scale: f32,
+    /// standard deviation towards a lens, in units of its depth before it, above which it goes.
+    pub veil: f32,
+}
+const _: () = assert!(size_of::<PruneLimits>() == 12);
+
 /// What a frame reports. `failed` holds FAILED_* bits; the numbers are what was needed, also where it did not fit.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
