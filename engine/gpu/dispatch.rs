@@ -14,11 +14,11 @@ pub struct Dispatch {
     pub push: Vec<u8>,
     /// Its workgroups.
     pub groups: [u32; 3],
-    /// What is bound to it, in order.
+    /// Its bindings, in order.
     pub bindings: Vec<Bound>,
 }
 
-/// What is bound to one place of a dispatch.
+/// A binding of a dispatch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bound {
     /// The place's name.

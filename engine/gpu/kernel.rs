@@ -1,4 +1,4 @@
-//! What generated bindings are made of: typed buffers, and kernels as values.
+//! The parts of generated bindings: typed buffers, and kernels as values.
 
 pub use crate::vk::BindingKind;
 use crate::vk::{Binding, Buffer};
@@ -18,7 +18,7 @@ pub enum Access {
 }
 
 impl Access {
-    /// Whether the kernel may store.
+    /// True if the kernel may store.
     pub fn writes(self) -> bool {
         self != Access::Read
     }
@@ -42,7 +42,7 @@ pub struct KernelInfo {
     pub name: &'static str,
     /// Threads per workgroup.
     pub local: u32,
-    /// Whether it uses subgroup operations.
+    /// True if it uses subgroup operations.
     pub subgroups: bool,
     /// Bytes of push constants.
     pub push_bytes: u32,
@@ -104,21 +104,21 @@ impl Slice {
         self.offset
     }
 
-    /// Whether the two share a byte.
+    /// True if the two share a byte.
     pub(super) fn overlaps(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer)
             && self.offset < other.offset + other.size
             && other.offset < self.offset + self.size
     }
 
-    /// Whether it is a part of `other`, or all of it.
+    /// True if it is a part of `other`, or all of it.
     pub(super) fn is_within(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer)
             && self.offset >= other.offset
             && self.offset + self.size <= other.offset + other.size
     }
 
-    /// Whether the two are the same range of the same buffer.
+    /// True if the two are the same range of the same buffer.
     pub(super) fn is(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer) && (self.offset, self.size) == (other.offset, other.size)
     }

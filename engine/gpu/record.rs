@@ -18,7 +18,7 @@ pub enum Grid {
     Indirect(Slice),
 }
 
-/// What a pass does.
+/// The work of a pass.
 pub enum Work {
     /// Runs a kernel.
     Dispatch {
@@ -41,7 +41,7 @@ pub enum Work {
 pub struct Pass {
     /// Section and kernel, the label that tools show.
     pub label: String,
-    /// What the pass's time grows with.
+    /// The count that the pass's time grows with.
     pub count: Count,
     /// Its units per counted one: below 1 where several passes share the work, and the number of units where nothing
     /// counts them ([`Count::Recorded`]).

@@ -30,7 +30,7 @@ pub struct Options {
     pub stands_in: Option<StandIn>,
 }
 
-/// What recordings are made for in place of the device that holds their buffers: a graphics card with bindings of 4 GiB.
+/// The device that recordings are made for in place of the one that holds their buffers: a graphics card with bindings of 4 GiB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StandIn {
     /// Lanes of its subgroups.
@@ -131,7 +131,7 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// What rewritten kernels counted since the last call, by kernel; nothing where they do not count. A kernel has the word of its
+    /// The counts of rewritten kernels since the last call, by kernel; nothing where they do not count. A kernel has the word of its
     /// place among [`ALL`], others the last.
     pub fn counted(&self) -> Result<Vec<(&'static str, u32)>> {
         let Some(counts) = &self.counts else { return Ok(Vec::new()) };

@@ -61,7 +61,7 @@ impl Rates {
     }
 }
 
-/// What a step does beside its rates.
+/// The parts of a step beside its rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
     /// Images that a step sees: the moments decay as in so many steps on one each.
@@ -145,7 +145,7 @@ pub struct Optimiser {
     /// Per Gaussian, by group: sum of the norms of the projected centre's gradient, in half pictures; frames it was seen
     /// in; what rounding has lost of t_center; step of the last update.
     pub state: Vec<Buf<[f32; 4]>>,
-    /// What the host says of the step at hand: its view, and from word [`Optimiser::PARAMS_AT`] on the parameters.
+    /// The host's inputs of the step at hand: its view, and from word [`Optimiser::PARAMS_AT`] on the parameters.
     pub inputs: Buf<u32>,
     /// The view of the step at hand, in `inputs`.
     pub view: Buf<ViewParams>,

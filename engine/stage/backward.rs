@@ -56,9 +56,9 @@ pub struct Backward {
 /// The forward pass that gradients are of, as it was recorded.
 #[derive(Clone, Copy)]
 pub struct Drawn<'a> {
-    /// What may be seen.
+    /// The Gaussians in view.
     pub cull: &'a Cull,
-    /// What it was seen from.
+    /// The view.
     pub eye: Eye<'a>,
     /// The stage that made the lists.
     pub tiles: &'a Tiles,
@@ -66,13 +66,13 @@ pub struct Drawn<'a> {
     pub lists: &'a Lists,
     /// The images.
     pub blend: &'a Blend,
-    /// What the blend kept of each pixel for the way back.
+    /// The numbers of each pixel that the blend kept for the way back.
     pub tail: &'a Buf<[u32; 2]>,
     /// The strip.
     pub size: Size,
 }
 
-/// What the backward pass ends in.
+/// The end of the backward pass.
 pub enum Target<'a> {
     /// Gradients of the parameters and the camera, in the backward pass's own buffers.
     Gradients,
@@ -131,7 +131,7 @@ impl Backward {
         })
     }
 
-    /// What is asked for of the camera: where poses are learnt, a correction moves the camera of the next frame too.
+    /// The gradients of the camera that are asked for: where poses are learnt, a correction moves the camera of the next frame too.
     fn camera(&self) -> u32 {
         match (self.wants_camera, self.is_of_a_loss) {
             (false, _) => 0,
@@ -245,7 +245,7 @@ impl Backward {
         rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
     }
 
-    /// Whether each active Gaussian has one sum rather than a slot per pair.
+    /// True if each active Gaussian has one sum rather than a slot per pair.
     fn is_summed(&self) -> u32 {
         u32::from(self.sums != Sums::Slots)
     }

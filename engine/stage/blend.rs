@@ -27,7 +27,7 @@ pub struct Blend {
 }
 
 impl Blend {
-    /// Whether `gpu` cuts long lists into chunks, as a GPU does: where lists follow each other on a few threads, rounds do.
+    /// True if `gpu` cuts long lists into chunks, as a GPU does: where lists follow each other on a few threads, rounds do.
     pub(super) fn has_chunks(gpu: &Gpu) -> bool {
         gpu.caps().kind != DeviceKind::Cpu
     }

@@ -1,4 +1,4 @@
-//! What pictures say of each part of each Gaussian: Fisher information and slopes, added up behind the backward pass.
+//! The information of pictures on each part of each Gaussian: Fisher information and slopes, added up behind the backward pass.
 
 use super::params::moment;
 use super::planes::{FISHER_PLANES, PLANE_BLOCK, Planes, plane_of};
@@ -36,7 +36,7 @@ pub(super) struct Fisher {
     squares: bool,
 }
 
-/// What pictures have said of a scene so far; made by [`super::Renderer::census`].
+/// The information of pictures on a scene so far; made by [`super::Renderer::census`].
 pub struct Census {
     pub(super) information: Fisher,
     pub(super) slope: Fisher,

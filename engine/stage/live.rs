@@ -75,7 +75,7 @@ impl Live {
 }
 
 impl Among {
-    /// What a pass over these grows with.
+    /// The count that a pass over these grows with.
     pub(super) fn counted(self) -> Count {
         match self {
             Among::All => Count::Gaussians,

@@ -16,7 +16,7 @@ use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 /// Widths of subgroups that have kernels of their own, in the order of the table; others share the first kernel.
 const WIDTHS: [u32; 3] = [16, 32, 64];
 
-/// What is compared: a part of a picture with the same part of the truth.
+/// A part of a picture, and the same part of the truth.
 #[derive(Clone, Copy)]
 pub struct Compared<'a> {
     /// The picture, `[height][width]`: colour in the first three channels, about [0, 1].
@@ -31,7 +31,7 @@ pub struct Compared<'a> {
     pub crop: [u32; 2],
 }
 
-/// What the trunk is shown of a colour of [0, 1].
+/// How a colour of [0, 1] is scaled for the trunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// Its place in [-1, 1]: what LPIPS is made for.
@@ -41,7 +41,7 @@ pub enum Shown {
 }
 
 impl Shown {
-    /// What a colour is multiplied by, and what is added then.
+    /// Factor and summand of a colour.
     fn gain_and_offset(self) -> (f32, f32) {
         match self {
             Shown::Scaled => (2.0, -1.0),
@@ -252,7 +252,7 @@ struct Passes<'a> {
     lanes: u32,
 }
 
-/// What the taps of a crop compare, and where they leave their sums.
+/// The parts of maps that the taps of a crop compare, and the place of their sums.
 struct Taps<'a> {
     /// Parts of the maps, by tap.
     shares: &'a [Share],

@@ -9,7 +9,7 @@ use crate::gpu::{Buf, Gpu, Recording};
 /// vec4 per splat; the layout is defined in `include/splat.glsl`.
 pub const SPLAT_PLANES: usize = constants::splat::SPLAT_PLANES as usize;
 
-/// What projection gives, by active index.
+/// The projected Gaussians, by active index.
 pub struct Projected {
     /// `SPLAT_PLANES` vec4 each.
     pub splats: Buf<[f32; 4]>,
@@ -26,9 +26,9 @@ pub struct Projected {
 pub struct Eye<'a> {
     /// Where it looks from.
     pub view: &'a Buf<ViewParams>,
-    /// What it counts.
+    /// The counts of the frame.
     pub status: &'a Buf<Status>,
-    /// What is projected.
+    /// The Gaussians on the picture.
     pub projected: &'a Projected,
 }
 

@@ -13,13 +13,13 @@ const DIGITS: usize = constants::sort::DIGITS as usize;
 /// Bits of the widest digit.
 const DIGIT_BITS: u32 = DIGITS.ilog2();
 
-/// What is sorted.
+/// The input of a sort.
 pub struct Unsorted<'a> {
     /// How many keys there are: the first number.
     pub count: &'a Buf<u32>,
     /// The keys, which are overwritten.
     pub keys: &'a Buf<u32>,
-    /// What goes with them.
+    /// The values that go with them.
     pub carried: Carried<'a>,
     /// Low bits of the keys that they are sorted by.
     pub n_bits: u32,
@@ -27,7 +27,7 @@ pub struct Unsorted<'a> {
     pub blocks: &'a Grid,
 }
 
-/// What goes with the keys of a sort.
+/// The values that go with the keys of a sort.
 #[derive(Clone, Copy)]
 pub enum Carried<'a> {
     /// A value each, which is overwritten.

@@ -8,7 +8,7 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 /// Largest offset, frames: cameras that are further apart are to be aligned before.
 pub const OFFSET_BOUND: f64 = 2.0;
 
-/// What a step of the offsets needs.
+/// The inputs of a step of the offsets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeOffsetStep {
     /// Camera of the step's picture.

@@ -24,7 +24,7 @@ pub struct Workspace {
     pub view: Buf<ViewParams>,
     // What begins at zero: the status, counters, what a backward pass adds up.
     pub(super) zeros: Zeros,
-    /// What the frame reports.
+    /// The frame's report.
     pub status: Buf<Status>,
     /// Culling.
     pub cull: Cull,

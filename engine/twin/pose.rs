@@ -1,4 +1,4 @@
-//! What is learnt of the cameras' poses: how a pose is corrected, and steps of the corrections.
+//! Learnt corrections of the cameras' poses, and their steps.
 
 use crate::scene::Pose;
 use glam::{DMat3, DVec3};
@@ -23,7 +23,7 @@ pub struct PoseMoments {
     pub n: i32,
 }
 
-/// What a step of the poses needs beside the gradient.
+/// The inputs of a step of the poses beside the gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseRule {
     /// Learning rates, radians and scene units.

@@ -42,7 +42,7 @@ pub struct Commands {
 /// Work on its way through the device. Dropping it waits.
 pub struct Submission(Commands);
 
-/// What a finished submission tells.
+/// The report of a finished submission.
 pub struct Done {
     /// Beginning and end of each pass, nanoseconds since the first began; empty when timestamps were not asked for or do
     /// not exist.

@@ -36,7 +36,7 @@ pub struct Device {
     pub(super) instance: Arc<Instance>,
 }
 
-/// What a device is opened for.
+/// The use that a device is opened for.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Purpose {
     /// To run kernels.
@@ -171,7 +171,7 @@ impl Device {
         &self.caps
     }
 
-    /// What the validation layer has said; silent where it is off.
+    /// The messages of the validation layer; silent where it is off.
     pub fn validation(&self) -> &Validation {
         &self.instance.validation
     }

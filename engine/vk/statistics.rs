@@ -1,4 +1,4 @@
-//! What a driver's compiler tells of a pipeline (`VK_KHR_pipeline_executable_properties`).
+//! The statistics that a driver's compiler has of a pipeline (`VK_KHR_pipeline_executable_properties`).
 
 use super::device::{Purpose, create_device};
 use super::instance::{DeviceChoice, Found, Instance};
