@@ -23,9 +23,7 @@ tested! {
 }
 
 const PULLED: Choice = Choice::Pulled { gradient: 2e-4, split_above: 0.03 };
-
-// ln 1.5
-const LIMITS: PruneLimits = PruneLimits { opacity: 0.005, log_scale: 0.405_465_1, veil: 0.33 };
+const LIMITS: PruneLimits = PruneLimits { opacity: 0.005, log_scale: 0.405_465_1, veil: 0.33 }; // ln 1.5
 
 const ROUND: DensityRound = DensityRound {
     choice: PULLED,
