@@ -97,7 +97,7 @@ pub struct Grown {
 
 /// A scene before it.
 #[derive(Clone, Copy)]
-struct Before<'a> {
+struct OldScene<'a> {
     scene: &'a SceneBuffers,
     moments: &'a Moments,
     state: &'a [Buf<[f32; 4]>],
@@ -135,7 +135,7 @@ impl DensityRound {
         lenses: &[Cone],
         constants: &Constants,
     ) -> Result<Grown> {
-        let old = Before { scene, moments, state };
+        let old = OldScene { scene, moments, state };
         if scene.n_flat >= MAX_FLAT {
             return Err(Error::OutOfMemory {
                 what: "density control (Gaussians)".to_owned(),
@@ -197,7 +197,7 @@ impl DensityRound {
         &self,
         rec: &mut Recording,
         scratch: &Scratch,
-        old: Before,
+        old: OldScene,
         n_lenses: u32,
         lenses: &Buf<[f32; 4]>,
     ) {
@@ -280,7 +280,7 @@ impl DensityRound {
     fn carry(
         &self,
         gpu: &Gpu,
-        old: Before,
+        old: OldScene,
         scene: &SceneBuffers,
         sources: &Buf<u32>,
         copies: &Buf<u32>,
@@ -311,10 +311,10 @@ impl DensityRound {
                     ceiling: if scene.holds(group) { f32::MAX } else { self.opacity_ceiling },
                 };
                 rec.pass(args, push, Grid::Threads(group.n.next_multiple_of(32)));
-                let way = Way { sources, old: source, new: group };
+                let transport = Transport { sources, old: source, new: group };
                 let params = source.params.buffers().zip(group.params.buffers()).zip(group.params.plane_counts());
                 for ((old, new), planes) in params.skip(1) {
-                    way.record(&mut rec, old, new, planes, 0, [[1.0; 4], [1.0; 4]]);
+                    transport.record(&mut rec, old, new, planes, 0, [[1.0; 4], [1.0; 4]]);
                 }
                 // What is known of opacities tells nothing of those that they are reset to. They are in the first plane of the geometry,
                 // which comes first.
@@ -322,10 +322,10 @@ impl DensityRound {
                 let pairs = old.moments.groups[from].buffers().zip(moments.groups[index].buffers());
                 for (at, ((old, new), planes)) in pairs.zip(group.params.plane_counts()).enumerate() {
                     let faded = if resets && at == 0 { moments.planes(1) } else { 0 };
-                    way.record(&mut rec, old, new, moments.planes(planes), faded, [[1.0; 4], [0.0; 4]]);
+                    transport.record(&mut rec, old, new, moments.planes(planes), faded, [[1.0; 4], [0.0; 4]]);
                 }
                 // The statistics begin anew; a child has no residual.
-                way.record(
+                transport.record(
                     &mut rec,
                     &old.state[from],
                     &state[index],
@@ -348,13 +348,13 @@ fn nothing_left() -> Error {
 }
 
 /// From an old group to a new one.
-struct Way<'a> {
+struct Transport<'a> {
     sources: &'a Buf<u32>,
     old: &'a Group,
     new: &'a Group,
 }
 
-impl Way<'_> {
+impl Transport<'_> {
     /// Appends the transport of one buffer; the masks say which components stay of a Gaussian that is as it was, and of
     /// any other. Of the last component of the first `faded` planes none stays.
     fn record(
