@@ -8,7 +8,8 @@ use super::terms::{self, WithCotangent};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::stage::{
-    ClockStep, Clocks, GRID_BYTES, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, Workspace,
+    GRID_BYTES, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, TimeOffsetStep, TimeOffsets,
+    Workspace,
 };
 use glam::DVec3;
 use std::ops::Range;
@@ -42,7 +43,7 @@ pub(super) fn offsets_judged_at(config: &Config, total: u64) -> u64 {
 /// The cameras' own parameters.
 pub(super) struct Cameras {
     config: Config,
-    clocks: Option<Clocks>,
+    clocks: Option<TimeOffsets>,
     learns_offset: Vec<bool>,
     poses: Option<Poses>,
     /// Whether poses have been learnt already, in a run that may have been shorter.
@@ -173,7 +174,7 @@ impl Cameras {
         }
         if !setup.learns_offset.is_empty() {
             let zeros = vec![[0.0; 4]; setup.learns_offset.len()];
-            cameras.clocks = Some(Clocks::new(gpu, &zeros, &setup.learns_offset)?);
+            cameras.clocks = Some(TimeOffsets::new(gpu, &zeros, &setup.learns_offset)?);
         }
         Ok(cameras)
     }
@@ -348,10 +349,10 @@ impl Cameras {
                 shift_rate: lr.pose_shift.at(done) * pace * self.extent,
                 most_shift: MOST_SHIFT * self.extent,
             };
-            poses.record_step(rec, (&backward.d_camera, &work.view), &work.status, &at);
+            poses.record_step(rec, &backward.d_camera, &work.view, &work.status, &at);
         }
         let Some(clocks) = &self.clocks else { return };
-        let at = ClockStep {
+        let at = TimeOffsetStep {
             camera: camera as u32,
             dt: self.dt,
             rate: lr.offset.at(done) * pace,
@@ -375,7 +376,7 @@ impl Cameras {
         let free = || learns_offset.iter().enumerate().filter(|(_, learns)| **learns).map(|(camera, _)| camera);
         let mean = free().map(|k| f64::from(state[k][0])).sum::<f64>() / free().count().max(1) as f64;
         free().for_each(|k| state[k][0] = (f64::from(state[k][0]) - mean) as f32);
-        self.clocks = Some(Clocks::new(gpu, &state, &learns_offset)?);
+        self.clocks = Some(TimeOffsets::new(gpu, &state, &learns_offset)?);
         self.learns_offset = learns_offset;
         Ok(())
     }
@@ -396,7 +397,7 @@ impl Cameras {
         self.learns_offset = state.learns_offset.clone();
         self.clocks = None;
         if !state.clocks.is_empty() {
-            self.clocks = Some(Clocks::new(gpu, &state.clocks, &state.learns_offset)?);
+            self.clocks = Some(TimeOffsets::new(gpu, &state.clocks, &state.learns_offset)?);
         }
         if self.config.poses == PoseKind::Auto && state.poses.is_empty() {
             (self.poses, self.learns_pose) = (None, Vec::new());

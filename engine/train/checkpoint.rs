@@ -37,7 +37,7 @@ pub struct Checkpoint {
     pub first: Splats,
     /// Second moments of Adam, by parameter.
     pub second: Splats,
-    /// State of every Gaussian, see [`crate::stage::Optimiser::state`].
+    /// State of every Gaussian, see `Optimiser::state`.
     pub state: Vec<[f32; 4]>,
     /// What is learnt of the cameras.
     pub cameras: CameraState,

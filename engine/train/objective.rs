@@ -155,7 +155,7 @@ impl Objective {
             has: self.left.iter().map(Option::is_some).collect(),
         };
         let to = stage::Report { totals: &report.totals, status: &report.status, n_bad: &report.n_bad };
-        stage::record_report(rec, &there, (status, n_bad), &to);
+        stage::record_report(rec, &there, status, n_bad, &to);
         Ok(report)
     }
 

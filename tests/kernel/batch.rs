@@ -98,7 +98,7 @@ fn sums_of_three_images_have_the_twins_bits() {
             let cull = Cull::new(&gpu, &buffers, buffers.n, false).unwrap();
             let mut rec = Recording::new();
             cull.record(&mut rec, &buffers, &view, &status);
-            batch.record_add(&mut rec, &buffers, (&cull, &status), &planes);
+            batch.record_add(&mut rec, &buffers, &cull, &status, &planes);
             gpu.run(&rec).unwrap();
             let n_active = gpu.read(&cull.n_active).unwrap()[0] as usize;
             for id in &gpu.read(&cull.active_id).unwrap()[..n_active] {

@@ -194,7 +194,7 @@ fn lazy_steps_catch_up_and_round_once() {
             gpu.write(&optimiser.params, &[params]).unwrap();
             let status = gpu.upload("status", &[Status::default()]).unwrap();
             let mut rec = Recording::new();
-            optimiser.record_catch_up_all(&mut rec, &buffers, &status, until);
+            optimiser.record_catch_up(&mut rec, &buffers, None, &status, until);
             gpu.run(&rec).unwrap();
             Scene::download(&gpu, &buffers, &optimiser).unwrap()
         });

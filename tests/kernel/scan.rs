@@ -41,7 +41,7 @@ fn scan_on_device(values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, u32) {
             let emit_args = &gpu.alloc("emit args", 1).unwrap();
             let frame_status = &gpu.upload("status", &[Status::default()]).unwrap();
             let grids = PairGrids { blocks, args, emit_args, frame_status, capacity: u32::MAX };
-            scan.record_gathered(&mut rec, &count, [&index, &table], (&sums, &total), grids);
+            scan.record_gathered(&mut rec, &count, [&index, &table], &sums, &total, grids);
             sums
         }
     };

@@ -238,7 +238,7 @@ fn rates_decay_exponentially_and_bands_join_one_by_one() {
     for total in [30_000, 300_000] {
         let (begin, end) = ends(total);
         assert!((begin.position - 3.2e-4).abs() < 1e-12 && (end.position - 3.2e-6).abs() < 1e-12);
-        assert_eq!([begin.position_size, end.position_size], [2.0 * config.lr.position_size; 2]);
+        assert_eq!([begin.reference_size, end.reference_size], [2.0 * config.lr.position_size; 2]);
         assert_eq!([begin.scale, end.scale, begin.opacity, end.sh[0]], [5e-3, 5e-3, 2.5e-2, 2.5e-3]);
     }
     let (begin, end) = ends(1000);

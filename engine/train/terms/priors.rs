@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::Capture;
-use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorWeights};
+use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorPicture, PriorWeights};
 use crate::train::config::Config;
 
 pub(super) const TERM: TermKind = TermKind {
@@ -85,7 +85,12 @@ impl Term for Priors {
             rec.fill(d_image.range(0, n as usize).slice(), 0);
             return Ok(None);
         };
-        Ok(Some(self.scratch.record(rec, (image, d_image), on.truth, on.priors, n, &weights)))
+        Ok(Some(self.scratch.record(
+            rec,
+            PriorPicture { image, d_image, truth: on.truth, n_pixels: n },
+            on.priors,
+            &weights,
+        )))
     }
 
     fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part> {

@@ -371,7 +371,7 @@ impl Trainer {
         self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step.max(1))])?;
         let status = self.gpu.upload("status", &[Status::default()])?;
         let mut rec = Recording::new();
-        self.optimiser.record_catch_up_all(&mut rec, &self.scene, &status, self.step);
+        self.optimiser.record_catch_up(&mut rec, &self.scene, None, &status, self.step);
         self.gpu.run(&rec)
     }
 

@@ -91,7 +91,7 @@ impl Trainer {
         })
     }
 
-    /// State of every Gaussian, see [`Optimiser::state`].
+    /// State of every Gaussian, see `Optimiser::state`.
     fn state(&self) -> Result<Vec<[f32; 4]>> {
         let mut all = Vec::with_capacity(self.scene.n as usize);
         for (group, buffer) in self.scene.groups.iter().zip(&self.optimiser.state) {
@@ -148,7 +148,7 @@ impl Trainer {
         let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
         self.gpu.write(&copy.params, &[self.adam_params(self.step.max(1))])?;
         let mut rec = Recording::new();
-        copy.record_catch_up_all(&mut rec, &scene, &self.gpu.upload("status", &[Status::default()])?, self.step);
+        copy.record_catch_up(&mut rec, &scene, None, &self.gpu.upload("status", &[Status::default()])?, self.step);
         self.gpu.run(&rec)?;
         scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))
     }

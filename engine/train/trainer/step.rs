@@ -244,7 +244,7 @@ impl Trainer {
         let size = Size { n_tiles: tiles_x * tiles_y, n_pixels, rounds: *rounds };
         let forward = debug_span!("forward").entered();
         let lists = work.record_forward(rec, scene, size, |rec| {
-            optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
+            optimiser.record_catch_up(rec, scene, Some(&work.cull), status, step - 1);
         });
         drop(forward);
         debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, truth))?;

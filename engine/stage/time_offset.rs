@@ -8,9 +8,9 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 /// Largest offset, frames: cameras that are further apart are to be aligned before.
 pub const OFFSET_BOUND: f64 = 2.0;
 
-/// What a step of the offsets needs.
+/// The inputs of a step of the offsets.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct ClockStep {
+pub struct TimeOffsetStep {
     /// Camera of the step's picture.
     pub camera: u32,
     /// Normalised time between two frames.
@@ -24,20 +24,20 @@ pub struct ClockStep {
 }
 
 /// Offsets, their moments, and which of them are learnt.
-pub struct Clocks {
+pub struct TimeOffsets {
     /// Per camera: offset in frames; first and second moment of its gradient; what rounding has lost of it.
     pub state: Buf<[f32; 4]>,
-    free: Buf<u32>,
+    is_learnt: Buf<u32>,
     n: u32,
 }
 
-impl Clocks {
-    /// The clocks in `state`; those that are `free` are learnt, the others stay as they are.
-    pub fn new(gpu: &Gpu, state: &[[f32; 4]], free: &[bool]) -> Result<Self> {
-        let free: Vec<u32> = free.iter().map(|free| u32::from(*free)).collect();
-        Ok(Clocks {
-            state: gpu.upload("clocks", state)?,
-            free: gpu.upload("free clocks", &free)?,
+impl TimeOffsets {
+    /// The offsets in `state`; those of cameras that are not `learnt` stay as they are.
+    pub fn new(gpu: &Gpu, state: &[[f32; 4]], learnt: &[bool]) -> Result<Self> {
+        let is_learnt: Vec<u32> = learnt.iter().map(|learnt| u32::from(*learnt)).collect();
+        Ok(TimeOffsets {
+            state: gpu.upload("time offsets", state)?,
+            is_learnt: gpu.upload("cameras with learnt time offsets", &is_learnt)?,
             n: state.len() as u32,
         })
     }
@@ -50,10 +50,16 @@ impl Clocks {
 
     /// Appends a step along the camera's gradient `d_camera` (three vec4, that by time in the first one's last number);
     /// none if the frame failed.
-    pub fn record_step(&self, rec: &mut Recording, d_camera: &Buf<[f32; 4]>, status: &Buf<Status>, at: &ClockStep) {
+    pub fn record_step(
+        &self,
+        rec: &mut Recording,
+        d_camera: &Buf<[f32; 4]>,
+        status: &Buf<Status>,
+        at: &TimeOffsetStep,
+    ) {
         rec.section("clock");
         rec.pass(
-            clock_step::Args { total: d_camera, free: &self.free, frame_status: status, clocks: &self.state },
+            clock_step::Args { total: d_camera, free: &self.is_learnt, frame_status: status, clocks: &self.state },
             clock_step::Push {
                 camera: at.camera,
                 n_cameras: self.n,
