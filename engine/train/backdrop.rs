@@ -5,9 +5,10 @@
 //! these lie beside directions that one does see, in the colours of what is seen nearest to them. They are a guess; no training camera
 //! sees the middle of one. A scene of a single object, which leaves the background through where cameras look, gets none.
 
-use super::lenses::{depth, evenly_chosen};
+use super::lenses::depth;
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
+use crate::recon::evenly_chosen;
 use crate::report::statistics::quantile;
 use crate::scene::capture::Capture;
 use crate::scene::{SH_C0, Splats, View, dc_of_color};

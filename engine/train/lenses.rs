@@ -5,6 +5,7 @@
 //! at a scene from between its cameras, so views between neighbours are lenses too, where a camera looks at their place. Not those of
 //! cameras that move: the places between theirs are of many times, and what moves may rightly be there at another.
 
+use crate::recon::evenly_chosen;
 use crate::scene::capture::{Capture, TRAINING_RADIUS};
 use crate::scene::{Clearing, Intrinsics, Pose, View};
 use glam::{DMat3, DVec3};
@@ -133,10 +134,4 @@ pub(super) fn depth(view: &View, point: DVec3) -> Option<f64> {
     let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
     let Intrinsics { width, height, fx, fy, cx, cy } = view.intrinsics;
     (z > 0.0 && is_within(fx * x / z + cx, width) && is_within(fy * y / z + cy, height)).then_some(z)
-}
-
-/// At most `most` of `views`, every so many.
-pub(super) fn evenly_chosen(views: Vec<View>, most: usize) -> Vec<View> {
-    let each = views.len().div_ceil(most).max(1);
-    views.into_iter().step_by(each).collect()
 }

@@ -13,9 +13,9 @@ mod depth_fit;
 mod depth_line;
 mod fall;
 mod fingerprints;
+mod first;
 mod flicker;
 mod images;
-mod init;
 mod judge;
 mod lenses;
 mod lock;
@@ -23,7 +23,6 @@ mod log;
 mod metrics;
 mod objective;
 mod offsets;
-mod pinhole;
 mod plan;
 mod poses;
 mod preset;
@@ -38,20 +37,21 @@ mod setup;
 mod terms;
 mod trainer;
 
+pub use crate::recon::{Init, Initial, PointCounts};
 pub use align::ColorMap;
 pub use average::Average;
 pub use base::Base;
 pub use checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
 pub use config::{
-    Config, Density, FlowChoice, GridKind, Init, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required,
-    Resolution, Round, Strategy, all_settings,
+    Config, Density, FlowChoice, GridKind, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution,
+    Round, Strategy, all_settings,
 };
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFits, DepthSummary, fit_depths};
 pub use depth_line::{DepthFit, Unfit};
 pub use fall::Fall;
 pub use fingerprints::{Changes, Fingerprint, Fingerprints};
-pub use init::{Initial, PointCounts, from_points, initialise, random_points};
+pub use first::{from_points, initialise, random_points};
 pub use lock::RunLock;
 pub use log::{Kind, Log};
 pub use metrics::{

@@ -1,10 +1,10 @@
 //! What a trainer needs to know of a capture beside its pictures.
 
 use super::config::{Config, FlowChoice, PoseKind};
-use super::init::cameras_look_inward;
 use super::lenses;
 use super::terms::{self, TermData};
 use crate::parallel::{in_parallel, threads};
+use crate::recon::cameras_look_inward;
 use crate::scene::capture::{Camera, Capture, Extent, alpha_of, decode_image, has_alpha, read_size};
 use crate::scene::{Clearing, FlowModel, View};
 use glam::DVec3;

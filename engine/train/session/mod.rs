@@ -22,7 +22,7 @@ use crate::train::average::Average;
 use crate::train::backdrop::{backdrop_of, put_before};
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::Config;
-use crate::train::init::initialise;
+use crate::train::first::initialise;
 use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;

@@ -30,3 +30,9 @@ pub(super) fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> 
     let camera = &capture.cameras[camera];
     camera.shot(frame).or_else(|| camera.shots.first().filter(|_| any)).map(|shot| shot.frame)
 }
+
+/// At most `most` of `views`, every so many.
+pub(crate) fn evenly_chosen(views: Vec<View>, most: usize) -> Vec<View> {
+    let each = views.len().div_ceil(most).max(1);
+    views.into_iter().step_by(each).collect()
+}

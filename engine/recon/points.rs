@@ -3,7 +3,6 @@
 use crate::report::statistics::mean;
 use crate::scene::capture::{Camera, Capture, Point};
 use crate::scene::{Motion, SH_C0, Splats};
-use crate::train::config::Config;
 use glam::DVec3;
 use std::collections::HashMap;
 
@@ -32,10 +31,10 @@ impl From<&Point> for Found {
 
 /// One isotropic Gaussian per point: size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour to
 /// degree 0. In a clip of several frames all are dynamic, at rest, and visible throughout.
-pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
+pub(crate) fn from_points(points: &[Point], capture: &Capture, sh_degree: u32) -> Splats {
     let found: Vec<Found> = points.iter().map(Found::from).collect();
     let sizes = spacings(&found, &Reach::new(capture));
-    let mut splats = Splats::new(config.sh_degree);
+    let mut splats = Splats::new(sh_degree);
     append(&mut splats, &found, &sizes, OPACITY, throughout(capture));
     splats
 }

@@ -4,14 +4,14 @@
 //! Frames are read one after another, and of each frame one camera's flow a thread: nothing but the result grows with the
 //! clip.
 
+use super::pinhole::Pinhole;
 use super::points::{Found, OPACITY, Reach, append, push, spacings};
+use super::settings::Settings;
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
 use crate::scene::capture::{Capture, FramePoint};
 use crate::scene::prior::read_flow;
 use crate::scene::{Motion, Splats};
-use crate::train::config::Config;
-use crate::train::pinhole::Pinhole;
 use glam::{DMat3, DVec2, DVec3};
 use std::fmt;
 
@@ -83,20 +83,20 @@ pub(super) struct FromFrames {
 
 impl FromFrames {
     /// Gaussians from these points alone.
-    pub fn splats(self, capture: &Capture, config: &Config) -> Splats {
-        let mut splats = Splats::new(config.sh_degree);
-        append(&mut splats, &self.still.0, &self.still.1, OPACITY, motion_at_rest(capture, config));
+    pub fn splats(self, capture: &Capture, settings: &Settings) -> Splats {
+        let mut splats = Splats::new(settings.sh_degree);
+        append(&mut splats, &self.still.0, &self.still.1, OPACITY, motion_at_rest(capture, settings));
         splats.append(self.moving);
         splats.source_row = (0..splats.len() as u32).collect();
         splats
     }
 }
 
-/// How what stands still in the reference frame begins: it may move later, unless [`Config::init_static_tau`] is 0 or photographs show
+/// How what stands still in the reference frame begins: it may move later, unless [`Settings::static_tau`] is 0 or photographs show
 /// what rests, in which nothing is seen that has a time.
-pub(super) fn motion_at_rest(capture: &Capture, config: &Config) -> Option<Motion> {
+pub(super) fn motion_at_rest(capture: &Capture, settings: &Settings) -> Option<Motion> {
     let t_center = f64::from(capture.reference_frame) / f64::from(capture.n_frames);
-    let tau = config.init_static_tau;
+    let tau = settings.static_tau;
     (tau > 0.0 && !capture.has_photos()).then(|| Motion {
         velocity: [0.0; 3],
         t_center: t_center as f32,
@@ -107,7 +107,7 @@ pub(super) fn motion_at_rest(capture: &Capture, config: &Config) -> Option<Motio
 /// Reads the points and the flow of all frames. `progress` is called as (frames done, frames in all).
 pub(super) fn from_frames(
     capture: &Capture,
-    config: &Config,
+    settings: &Settings,
     rule: Rule,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<FromFrames> {
@@ -116,7 +116,7 @@ pub(super) fn from_frames(
     let by_flow = rule != Rule::All;
     let mut counts = PointCounts::default();
     let mut still = (Vec::new(), Vec::new());
-    let mut moving = Splats::new(config.sh_degree);
+    let mut moving = Splats::new(settings.sh_degree);
     for frame in 0..capture.n_frames {
         let points = capture.points_of(frame)?;
         let color = |point: &FramePoint| point.color.map(|c| f32::from(c) / 255.0);
@@ -124,7 +124,7 @@ pub(super) fn from_frames(
             points.iter().map(|point| Found { position: point.position, color: color(point) }).collect();
         let sizes = spacings(&found, &reach);
         let sights =
-            if by_flow { sights(capture, &points, frame, config.init_flow_threshold, threads)? } else { Vec::new() };
+            if by_flow { sights(capture, &points, frame, settings.flow_threshold, threads)? } else { Vec::new() };
         counts.before += points.len();
         for (i, (found, &size)) in found.iter().zip(&sizes).enumerate() {
             let sights = sights.get(i).map_or(&[][..], Vec::as_slice);
@@ -135,10 +135,10 @@ pub(super) fn from_frames(
                 t_center,
                 t_scale: tau.ln() as f32,
             };
-            let is_dynamic = !by_flow || moves(sights, config.init_flow_threshold, rule);
+            let is_dynamic = !by_flow || moves(sights, settings.flow_threshold, rule);
             if is_dynamic && capture.n_frames > 1 {
-                let way = movement(DVec3::from_array(found.position), sights, config.init_flow_threshold);
-                let motion = motion((way / dt).to_array(), config.init_point_tau * dt);
+                let way = movement(DVec3::from_array(found.position), sights, settings.flow_threshold);
+                let motion = motion((way / dt).to_array(), settings.point_tau * dt);
                 push(&mut moving, found, size, OPACITY, Some(motion));
                 counts.with_velocity += usize::from(way != DVec3::ZERO);
             } else if frame == capture.reference_frame {

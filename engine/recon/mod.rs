@@ -16,27 +16,30 @@ mod flow;
 mod follow;
 mod hull;
 mod lens;
+mod pinhole;
 mod points;
 mod random;
+mod settings;
+mod sizing;
 mod surfaces;
 mod sweep;
 
+pub(crate) use chosen::evenly_chosen;
 pub use flow::PointCounts;
-pub use points::from_points;
-pub use random::random_points;
+pub(crate) use pinhole::Pinhole;
+pub(crate) use points::from_points;
+pub(crate) use random::random_points;
+pub use settings::{Init, Settings};
 
 use crate::error::{Error, Result};
 use crate::scene::capture::Capture;
 use crate::scene::{Motion, Splats};
-use crate::train::config::{Config, Init};
-use crate::train::density::most_first;
 use crate::words::count;
 use chosen::{cameras, shown};
 use eye::Axis;
-use glam::DVec3;
 use hull::Cube;
-use lens::Lenses;
-use points::{Found, Reach};
+use points::Found;
+use sizing::{SIZE, Sizing};
 use std::fmt;
 use surfaces::{Surfaces, Views};
 
@@ -49,12 +52,6 @@ const HULL_PIXELS: u64 = 1 << 28;
 /// Gaussians from points that are worth beginning with where the pictures show no surface. Fewer cover no picture, and by
 /// division they grow too slowly: of a room with 100 of them nothing is seen after 500 steps.
 const ENOUGH: usize = 200;
-/// Standard deviation of a Gaussian in units of the distance to its neighbours: they touch on a surface.
-const SIZE: f64 = 0.5;
-/// Points that are this many times farther from their neighbours than half of all points are dropped: what many cameras
-/// agree on does not come alone.
-const LONELY: f64 = 2.5;
-
 /// The first Gaussians, and how they came about.
 #[derive(Clone, Debug)]
 pub struct Initial {
@@ -72,7 +69,7 @@ pub struct Initial {
     pub n_photos: usize,
     /// What became of the points of the frames, where they were taken.
     pub counts: Option<PointCounts>,
-    /// Gaussians that there were, if those are more than [`Config::max_gaussians`].
+    /// Gaussians that there were, if those are more than [`Settings::most`].
     pub thinned_from: Option<usize>,
 }
 
@@ -114,25 +111,28 @@ impl Initial {
     }
 }
 
-/// Makes the first Gaussians of `capture`, which is in the frame of training, as `config.init` says. Where nothing is found they
-/// are at random places. Where static ones are not trained, only those of what moves are made, whatever `config.init` says, and there may
-/// be none. Of more than density control leaves below [`Config::max_gaussians`] that many are kept, evenly chosen. `progress` is called as
+/// Makes the first Gaussians of `capture`, which is in the frame of training, as `settings.init` says. Where nothing is found they
+/// are at random places. Where static ones are not trained, only those of what moves are made, whatever `settings.init` says, and there may
+/// be none. Of more than [`Settings::most`] that many are kept, evenly chosen. `progress` is called as
 /// (pieces done, pieces in all).
 ///
 /// # Errors
-/// [`Error::Data`] when the capture has not what `config.init` asks for, or when an image does not decode.
-#[tracing::instrument(level = "info", name = "initialise", skip_all)]
-pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+/// [`Error::Data`] when the capture has not what `settings.init` asks for, or when an image does not decode.
+pub(crate) fn initialise(
+    capture: &Capture,
+    settings: &Settings,
+    progress: &mut dyn FnMut(usize, usize),
+) -> Result<Initial> {
     let mut initial =
-        if config.trains_static { all(capture, config, progress)? } else { moving(capture, config, progress)? };
+        if settings.trains_static { all(capture, settings, progress)? } else { moving(capture, settings, progress)? };
     if capture.has_photos() {
-        let mut splats = of_photos(capture, config)?;
+        let mut splats = of_photos(capture, settings)?;
         initial.n_photos = splats.len();
         splats.append(initial.splats);
         splats.source_row = (0..splats.len() as u32).collect();
         initial.splats = splats;
     }
-    let (n, most) = (initial.splats.len(), most_first(config));
+    let (n, most) = (initial.splats.len(), settings.most);
     if n > most {
         let keep: Vec<usize> = (0..most).map(|i| i * n / most).collect();
         initial.splats = initial.splats.in_order(&keep);
@@ -143,14 +143,14 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
 }
 
 /// As [`initialise`], however many there are.
-fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+fn all(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let lacks = |what: &str| {
         let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
     };
     let has_foreground = has_foreground(capture) || cut_out::tells_what_moves(capture);
     let (has_frame_points, has_flow) = (capture.has_frame_points(), has_flow(capture));
-    let (from, because) = match config.init {
+    let (from, because) = match settings.init {
         Init::Auto if has_frame_points && has_flow => (Init::Flow, "the capture has points of every frame and flow"),
         Init::Auto if has_foreground => (Init::Hull, "the capture has foreground masks"),
         Init::Auto => (Init::Frustum, "the capture has neither flow with points of every frame nor foreground masks"),
@@ -162,25 +162,27 @@ fn all(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize
     };
     let because = because.to_owned();
     let rule = match from {
-        _ if config.init == Init::Auto => return from_pictures(capture, config, from, because, progress),
-        Init::Auto | Init::Hull | Init::Frustum => return from_pictures(capture, config, from, because, progress),
-        Init::Points => return Ok(Initial::new(from_points(&capture.points, capture, config), from, because)),
-        Init::Random => return Ok(at_random(capture, config, because)),
+        _ if settings.init == Init::Auto => return from_pictures(capture, settings, from, because, progress),
+        Init::Auto | Init::Hull | Init::Frustum => return from_pictures(capture, settings, from, because, progress),
+        Init::Points => {
+            return Ok(Initial::new(from_points(&capture.points, capture, settings.sh_degree), from, because));
+        }
+        Init::Random => return Ok(at_random(capture, settings, because)),
         Init::Flow => flow::Rule::TwoViews,
         Init::AnyView => flow::Rule::AnyView,
         Init::Concat => flow::Rule::All,
     };
-    let frames = flow::from_frames(capture, config, rule, progress)?;
+    let frames = flow::from_frames(capture, settings, rule, progress)?;
     let counts = Some(frames.counts);
-    let splats = frames.splats(capture, config);
+    let splats = frames.splats(capture, settings);
     if splats.is_empty() {
-        return Ok(at_random(capture, config, "no frame has a point".to_owned()));
+        return Ok(at_random(capture, settings, "no frame has a point".to_owned()));
     }
     Ok(Initial { counts, ..Initial::new(splats, from, because) })
 }
 
 /// Only those of what moves, by flow and by masks; none where the capture has neither.
-fn moving(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+fn moving(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let (from, because) = match () {
         () if capture.has_frame_points() && has_flow(capture) => (Init::Flow, "of what moves, by the flow"),
         () if has_foreground(capture) || cut_out::tells_what_moves(capture) => {
@@ -188,10 +190,10 @@ fn moving(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, us
         }
         () => {
             let because = "the capture has neither flow nor masks of what moves".to_owned();
-            return Ok(Initial::new(Splats::new(config.sh_degree), Init::Hull, because));
+            return Ok(Initial::new(Splats::new(settings.sh_degree), Init::Hull, because));
         }
     };
-    let mut initial = from_pictures(capture, config, from, because.to_owned(), progress)?;
+    let mut initial = from_pictures(capture, settings, from, because.to_owned(), progress)?;
     // In a single frame nothing moves: what its hull gives is static.
     let moving: Vec<usize> = (initial.splats.n_static..initial.splats.len()).collect();
     initial.splats = initial.splats.in_order(&moving);
@@ -199,8 +201,9 @@ fn moving(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, us
     Ok(initial)
 }
 
-fn at_random(capture: &Capture, config: &Config, because: String) -> Initial {
-    Initial::new(from_points(&random_points(capture, config), capture, config), Init::Random, because)
+fn at_random(capture: &Capture, settings: &Settings, because: String) -> Initial {
+    let points = random_points(capture, settings.n_points, settings.seed);
+    Initial::new(from_points(&points, capture, settings.sh_degree), Init::Random, because)
 }
 
 fn has_flow(capture: &Capture) -> bool {
@@ -218,7 +221,7 @@ fn has_foreground(capture: &Capture) -> bool {
 /// still is looked for where it is not trained.
 fn from_pictures(
     capture: &Capture,
-    config: &Config,
+    settings: &Settings,
     from: Init,
     because: String,
     progress: &mut dyn FnMut(usize, usize),
@@ -232,7 +235,7 @@ fn from_pictures(
     };
     let hull_frames = if has_hulls { hull_frames(capture, &cameras) } else { Vec::new() };
     let mut n_looked_at = hull_frames.len();
-    if config.trains_static {
+    if settings.trains_static {
         // Every camera is swept, too.
         n_looked_at += 1 + usize::from(!hull_frames.contains(&capture.reference_frame));
     }
@@ -243,29 +246,36 @@ fn from_pictures(
         progress(n_done, n_pieces);
     };
     let frames = match from {
-        Init::Flow => Some(flow::from_frames(capture, config, flow::Rule::TwoViews, &mut |_, _| done())?),
+        Init::Flow => Some(flow::from_frames(capture, settings, flow::Rule::TwoViews, &mut |_, _| done())?),
         _ => None,
     };
-    let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
+    let sizing = Sizing::new(capture);
     let known = frames.as_ref().map(|frames| frames.still.0.as_slice());
-    let points = if config.init == Init::Auto { capture.points.as_slice() } else { &[] };
-    let looks_at_rest = config.trains_static;
-    let views = Views { capture, points, config, cameras: &cameras, hull_frames: &hull_frames, looks_at_rest, cut_out };
-    let Surfaces { still, moving, n_known, n_found } = views.surfaces(known, &lenses, &mut done)?;
+    let points = if settings.init == Init::Auto { capture.points.as_slice() } else { &[] };
+    let views = Views {
+        capture,
+        points,
+        settings,
+        cameras: &cameras,
+        hull_frames: &hull_frames,
+        finds_static: settings.trains_static,
+        cut_out,
+    };
+    let Surfaces { still, moving, n_known, n_found } = views.surfaces(known, &sizing.lenses, &mut done)?;
     let n_hull = moving.iter().map(|(_, found)| found.len()).sum::<usize>();
     let n_flow = frames.as_ref().map_or(0, |frames| frames.moving.len());
-    if config.trains_static && n_found + n_hull == 0 && still.len() + n_flow < ENOUGH {
-        return Ok(at_random(capture, config, format!("{because}; no surface was found in the pictures")));
+    if settings.trains_static && n_found + n_hull == 0 && still.len() + n_flow < ENOUGH {
+        return Ok(at_random(capture, settings, format!("{because}; no surface was found in the pictures")));
     }
-    let mut splats = Splats::new(config.sh_degree);
+    let mut splats = Splats::new(settings.sh_degree);
     let at_rest = match from {
         Init::Hull if n_hull > 0 => None,
-        Init::Flow => flow::motion_at_rest(capture, config),
+        Init::Flow => flow::motion_at_rest(capture, settings),
         _ => points::throughout(capture),
     };
-    let (still, sizes) = settled(still, &lenses, &reach);
-    points::append(&mut splats, &still, &sizes, config.init_opacity, at_rest);
-    append_moving(&mut splats, moving, capture, config, (&lenses, &reach))?;
+    let (still, sizes) = sizing.sized(still);
+    points::append(&mut splats, &still, &sizes, settings.opacity, at_rest);
+    append_moving(&mut splats, moving, capture, settings, &sizing)?;
     let counts = frames.as_ref().map(|frames| frames.counts);
     if let Some(frames) = frames {
         splats.append(frames.moving);
@@ -286,12 +296,12 @@ fn append_moving(
     splats: &mut Splats,
     moving: Vec<(u32, Vec<Found>)>,
     capture: &Capture,
-    config: &Config,
-    (lenses, reach): (&Lenses, &Reach),
+    settings: &Settings,
+    sizing: &Sizing,
 ) -> Result<()> {
     let n_frames = f64::from(capture.n_frames);
     let tau = HULL_TAU / moving.len().max(1) as f64;
-    let hull = |(frame, found)| (f64::from(frame) / n_frames, settled(found, lenses, reach));
+    let hull = |(frame, found)| (f64::from(frame) / n_frames, sizing.sized(found));
     let hulls: Vec<_> = moving.into_iter().map(hull).collect();
     for (k, (time, (found, sizes))) in hulls.iter().enumerate() {
         let beside = [k.checked_sub(1), k.checked_add(1)].into_iter().flatten().filter_map(|k| hulls.get(k));
@@ -302,27 +312,33 @@ fn append_moving(
         let velocities = follow::velocities(found, &others, spacing)?;
         for ((found, size), velocity) in found.iter().zip(sizes).zip(velocities) {
             let motion = Motion { velocity, t_center: *time as f32, t_scale: tau.ln() as f32 };
-            points::push(splats, found, *size, config.init_opacity, (capture.n_frames > 1).then_some(motion));
+            points::push(splats, found, *size, settings.opacity, (capture.n_frames > 1).then_some(motion));
         }
     }
     Ok(())
 }
 
 /// Static Gaussians at the surfaces and the points that the photographs show: what they see is rest alone.
-fn of_photos(capture: &Capture, config: &Config) -> Result<Splats> {
+fn of_photos(capture: &Capture, settings: &Settings) -> Result<Splats> {
     let cameras = cameras(capture, true);
-    let points = &capture.photo_points;
-    let (hull_frames, looks_at_rest, cut_out) = (&[][..], true, false);
-    let views = Views { capture, points, config, cameras: &cameras, hull_frames, looks_at_rest, cut_out };
-    let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
-    let (found, sizes) = settled(views.surfaces(None, &lenses, &mut || ())?.still, &lenses, &reach);
-    let mut splats = Splats::new(config.sh_degree);
-    points::append(&mut splats, &found, &sizes, config.init_opacity, None);
+    let views = Views {
+        capture,
+        points: &capture.photo_points,
+        settings,
+        cameras: &cameras,
+        hull_frames: &[],
+        finds_static: true,
+        cut_out: false,
+    };
+    let sizing = Sizing::new(capture);
+    let (found, sizes) = sizing.sized(views.surfaces(None, &sizing.lenses, &mut || ())?.still);
+    let mut splats = Splats::new(settings.sh_degree);
+    points::append(&mut splats, &found, &sizes, settings.opacity, None);
     Ok(splats)
 }
 
 /// Whether most training cameras look at what is between them.
-pub(super) fn cameras_look_inward(capture: &Capture) -> bool {
+pub(crate) fn cameras_look_inward(capture: &Capture) -> bool {
     look_inward(capture, &cameras(capture, false)).unwrap_or(false)
 }
 
@@ -343,16 +359,4 @@ fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
     let n_frames = u64::from(capture.n_frames);
     let n = (HULL_PIXELS / per_frame.max(1)).max(4).min(u64::from(capture.n_frames.div_ceil(HULL_STRIDE)));
     (0..n).map(|i| ((2 * i + 1) * n_frames / (2 * n)) as u32).collect()
-}
-
-/// Without the lonely ones, each with the standard deviation of its Gaussian.
-fn settled(found: Vec<Found>, lenses: &Lenses, reach: &Reach) -> (Vec<Found>, Vec<f64>) {
-    let spacings = points::spacings(&found, reach);
-    // Beyond the cameras points are farther apart.
-    let scale = |found: &Found| DVec3::from(found.position).length().max(reach.radius);
-    let mut relative: Vec<f64> = found.iter().zip(&spacings).map(|(found, spacing)| spacing / scale(found)).collect();
-    relative.sort_by(f64::total_cmp);
-    let most = LONELY * relative.get(relative.len() / 2).copied().unwrap_or(0.0);
-    let kept = found.into_iter().zip(spacings).filter(|(found, spacing)| *spacing <= most * scale(found));
-    kept.map(|(found, spacing)| (found, (SIZE * spacing).min(lenses.widest(&found)))).unzip()
 }

@@ -1,9 +1,9 @@
 //! The lenses of a capture: what lies just before one veils its picture.
 
+use super::chosen::evenly_chosen;
 use super::points::Found;
 use crate::scene::Pose;
 use crate::scene::capture::{Capture, TRAINING_RADIUS};
-use crate::train::lenses::evenly_chosen;
 
 /// Lenses at most.
 const MOST: usize = 512;

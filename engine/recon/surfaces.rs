@@ -5,11 +5,11 @@ use super::chosen::shown;
 use super::eye::{Eye, Ground, Seen};
 use super::lens::Lenses;
 use super::points::Found;
+use super::settings::Settings;
 use super::{hull, sweep};
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
 use crate::scene::capture::{Capture, Point};
-use crate::train::config::Config;
 
 /// Longest side of the pictures that silhouettes are taken from, pixels.
 const HULL_SIDE: usize = 320;
@@ -25,13 +25,13 @@ pub(super) struct Views<'a> {
     pub capture: &'a Capture,
     /// What the capture knows of what stands still.
     pub points: &'a [Point],
-    pub config: &'a Config,
+    pub settings: &'a Settings,
     /// Training cameras that take part.
     pub cameras: &'a [usize],
     /// Frames whose hulls are taken.
     pub hull_frames: &'a [u32],
     /// Whether what stands still is looked for.
-    pub looks_at_rest: bool,
+    pub finds_static: bool,
     /// Whether the pictures are cut out.
     pub cut_out: bool,
 }
@@ -53,7 +53,7 @@ impl Views<'_> {
     /// Looks at all of them, frame by frame. `known` are points that stand still, where somebody knows; else the pictures are
     /// asked which of `points` do. `done` is called after each picture and each sweep.
     pub fn surfaces(&self, known: Option<&[Found]>, lenses: &Lenses, done: &mut dyn FnMut()) -> Result<Surfaces> {
-        let at_rest = Some(self.capture.reference_frame).filter(|_| self.looks_at_rest);
+        let at_rest = Some(self.capture.reference_frame).filter(|_| self.finds_static);
         let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain(at_rest).collect();
         frames.sort_unstable();
         frames.dedup();
@@ -82,19 +82,19 @@ impl Views<'_> {
                 let found = agree::agree(&eyes, &depths, &known, threads)?;
                 let found = found.into_iter().filter(|point| !self.cut_out || hull::may_be_shown(&eyes, &point.found));
                 let of_before = known.into_iter().map(|found| Agreed { found, n_cameras: usize::MAX });
-                let key = [self.config.seed, HULL_KEY];
-                let most_of_hull = if self.cut_out { self.config.init_points } else { 0 };
+                let key = [self.settings.seed, HULL_KEY];
+                let most_of_hull = if self.cut_out { self.settings.n_points } else { 0 };
                 let of_hull = hull::surface(&carving, Ground::Still, most_of_hull, &key);
                 let of_hull = of_hull.into_iter().map(|found| Agreed { found, n_cameras: 1 });
                 let mut all: Vec<Agreed> = of_before.chain(found).chain(of_hull).collect();
                 all.retain(|point| !lenses.are_veiled_by(&point.found));
                 surfaces.n_found = all.iter().filter(|point| point.n_cameras < usize::MAX).count();
-                let most = (self.n_pixels() / PIXELS_PER_POINT).min(self.config.init_points as u64) as usize;
+                let most = (self.n_pixels() / PIXELS_PER_POINT).min(self.settings.n_points as u64) as usize;
                 surfaces.still = agree::thin(&all, most.max(surfaces.n_known));
             }
             if has_hull {
-                let key = [self.config.seed, HULL_KEY, u64::from(frame)];
-                let found = hull::surface(&carving, Ground::Moving, self.config.init_moving_points, &key);
+                let key = [self.settings.seed, HULL_KEY, u64::from(frame)];
+                let found = hull::surface(&carving, Ground::Moving, self.settings.n_moving_points, &key);
                 surfaces.moving.push((frame, found));
             }
         }

@@ -5,7 +5,7 @@ use glam::{DVec2, DVec3};
 
 /// A pinhole camera somewhere.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Pinhole {
+pub(crate) struct Pinhole {
     intrinsics: Intrinsics,
     pose: Pose,
 }
