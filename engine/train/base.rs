@@ -2,8 +2,8 @@
 
 use super::checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
 use super::config::{Config, PoseKind, Required, Strategy};
+use super::folder::Run;
 use super::poses::Correction;
-use super::run::Run;
 use crate::error::{Error, Result};
 use crate::scene::Splats;
 use crate::scene::capture::{Calibration, Capture, Frames};

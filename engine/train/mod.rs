@@ -1,6 +1,5 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
-mod align;
 mod average;
 mod backdrop;
 mod base;
@@ -8,19 +7,11 @@ mod cameras;
 mod checkpoint;
 mod config;
 mod density;
-mod depth_cache;
-mod depth_fit;
-mod depth_line;
-mod fall;
-mod fingerprints;
+mod depth;
 mod first;
-mod flicker;
+mod folder;
 mod images;
-mod judge;
 mod lenses;
-mod lock;
-mod log;
-mod metrics;
 mod objective;
 mod offsets;
 mod plan;
@@ -28,9 +19,8 @@ mod poses;
 mod preset;
 mod ranks;
 mod require;
-mod run;
 mod schedule;
-mod segments;
+mod scores;
 mod session;
 mod settings_check;
 mod setup;
@@ -38,7 +28,6 @@ mod terms;
 mod trainer;
 
 pub use crate::recon::{Init, Initial, PointCounts};
-pub use align::ColorMap;
 pub use average::Average;
 pub use base::Base;
 pub use checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
@@ -47,25 +36,20 @@ pub use config::{
     Round, Strategy, all_settings,
 };
 pub use density::{density_round, noise, regularisers};
-pub use depth_fit::{DepthFits, DepthSummary, fit_depths};
-pub use depth_line::{DepthFit, Unfit};
-pub use fall::Fall;
-pub use fingerprints::{Changes, Fingerprint, Fingerprints};
+pub use depth::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
 pub use first::{from_points, initialise, random_points};
-pub use lock::RunLock;
-pub use log::{Kind, Log};
-pub use metrics::{
-    Evaluation, METRICS_OF, Meter, SceneScores, SceneSize, Scores, Sight, ViewScores, evaluate, psnr, spread,
-};
+pub use folder::{CaptureSummary, Changes, Fingerprint, Fingerprints, Joined, Kind, Log, Run, RunLock, Segments};
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, ImageMemory, Limits, Need, Plan, Workload};
 pub use poses::Correction;
 pub use preset::{PRESETS, Preset, merge};
 pub use ranks::{Ranks, Shared, any};
 pub use require::{Due, Evidence, GridCheck, Review, Seen, merge_resting, review, review_due};
-pub use run::{CaptureSummary, Run};
 pub use schedule::rates;
-pub use segments::{Joined, Segments};
+pub use scores::{
+    ColorMap, Evaluation, Fall, METRICS_OF, Meter, SceneScores, SceneSize, Scores, Sight, ViewScores, evaluate, psnr,
+    spread,
+};
 pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, reduced_order, training_order};
 pub use settings_check::{check_name, check_settings, default_of};
 pub use setup::Setup;

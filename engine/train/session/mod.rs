@@ -2,6 +2,7 @@
 
 mod coming;
 mod feed;
+mod judge;
 mod notice;
 mod options;
 mod order;
@@ -23,13 +24,13 @@ use crate::train::backdrop::{backdrop_of, put_before};
 use crate::train::checkpoint::{Checkpoint, Owed};
 use crate::train::config::Config;
 use crate::train::first::initialise;
-use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;
 use crate::train::require::{Due, review};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Seen, Trainer};
 use coming::Coming;
+use judge::judge_poses;
 use notice::work;
 use order::training_frames;
 use std::cmp::Ordering;

@@ -1,7 +1,7 @@
 //! What a session tells: of work that takes a while, and of what has happened.
 
 use crate::recon::Initial;
-use crate::train::depth_fit::DepthSummary;
+use crate::train::depth::DepthSummary;
 use crate::train::plan::Plan;
 use crate::train::require::Review;
 use crate::train::trainer::StepReport;

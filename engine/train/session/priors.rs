@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::parallel::threads;
 use crate::scene::capture::{Capture, PriorPlan};
 use crate::train::config::Config;
-use crate::train::depth_fit::{DepthSummary, fit_depths};
+use crate::train::depth::{DepthSummary, fit_depths};
 use crate::train::setup::Setup;
 use crate::train::terms::TermData;
 

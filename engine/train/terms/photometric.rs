@@ -4,7 +4,7 @@ use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermK
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
 use crate::stage::{Photometric, Pictures, SSIM_WEIGHT};
-use crate::train::metrics::psnr;
+use crate::train::scores::psnr;
 
 pub(super) const TERM: TermKind = TermKind {
     logged: LOGGED,

@@ -1,11 +1,11 @@
 //! Whether the poses that a run learns differ from the capture's.
 
-use super::poses::Correction;
-use super::trainer::Trainer;
 use crate::error::Result;
 use crate::report::statistics::median_high;
 use crate::scene::capture::Capture;
 use crate::scene::{Splats, View};
+use crate::train::poses::Correction;
+use crate::train::trainer::Trainer;
 use glam::{DVec2, DVec3, Vec3};
 use std::collections::BTreeMap;
 

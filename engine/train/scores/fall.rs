@@ -1,8 +1,8 @@
 //! Whether the scores of the test images fall during a run.
 
-use super::config::Config;
-use super::density::recovers;
-use super::log::{Kind, Log};
+use crate::train::config::Config;
+use crate::train::density::recovers;
+use crate::train::folder::{Kind, Log};
 use serde_json::Value;
 
 /// What the mean PSNR must be below the best to count as a fall, dB: an eighth more squared error. A run that went well, on

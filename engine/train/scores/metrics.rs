@@ -1,9 +1,7 @@
 //! How well pictures match their truth.
 
 use super::align::Errors;
-use super::config::Config;
 use super::flicker;
-use super::poses::Correction;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
 use crate::parallel::{in_parallel, threads};
@@ -11,6 +9,8 @@ use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Parts, Splats, Summary, View};
 use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Shown, Trunk, record_totals};
+use crate::train::config::Config;
+use crate::train::poses::Correction;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -201,7 +201,7 @@ pub struct SceneScores {
     /// Means of the same views with each test camera's time offset fitted to its own images; none where offsets were not learnt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_fitted_offsets: Option<Scores>,
-    /// Of a clip in segments, means of the views at its seams and of the others ([`Segments::is_at_seam`](super::Segments::is_at_seam)).
+    /// Of a clip in segments, means of the views at its seams and of the others ([`Segments::is_at_seam`](crate::train::Segments::is_at_seam)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_seams_and_elsewhere: Option<[Scores; 2]>,
 }

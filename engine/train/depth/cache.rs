@@ -1,7 +1,7 @@
 //! Fits of depth priors that an earlier run found, kept beside the priors: a long clip has terabytes of them, which need not be read in
 //! every run.
 
-use super::depth_line::Outcome;
+use super::line::Outcome;
 use crate::files::{read_file, write_atomic};
 use crate::scene::View;
 use crate::scene::capture::Capture;

@@ -1,7 +1,7 @@
 //! Depth priors aligned to the sparse points (SPEC 4): depth = scale * prior + shift, for each image by itself.
 
-use super::depth_cache::DepthCache;
-use super::depth_line::{DepthFit, Outcome, Unfit, fit_line};
+use super::cache::DepthCache;
+use super::line::{DepthFit, Outcome, Unfit, fit_line};
 use crate::error::Result;
 use crate::parallel::in_parallel;
 use crate::recon::Pinhole;

@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 pub enum Kind {
     /// A step: loss, counts, seconds.
     Step,
-    /// Scores of test views: an [`super::Evaluation`].
+    /// Scores of test views: an [`crate::train::Evaluation`].
     Evaluation,
     /// A step whose passes were timed.
     Profile,
-    /// What a review found that the scene requires: a [`super::Review`].
+    /// What a review found that the scene requires: a [`crate::train::Review`].
     Review,
-    /// A fall of the test images' scores that was warned of: a [`super::Fall`].
+    /// A fall of the test images' scores that was warned of: a [`crate::train::Fall`].
     Fall,
 }
 
