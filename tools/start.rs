@@ -14,7 +14,7 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::scene::read_views;
 use ivv::settings::{Constants, Setting};
-use ivv::train::{Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, all_settings, initialise};
+use ivv::train::{Base, Checkpoint, Config, DueEvents, Notice, Phase, Run, RunLock, Session, all_settings, initialise};
 use ivv::words::count;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -205,8 +205,8 @@ impl Start {
             return Ok(());
         }
         // A run that is killed before its next checkpoint still goes on to the new end.
-        let owed = Owed { density: false, ..now };
-        Checkpoint { world: self.run.world, owed, ..session.checkpoint()? }.write(&self.checkpoints)?;
+        let due = DueEvents { density: false, ..now };
+        Checkpoint { world: self.run.world, due, ..session.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;
         say!(

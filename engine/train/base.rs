@@ -1,6 +1,6 @@
 //! A run on top of another: what rests is the other's, and so is what it learnt of the cameras.
 
-use super::checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
+use super::checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
 use super::config::{Config, PoseKind, Required, Strategy};
 use super::folder::Run;
 use super::poses::Correction;
@@ -146,7 +146,7 @@ impl Base {
                 poses: Vec::new(),
                 ..self.cameras.clone()
             },
-            owed: Owed::default(),
+            due: DueEvents::default(),
             room: StepRoom::default(),
             average: Average::default(),
         }

@@ -28,7 +28,7 @@ pub(super) fn poses_judged_at(config: &Config, total: u64) -> u64 {
 
 /// Whether a run of `before` steps is past the step at which one of `total` judges the poses, before its own, and has learnt them for
 /// as long as that one would have.
-pub(super) fn poses_are_missed(config: &Config, step: u64, [before, total]: [u64; 2]) -> bool {
+pub(super) fn poses_are_missed(config: &Config, step: u64, before: u64, total: u64) -> bool {
     let learnt = step as f64 - POSES_FROM * before as f64;
     let is_past = poses_judged_at(config, total) <= step && step < poses_judged_at(config, before);
     is_past && learnt >= (POSES_JUDGED - POSES_FROM) * total as f64

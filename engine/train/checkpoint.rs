@@ -41,8 +41,8 @@ pub struct Checkpoint {
     pub state: Vec<[f32; 4]>,
     /// What is learnt of the cameras.
     pub cameras: CameraState,
-    /// What was due after the step and has not been done: the run failed there.
-    pub owed: Owed,
+    /// What was due after the step and has not been done, because the run failed there.
+    pub due: DueEvents,
     /// What steps have had room for.
     pub room: StepRoom,
     /// The mean of the scenes near the end of the run so far.
@@ -59,19 +59,19 @@ pub struct StepRoom {
     pub rounds: u32,
 }
 
-/// What is due after a step and has not been done.
+/// What a run does between two steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
-pub struct Owed {
+pub struct DueEvents {
     /// The round of density control.
     pub density: bool,
-    /// The look at which cameras need a colour map.
+    /// The choice of the cameras that need a colour map.
     pub grids: bool,
     /// The review of what the scene requires.
     pub review: bool,
-    /// The look at which cameras' time offsets the pictures tell.
+    /// The freezing of time offsets that the pictures do not determine.
     pub offsets: bool,
-    /// The look at whether the cameras' poses differ from the capture's.
+    /// The comparison of the learnt poses with the capture's.
     pub poses: bool,
     /// The scene's share of the average.
     pub average: bool,
@@ -108,8 +108,8 @@ struct Header {
     learns_offset: Vec<bool>,
     grid_steps: Vec<u64>,
     has_grid: Vec<bool>,
-    #[serde(default)]
-    owed: Owed,
+    #[serde(default, rename = "owed")]
+    due: DueEvents,
     /// Checkpoints from before it was kept have none.
     #[serde(default)]
     room: StepRoom,
@@ -221,7 +221,7 @@ impl Checkpoint {
             learns_offset: self.cameras.learns_offset.clone(),
             grid_steps: self.cameras.grid_steps.clone(),
             has_grid: self.cameras.has_grid.clone(),
-            owed: self.owed,
+            due: self.due,
             room: self.room,
             averaged: self.average.n,
             sections: sections.iter().map(told).collect(),
@@ -351,7 +351,7 @@ impl Checkpoint {
         let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
         // Checkpoints from before poses were learnt have none.
         let poses = take("poses").unwrap_or_default().as_chunks().0.as_chunks().0.to_vec();
-        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, owed, room, .. } = header;
+        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, due, room, .. } = header;
         let mut grids = Vec::new();
         for index in 0..grid_steps.len() {
             let mut part = |part: &str| take(&format!("grid{index}.{part}"));
@@ -365,21 +365,7 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
         let cameras = CameraState { clocks, learns_offset, poses, grids, grid_steps, has_grid };
-        Ok(Checkpoint {
-            step,
-            total,
-            config,
-            world,
-            origin,
-            params,
-            first,
-            second,
-            state,
-            cameras,
-            owed,
-            room,
-            average,
-        })
+        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, due, room, average })
     }
 
     /// The Gaussians in the capture's own frame, numbered in the file's order; at the end of the run their average, as the run's

@@ -30,7 +30,7 @@ mod trainer;
 pub use crate::recon::{Init, Initial, PointCounts};
 pub use average::Average;
 pub use base::Base;
-pub use checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
+pub use checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
 pub use config::{
     Config, Density, FlowChoice, GridKind, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution,
     Round, Strategy, all_settings,
@@ -39,6 +39,7 @@ pub use density::{density_round, noise, regularisers};
 pub use depth::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
 pub use first::{from_points, initialise, random_points};
 pub use folder::{CaptureSummary, Changes, Fingerprint, Fingerprints, Joined, Kind, Log, Run, RunLock, Segments};
+pub use images::{reduced_order, training_order};
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, ImageMemory, Limits, Need, Plan, Workload};
 pub use poses::Correction;
@@ -50,7 +51,7 @@ pub use scores::{
     ColorMap, Evaluation, Fall, METRICS_OF, Meter, SceneScores, SceneSize, Scores, Sight, ViewScores, evaluate, psnr,
     spread,
 };
-pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch, reduced_order, training_order};
+pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch};
 pub use settings_check::{check_name, check_settings, default_of};
 pub use setup::Setup;
 pub use terms::{Logged, TermData, logged};

@@ -2,7 +2,7 @@
 
 use super::cameras::{Cameras, OwnGrid};
 use super::config::Config;
-use super::images::{Counts, Images, Loaded, Planes};
+use super::images::{Counts, ImageStore, Planes, Resident};
 use super::setup::Setup;
 use super::terms::{self, Part, Rendered, Shown, Term};
 use crate::error::Result;
@@ -11,12 +11,11 @@ use crate::gpu::{Buf, Gpu, Recording, Staging};
 use crate::stage::{self, MOST_TERMS, Outputs, Workspace};
 use std::collections::BTreeMap;
 
-/// The terms of the loss, with their scratch, the training images, and the cameras' own parameters.
+/// The terms of the loss, with their scratch, and the cameras' own parameters.
 pub(super) struct Objective {
     terms: Vec<Box<dyn Term>>,
     /// What each term leaves of the step that is recorded.
     left: Vec<terms::Left>,
-    pub images: Images,
     pub cameras: Cameras,
 }
 
@@ -31,7 +30,7 @@ pub(super) struct Taken {
 pub(super) struct Truth {
     shown: Shown,
     by: Taken,
-    loaded: Loaded,
+    pub resident: Resident,
 }
 
 /// Where a step leaves its numbers, all of them in the host's memory, and which terms it has.
@@ -55,7 +54,6 @@ impl Objective {
         Ok(Objective {
             terms: terms::begin(gpu, config, setup.data)?,
             left: Vec::new(),
-            images: Images::new(gpu, setup.data)?,
             cameras: Cameras::new(gpu, config, setup)?,
         })
     }
@@ -73,7 +71,6 @@ impl Objective {
 
     /// Room for pictures of `pixels` pixels.
     pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
-        self.images.fit(gpu, pixels)?;
         self.cameras.fit(gpu, pixels)?;
         self.terms.iter_mut().try_for_each(|term| term.fit(gpu, pixels))
     }
@@ -89,30 +86,31 @@ impl Objective {
     }
 
     /// The image of step `step` that was taken `by` a camera and reduced by `reduction`.
-    pub fn target(&self, loaded: Loaded, by: Taken, step: u64, reduction: u32) -> Truth {
-        let Counts { size, n_visible, n_depth, n_flow } = loaded.counts;
+    pub fn target(&self, resident: Resident, by: Taken, step: u64, reduction: u32) -> Truth {
+        let Counts { size, n_visible, n_depth, n_flow } = resident.counts;
         let shown = Shown { step, size, reduction, n_visible, n_depth, n_flow };
-        Truth { shown, by, loaded }
-    }
-
-    /// Appends the upload of `target` and what is learnt of its camera's clock and pose, in a run of `total` steps.
-    pub fn record_upload(&self, rec: &mut Recording, work: &Workspace, target: &Truth, total: u64) {
-        self.images.record_upload(rec, &target.loaded);
-        self.record_view(rec, work, target.by, (target.shown.step, total));
+        Truth { shown, by, resident }
     }
 
     /// Appends the terms on the frame that was rendered, and the cotangents of its pictures.
     ///
     /// # Errors
     /// Those of [`Term::record`].
-    pub fn record_loss(&mut self, gpu: &Gpu, rec: &mut Recording, work: &Workspace, target: &Truth) -> Result<()> {
+    pub fn record_loss(
+        &mut self,
+        gpu: &Gpu,
+        rec: &mut Recording,
+        work: &Workspace,
+        images: &ImageStore,
+        target: &Truth,
+    ) -> Result<()> {
         let Some(backward) = &work.backward else { return Ok(()) };
         let (shown, rendered) = (&target.shown, (&work.blend.image0, &backward.d_image0));
         let grid_variation = target.by.grid.and(self.cameras.grids()).map(|grids| grids.tv_sums.clone());
         let (image, d_image) = self.cameras.record_shown(gpu, rec, rendered, shown.size, target.by.grid)?;
         let geometry = work.blend.image1.as_ref().zip(backward.d_image1.as_ref());
         let grid_variation = grid_variation.as_ref();
-        let Planes { colors: truth, priors } = &self.images.planes(&target.loaded);
+        let Planes { colors: truth, priors } = &images.planes(&target.resident);
         let on = Rendered { image, d_image, geometry, truth, priors, grid_variation };
         self.left = self.terms.iter_mut().map(|term| term.record(gpu, rec, shown, &on)).collect::<Result<_>>()?;
         self.cameras.record_back(rec, rendered, shown.size, target.by.grid);

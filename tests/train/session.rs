@@ -5,7 +5,7 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use ivv::scene::{Similarity, Splats};
 use ivv::train::{
-    Average, Checkpoint, Config, Event, GridKind, Init, Notice, Owed, Phase, PoseKind, Required, Session,
+    Average, Checkpoint, Config, DueEvents, Event, GridKind, Init, Notice, Phase, PoseKind, Required, Session,
     SessionOptions, training_order,
 };
 use ivv::vk::DeviceKind;
@@ -68,7 +68,7 @@ fn a_session_does_what_is_due_wherever_it_is_resumed() {
             first.step().unwrap();
         }
         let checkpoint = first.rescue().unwrap();
-        let Owed { review, offsets, poses, .. } = checkpoint.owed;
+        let DueEvents { review, offsets, poses, .. } = checkpoint.due;
         assert_eq!((checkpoint.step, review, offsets, poses), (at, at == 18, at == 30, at == 18));
         drop(first);
         let folder = tiny.folder.join(format!("checkpoints-{at}"));

@@ -1,17 +1,13 @@
 //! A training run: a capture's images in their order, with what is due between steps.
 
-mod coming;
-mod feed;
+mod due;
 mod judge;
 mod notice;
 mod options;
-mod order;
-mod owed;
 mod priors;
 
 pub use notice::{Event, Notice, Phase, Watch};
 pub use options::SessionOptions;
-pub use order::{reduced_order, training_order};
 pub use priors::Priors;
 
 use crate::error::Result;
@@ -21,18 +17,17 @@ use crate::scene::capture::Capture;
 use crate::settings::Constants;
 use crate::train::average::Average;
 use crate::train::backdrop::{backdrop_of, put_before};
-use crate::train::checkpoint::{Checkpoint, Owed};
+use crate::train::checkpoint::{Checkpoint, DueEvents};
 use crate::train::config::Config;
 use crate::train::first::initialise;
+use crate::train::images::{ImageLimits, Source, StepImage, StepImages, training_frames};
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;
 use crate::train::require::{Due, review};
 use crate::train::setup::Setup;
-use crate::train::trainer::{ProfiledStep, Seen, Trainer};
-use coming::Coming;
+use crate::train::trainer::{ProfiledStep, Trainer};
 use judge::judge_poses;
 use notice::work;
-use order::training_frames;
 use std::cmp::Ordering;
 use std::sync::Arc;
 use std::time::Instant;
@@ -64,31 +59,22 @@ pub struct Session<'a> {
     constants: Constants,
     config: Config,
     total: u64,
-    frames: Vec<Image>,
+    /// Camera and frame of the images that are trained on.
+    frames: Vec<(usize, u32)>,
     priors: Priors,
     plan: Plan,
     n_left_out: usize,
     trainer: Trainer,
-    /// The images to come, in their order; made for the first step that needs it.
-    coming: Option<Coming>,
-    cache_bytes: u64,
-    /// Bytes of images that stay on the device.
-    image_bytes: u64,
-    /// Images that are listed at a time.
-    listed_images: u64,
-    /// Seconds in which steps waited for those that were listed before.
-    waited: f64,
-    /// A step, and what is due after it and has not been done.
-    owed: (u64, Owed),
+    /// A step.
+    due_after: u64,
+    /// What is due after it and has not been done.
+    due: DueEvents,
     /// Of the scenes near the end.
     average: Average,
     events: Vec<Event>,
     seconds: f64,
     watch: Watch<'a>,
 }
-
-/// A camera and a frame.
-type Image = (usize, u32);
 
 impl<'a> Session<'a> {
     /// A run on the training images of `capture`, which is in the frame of training.
@@ -142,19 +128,19 @@ impl<'a> Session<'a> {
         let trainer = Trainer::resume(gpu.clone(), checkpoint, constants, setup)?;
         let numbers = (checkpoint.total, priors, plan, splats.len());
         let session = Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options);
-        Ok(Session { owed: (checkpoint.step, checkpoint.owed), average: checkpoint.average.clone(), ..session })
+        Ok(Session { due_after: checkpoint.step, due: checkpoint.due, average: checkpoint.average.clone(), ..session })
     }
 
     fn of(
         gpu: Arc<Gpu>,
-        (capture, frames, constants): (&'a Capture, Vec<Image>, Constants),
+        (capture, frames, constants): (&'a Capture, Vec<(usize, u32)>, Constants),
         config: Config,
         mut trainer: Trainer,
         (total, priors, plan, n_first): (u64, Priors, Plan, usize),
         options: SessionOptions<'a>,
     ) -> Self {
         let SessionOptions { cache_bytes, listed_images, watch, ranks, .. } = options;
-        trainer.join(ranks);
+        trainer.join(ranks, ImageLimits { cache_bytes, device_bytes: plan.image_bytes, listed: listed_images });
         Session {
             gpu,
             capture,
@@ -163,16 +149,12 @@ impl<'a> Session<'a> {
             total,
             frames,
             priors,
-            image_bytes: plan.image_bytes,
             plan,
             n_left_out: n_first.saturating_sub(trainer.n_gaussians() as usize),
-            owed: (trainer.step(), Owed::default()),
+            due_after: trainer.step(),
+            due: DueEvents::default(),
             average: Average::default(),
             trainer,
-            coming: None,
-            cache_bytes,
-            listed_images,
-            waited: 0.0,
             events: Vec::new(),
             seconds: 0.0,
             watch,
@@ -183,11 +165,11 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// As [`Trainer::extend`].
-    pub fn extend(&mut self, config: Config, total: u64) -> Result<Owed> {
+    pub fn extend(&mut self, config: Config, total: u64) -> Result<DueEvents> {
         self.trainer.extend(config.clone(), total)?;
-        self.owed.1 = self.owed.1.extended(&config, self.trainer.step(), [self.total, total]);
-        (self.config, self.total, self.coming, self.average) = (config, total, None, Average::default());
-        Ok(self.owed.1)
+        self.due = self.due.extended(&config, self.trainer.step(), self.total, total);
+        (self.config, self.total, self.average) = (config, total, Average::default());
+        Ok(self.due)
     }
 
     /// What is trained.
@@ -227,7 +209,7 @@ impl<'a> Session<'a> {
 
     /// Seconds in which steps waited for images.
     pub fn waited(&self) -> f64 {
-        self.waited + self.coming.as_ref().map_or(0.0, |coming| coming.stats().waited.as_secs_f64())
+        self.trainer.waited_s()
     }
 
     /// What has happened since this was last asked, in order. Steps end while others are under way, so one that was handed over
@@ -290,32 +272,32 @@ impl<'a> Session<'a> {
     /// # Errors
     /// As [`Session::step`].
     pub fn settle(&mut self) -> Result<()> {
-        let owed = self.owed.1;
-        if owed.grids {
+        let due = self.due;
+        if due.grids {
             self.review(Due::Grids)?;
         }
-        self.owed.1.grids = false;
-        if owed.review {
+        self.due.grids = false;
+        if due.review {
             self.review(Due::Gaussians)?;
         }
-        self.owed.1.review = false;
-        if owed.offsets {
+        self.due.review = false;
+        if due.offsets {
             self.freeze()?;
         }
-        self.owed.1.offsets = false;
-        if owed.poses {
+        self.due.offsets = false;
+        if due.poses {
             let begun = Instant::now();
             let judged = judge_poses(&mut self.trainer, self.capture)?;
             self.seconds += begun.elapsed().as_secs_f64();
             self.events.extend(judged.map(|(pixels, are_learnt)| Event::Poses { pixels, are_learnt }));
         }
-        self.owed.1.poses = false;
-        if owed.average {
+        self.due.poses = false;
+        if due.average {
             let begun = Instant::now();
             self.average.add(self.trainer.splats()?);
             self.seconds += begun.elapsed().as_secs_f64();
         }
-        self.owed.1.average = false;
+        self.due.average = false;
         Ok(())
     }
 
@@ -335,15 +317,14 @@ impl<'a> Session<'a> {
     /// As [`Trainer::rescue`].
     pub fn rescue(&mut self) -> Result<Checkpoint> {
         let rescued = self.trainer.rescue()?;
-        let (step, owed) = self.owed;
-        let owed = match rescued.step.cmp(&step) {
-            Ordering::Less => Owed::default(),
-            Ordering::Equal => owed,
+        let due = match rescued.step.cmp(&self.due_after) {
+            Ordering::Less => DueEvents::default(),
+            Ordering::Equal => self.due,
             // It ended while it was rescued.
-            Ordering::Greater => Owed::after(&self.config, rescued.step, self.total),
+            Ordering::Greater => DueEvents::after(&self.config, rescued.step, self.total),
         };
-        let owed = Owed { density: rescued.owed.density, ..owed };
-        Ok(Checkpoint { owed, average: self.average.clone(), ..rescued })
+        let due = DueEvents { density: rescued.due.density, ..due };
+        Ok(Checkpoint { due, average: self.average.clone(), ..rescued })
     }
 
     /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training: near the end of the run
@@ -391,41 +372,20 @@ impl<'a> Session<'a> {
 
     /// The images of the next step, taken to where the device can get them, and when that began: what was waited for to be decoded
     /// is not counted. None at the end of the run.
-    fn images(&mut self) -> Result<Option<(Vec<Seen>, Instant)>> {
-        loop {
-            let mut coming = match self.coming.take() {
-                Some(coming) => coming,
-                None => {
-                    self.trainer.release_images();
-                    let bytes = (self.cache_bytes, self.image_bytes, self.listed_images);
-                    let (settings, at) = ((&self.config, &self.priors.plan), (&self.trainer, self.total));
-                    Coming::new(self.capture, &self.frames, settings, at, bytes)?
-                }
-            };
-            let step = coming.next_step(self.capture, &mut self.trainer)?;
-            let is_listed = step.as_ref().is_none_or(|(images, _)| !images.is_empty());
-            if !is_listed && self.trainer.step() < self.total {
-                self.waited += coming.stats().waited.as_secs_f64();
-                continue;
-            }
-            let Some((images, spent)) = step else {
-                // Images gave way to what needed the device's memory more. From here on as many stay as there are now.
-                self.image_bytes = self.trainer.image_bytes();
-                self.waited += coming.stats().waited.as_secs_f64();
-                continue;
-            };
-            self.coming = Some(coming);
-            let now = Instant::now();
-            let begun = now.checked_sub(spent).unwrap_or(now);
-            return Ok(Some((images, begun)).filter(|(images, _)| !images.is_empty()));
-        }
+    fn images(&mut self) -> Result<Option<(Vec<StepImage>, Instant)>> {
+        let source = Source { capture: self.capture, frames: &self.frames, priors: &self.priors.plan };
+        let StepImages { images, loading } = self.trainer.next_images(&source)?;
+        let now = Instant::now();
+        let begun = now.checked_sub(loading).unwrap_or(now);
+        Ok((!images.is_empty()).then_some((images, begun)))
     }
 
     /// Notes a step that was handed over, and waits for it where something is due after it.
     fn stepped(&mut self, begun: Instant) -> Result<()> {
         let step = self.trainer.step();
-        self.owed = (step, Owed::after(&self.config, step, self.total));
-        if self.owed.1 != Owed::default() {
+        self.due_after = step;
+        self.due = DueEvents::after(&self.config, step, self.total);
+        if self.due != DueEvents::default() {
             self.trainer.finish()?;
         }
         self.seconds += begun.elapsed().as_secs_f64();

@@ -15,7 +15,7 @@ pub use report::StepReport;
 use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Buf, Gpu, Recording, Running, Staging};
-use crate::scene::capture::{Asked, Picture};
+use crate::scene::capture::Picture;
 use crate::scene::{Clearing, Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
@@ -24,7 +24,7 @@ use crate::stage::{
 };
 use crate::train::config::{Config, Strategy};
 use crate::train::density::{density_round, most_gaussians, regularisers};
-use crate::train::images::{Loaded, Shot};
+use crate::train::images::{ImageLimits, ImageStore, Source, StepImage, StepImages, Steps};
 use crate::train::objective::{Objective, Report, Taken, Truth};
 use crate::train::poses::Correction;
 use crate::train::ranks::{Ranks, Shared};
@@ -64,6 +64,7 @@ pub struct Trainer {
     ranks: Option<Arc<dyn Ranks>>,
     shared: Shared,
     objective: Objective,
+    images: ImageStore,
     staging: Staging,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
@@ -72,16 +73,6 @@ pub struct Trainer {
     rounds: u32,
     in_flight: VecDeque<Step>,
     reports: Vec<StepReport>,
-}
-
-/// An image that a step is to see.
-pub(in crate::train) struct Seen {
-    /// The camera that took it.
-    pub camera: usize,
-    /// As that camera saw.
-    pub view: View,
-    /// The image; none where another process sees it.
-    pub loaded: Option<Loaded>,
 }
 
 /// An image of a step.
@@ -180,6 +171,7 @@ impl Trainer {
         let state = upload_state(&gpu, &scene, &state)?;
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
         let objective = Objective::new(&gpu, &config, &setup)?;
+        let images = ImageStore::new(&gpu, setup.data)?;
         let clearings = clearings(&gpu, &setup, scene.origin)?;
         let mut room = Room {
             active: 1,
@@ -198,6 +190,7 @@ impl Trainer {
         room.intersections = room.intersections.min(room.max_intersections(&gpu));
         Ok(Trainer {
             objective,
+            images,
             staging: Staging::new(&gpu),
             n_undrawable: gpu.upload("undrawable Gaussians", &[0u32])?,
             gpu,
@@ -289,18 +282,34 @@ impl Trainer {
     /// then.
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
-        let seen = self.seen(camera, view, picture)?;
-        self.train_on(vec![seen])
+        let image = self.passing(camera, view, picture)?;
+        self.train_on(vec![image])
     }
 
-    /// An image of the step to come, which passes.
-    fn seen(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Seen> {
-        Ok(Seen { camera, view: view.clone(), loaded: Some(self.load(view, Shot::Passes(picture))?) })
+    /// `picture`, on the device for the next step alone.
+    fn passing(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<StepImage> {
+        let reduction = self.reduction(view);
+        let is_whole = [picture.width, picture.height] == [view.intrinsics.width, view.intrinsics.height];
+        let reduced = (reduction > 1 && is_whole).then(|| picture.reduced(reduction));
+        let resident = self.images.pass(&self.gpu, &self.staging, reduced.as_ref().unwrap_or(picture))?;
+        Ok(StepImage { camera, view: view.clone(), resident: Some(resident) })
     }
 
-    /// As [`Trainer::train`], on images that have been loaded before density control, for which those that stay may have to give
-    /// way.
-    pub(in crate::train) fn train_on(&mut self, images: Vec<Seen>) -> Result<()> {
+    /// The images of the next step, of the run on `source`; none at its end.
+    pub(in crate::train) fn next_images(&mut self, source: &Source) -> Result<StepImages> {
+        let own = self.own_images(self.config.batch as usize);
+        let steps = Steps { config: &self.config, done: self.step, total: self.total, own };
+        self.images.next(&self.gpu, &self.staging, source, &steps)
+    }
+
+    /// Seconds in which steps waited for images.
+    pub(in crate::train) fn waited_s(&self) -> f64 {
+        self.images.waited_s()
+    }
+
+    /// As [`Trainer::train`], on images that were loaded before density control, for which those that stay on the device may have to
+    /// give way.
+    pub(in crate::train) fn train_on(&mut self, images: Vec<StepImage>) -> Result<()> {
         self.control_density()?;
         let inputs = self.inputs(images);
         self.start(inputs)?;
@@ -326,30 +335,16 @@ impl Trainer {
         self.setup.shows_background
     }
 
-    /// Takes the steps to come together with other processes, which see other images of each.
-    pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>) {
+    /// Keeps images within `limits`, and takes the steps to come together with other processes, which see other images of each.
+    pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>, limits: ImageLimits) {
         self.ranks = ranks;
-    }
-
-    /// Whether the picture of this name has stayed on the device, see [`Shot`].
-    pub(in crate::train) fn has_image(&self, name: &Asked) -> bool {
-        self.objective.images.has(name)
-    }
-
-    /// Bytes of the pictures that have stayed on the device.
-    pub(in crate::train) fn image_bytes(&self) -> u64 {
-        self.objective.images.kept_bytes()
-    }
-
-    /// Gives up the pictures that have stayed on the device.
-    pub(in crate::train) fn release_images(&mut self) {
-        self.objective.images.release();
+        self.images.limit(limits);
     }
 
     /// Does `work`, and again where memory runs out while pictures stay on the device: they give way to it.
     fn with_memory<T>(&mut self, work: impl Fn(&mut Self) -> Result<T>) -> Result<T> {
         match work(self) {
-            Err(error) if error.is_out_of_memory() && self.objective.images.release() => work(self),
+            Err(error) if error.is_out_of_memory() && self.images.release() => work(self),
             outcome => outcome,
         }
     }
@@ -357,8 +352,8 @@ impl Trainer {
     /// Reports of the steps that have ended since the last call, in order. That of a step after which density control is due comes
     /// once it has run.
     pub fn take_reports(&mut self) -> Vec<StepReport> {
-        let is_owed = self.due_round().is_some() && self.controlled != self.step;
-        let kept = usize::from(is_owed && self.reports.last().is_some_and(|report| report.step == self.step));
+        let is_due = self.due_round().is_some() && self.controlled != self.step;
+        let kept = usize::from(is_due && self.reports.last().is_some_and(|report| report.step == self.step));
         let kept = self.reports.split_off(self.reports.len() - kept);
         std::mem::replace(&mut self.reports, kept)
     }

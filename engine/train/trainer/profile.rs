@@ -1,11 +1,12 @@
 //! Steps that are looked at: with the time of every pass, or with one dispatch taken out.
 
-use super::{Results, Seen, Step, Trainer};
+use super::{Results, Step, Trainer};
 use crate::error::Result;
 use crate::gpu::{Dispatch, PassTime, Recording};
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{Counters, PassReport, add_passes};
+use crate::train::images::StepImage;
 use std::time::{Duration, Instant};
 
 /// A step whose passes were timed.
@@ -40,12 +41,12 @@ impl Trainer {
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
         let begun = Instant::now();
-        let seen = self.seen(camera, view, picture)?;
-        self.profile_on(vec![seen], begun)
+        let image = self.passing(camera, view, picture)?;
+        self.profile_on(vec![image], begun)
     }
 
     /// As [`Trainer::profile`], on images that have been loaded since `begun`.
-    pub(in crate::train) fn profile_on(&mut self, images: Vec<Seen>, mut begun: Instant) -> Result<ProfiledStep> {
+    pub(in crate::train) fn profile_on(&mut self, images: Vec<StepImage>, mut begun: Instant) -> Result<ProfiledStep> {
         let mut host = Vec::new();
         let mut done = |what| {
             host.push((what, begun, begun.elapsed().as_secs_f64()));
@@ -90,9 +91,9 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::train`].
     pub fn recorded(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Recording> {
-        let seen = self.seen(camera, view, picture)?;
+        let image = self.passing(camera, view, picture)?;
         self.finish()?;
-        let inputs = self.inputs(vec![seen]);
+        let inputs = self.inputs(vec![image]);
         Ok(self.record(&inputs)?.0)
     }
 
@@ -100,7 +101,7 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub(in crate::train) fn dump(&mut self, images: Vec<Seen>, kernel: &str) -> Result<Option<Dispatch>> {
+    pub(in crate::train) fn dump(&mut self, images: Vec<StepImage>, kernel: &str) -> Result<Option<Dispatch>> {
         self.finish()?;
         let inputs = self.inputs(images);
         loop {

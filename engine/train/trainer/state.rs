@@ -8,7 +8,7 @@ use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::stage::{AdamMode, Moments, Optimiser, Purpose, SceneBuffers, lazy_sums};
 use crate::train::average::Average;
-use crate::train::checkpoint::{Checkpoint, Owed, StepRoom};
+use crate::train::checkpoint::{Checkpoint, DueEvents, StepRoom};
 use crate::train::config::Config;
 use crate::train::schedule::rates;
 use crate::train::setup::Setup;
@@ -20,7 +20,7 @@ impl Trainer {
     /// # Errors
     /// As [`Trainer::new`].
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, room, .. } =
+        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, due, room, .. } =
             checkpoint;
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
@@ -35,7 +35,7 @@ impl Trainer {
         trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
         trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;
         // Density control that is still due runs before the next step.
-        (trainer.step, trainer.controlled) = (*step, if owed.density { step.saturating_sub(1) } else { *step });
+        (trainer.step, trainer.controlled) = (*step, if due.density { step.saturating_sub(1) } else { *step });
         Ok(trainer)
     }
 
@@ -67,8 +67,9 @@ impl Trainer {
             }
         }
         (self.work, self.batch) = (None, None);
-        let owed = Owed { density: self.due_round().is_some() && self.controlled != self.step, ..Owed::default() };
-        Ok(Checkpoint { owed, ..self.snapshot()? })
+        let due =
+            DueEvents { density: self.due_round().is_some() && self.controlled != self.step, ..DueEvents::default() };
+        Ok(Checkpoint { due, ..self.snapshot()? })
     }
 
     /// What the device holds.
@@ -85,7 +86,7 @@ impl Trainer {
             second,
             state: self.state()?,
             cameras: self.objective.cameras.state(&self.gpu)?,
-            owed: Owed::default(),
+            due: DueEvents::default(),
             room: StepRoom { intersections: self.room.intersections, rounds: self.rounds },
             average: Average::default(),
         })
@@ -163,7 +164,7 @@ impl Trainer {
         // Two scenes need not fit the device.
         (self.work, self.batch) = (None, None);
         let mut other = Self::resume(self.gpu.clone(), checkpoint, self.constants, self.setup.clone())?;
-        other.objective.images.inherit(&mut self.objective.images);
+        other.images.inherit(&mut self.images);
         // They are counted since the start.
         other.optimiser.n_bad = self.gpu.upload("bad gradients", &n_bad)?;
         *self = Trainer { reports, ranks: self.ranks.take(), shared: self.shared, ..other };
@@ -178,6 +179,7 @@ impl Trainer {
     /// As [`Trainer::train`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
         self.finish()?;
+        self.images.restart();
         // The steps that are owed are of the rates so far.
         self.catch_up()?;
         let checkpoint = Checkpoint { config, total, ..self.checkpoint()? };

@@ -1,18 +1,17 @@
 //! A step: what it needs, its recording, and what it leaves.
 
 use super::report::ImageReport;
-use super::{Image, Inputs, Results, Seen, Step, StepReport, Trainer};
+use super::{Image, Inputs, Results, Step, StepReport, Trainer};
 use crate::error::{Error, Result};
 use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::random::Keyed;
 use crate::scene::View;
-use crate::scene::capture::Picture;
 use crate::stage::{
     AdamMode, Among, Batch, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params,
 };
 use crate::train::density::noise;
-use crate::train::images::{Loaded, Shot};
+use crate::train::images::StepImage;
 use crate::train::objective::Report;
 use bytemuck::bytes_of;
 use tracing::debug_span;
@@ -24,42 +23,22 @@ const BACKGROUND: u64 = 5;
 
 impl Trainer {
     /// Pixels along each side that become one in the step to come.
-    fn reduction(&self, view: &View) -> u32 {
+    pub(super) fn reduction(&self, view: &View) -> u32 {
         let reduction = self.config.resolution.reduction(self.step + 1, self.total);
         reduction.min(view.intrinsics.width).min(view.intrinsics.height)
     }
 
-    /// Takes the picture of the step to come to where the device can get it.
-    #[tracing::instrument(level = "debug", name = "upload", skip_all)]
-    pub(in crate::train) fn load(&mut self, view: &View, shot: Shot) -> Result<Loaded> {
-        let reduction = self.reduction(view);
-        // A session's cache brings it reduced; others bring it whole.
-        let is_whole =
-            |picture: &Picture| (picture.width, picture.height) == (view.intrinsics.width, view.intrinsics.height);
-        let reduced;
-        let shot = match shot {
-            Shot::Passes(picture) if reduction > 1 && is_whole(picture) => {
-                reduced = picture.reduced(reduction);
-                Shot::Passes(&reduced)
-            }
-            shot => shot,
-        };
-        let loaded = self.objective.images.load(&self.gpu, &self.staging, shot)?;
-        let Some(loaded) = loaded else { unreachable!("callers ask Trainer::has_image first") };
-        Ok(loaded)
-    }
-
     /// What the step to come needs.
-    pub(super) fn inputs(&mut self, images: Vec<Seen>) -> Inputs {
+    pub(super) fn inputs(&mut self, images: Vec<StepImage>) -> Inputs {
         let (step, flow_model) = (self.step + 1, self.setup.flow_model);
-        let of_image = |(index, Seen { camera, view, loaded }): (usize, Seen)| {
+        let of_image = |(index, StepImage { camera, view, resident }): (usize, StepImage)| {
             let background = self.background(step, index as u64);
             let reduction = self.reduction(&view);
             let by = self.objective.taken(camera);
             Image {
                 view: View { background, flow_model, ..view.reduced(reduction) },
                 by,
-                truth: loaded.map(|loaded| self.objective.target(loaded, by, step, reduction)),
+                truth: resident.map(|resident| self.objective.target(resident, by, step, reduction)),
             }
         };
         Inputs { step, images: images.into_iter().enumerate().map(of_image).collect() }
@@ -170,7 +149,10 @@ impl Trainer {
             }
         }
         if room.pixels > self.room.pixels {
-            self.with_memory(|trainer| trainer.objective.fit(&trainer.gpu, room.pixels))?;
+            self.with_memory(|trainer| {
+                trainer.images.fit(&trainer.gpu, room.pixels)?;
+                trainer.objective.fit(&trainer.gpu, room.pixels)
+            })?;
         }
         self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
         self.with_memory(|trainer| {
@@ -233,11 +215,12 @@ impl Trainer {
     fn record_image(&mut self, rec: &mut Recording, inputs: &Inputs, at: usize, results: &mut Results) -> Result<Size> {
         let (step, Image { view, by, truth }) = (inputs.step, &inputs.images[at]);
         self.record_inputs(rec, view, step)?;
-        let Trainer { gpu, scene, optimiser, objective, work: Some(work), batch, rounds, .. } = self else {
+        let Trainer { gpu, scene, optimiser, objective, images, work: Some(work), batch, rounds, .. } = self else {
             unreachable!("there is room for the step")
         };
         let Some(truth) = truth else { unreachable!("it is one of this process") };
-        objective.record_upload(rec, work, truth, self.total);
+        images.record_upload(rec, &truth.resident);
+        objective.record_view(rec, work, *by, (step, self.total));
         let status = &work.status;
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_pixels = view.intrinsics.width * view.intrinsics.height;
@@ -247,7 +230,7 @@ impl Trainer {
             optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
         });
         drop(forward);
-        debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, truth))?;
+        debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, images, truth))?;
         // Of a single image Gaussians in view take their step with the last pass of it.
         let target = batch.as_ref().map_or(Target::Step(optimiser), |batch| Target::Sums(batch, optimiser));
         debug_span!("backward").in_scope(|| work.record_backward(rec, scene, &lists, size, &target));

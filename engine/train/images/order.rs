@@ -25,7 +25,7 @@ pub fn reduced_order(order: &[(usize, u32)], config: &Config, done: u64, total: 
 }
 
 /// The images that are trained on, at least one.
-pub(super) fn training_frames(capture: &Capture) -> Result<Vec<(usize, u32)>> {
+pub(in crate::train) fn training_frames(capture: &Capture) -> Result<Vec<(usize, u32)>> {
     let frames = capture.training_frames();
     if frames.is_empty() {
         return Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`"));

@@ -1,17 +1,17 @@
-//! What is due after a step, and what a run of another length owes.
+//! What is due after a step, and what a run of another length has missed.
 
 use crate::train::average::Average;
 use crate::train::cameras::{offsets_judged_at, poses_are_missed, poses_judged_at};
-use crate::train::checkpoint::Owed;
+use crate::train::checkpoint::DueEvents;
 use crate::train::config::{Config, PoseKind};
 use crate::train::require::{Due, review_due};
 
-impl Owed {
-    /// After step `step` of `total`, beside density control, which the trainer sees to. Time offsets that the images do not tell are
-    /// frozen once the scene has formed.
+impl DueEvents {
+    /// Events after step `step` of `total`, without density control, which is the trainer's. Time offsets are frozen once the scene has
+    /// formed.
     pub(super) fn after(config: &Config, step: u64, total: u64) -> Self {
         let due = review_due(config, step, total);
-        Owed {
+        DueEvents {
             density: false,
             grids: due == Some(Due::Grids),
             review: due == Some(Due::Gaussians),
@@ -23,16 +23,16 @@ impl Owed {
 
     /// Of a run of `before` steps that after step `step` goes on as one of `total`: what would have come by now in a run of that length,
     /// and has not.
-    pub(super) fn extended(self, config: &Config, step: u64, [before, total]: [u64; 2]) -> Self {
+    pub(super) fn extended(self, config: &Config, step: u64, before: u64, total: u64) -> Self {
         let n = |due: Due, total: u64| (1..=step).filter(|step| review_due(config, *step, total) == Some(due)).count();
-        // One that is owed has not been.
-        let is_missed = |due, is_owed| step < total && n(due, before) < n(due, total) + usize::from(is_owed);
-        Owed {
+        // One that is due has not been.
+        let is_missed = |due, is_due| step < total && n(due, before) < n(due, total) + usize::from(is_due);
+        DueEvents {
             grids: is_missed(Due::Grids, self.grids),
             review: is_missed(Due::Gaussians, self.review),
             offsets: self.offsets
                 || (offsets_judged_at(config, total) <= step && step < offsets_judged_at(config, before)),
-            poses: self.poses || (config.poses == PoseKind::Auto && poses_are_missed(config, step, [before, total])),
+            poses: self.poses || (config.poses == PoseKind::Auto && poses_are_missed(config, step, before, total)),
             // What was near the end is so no more.
             average: false,
             density: self.density,
@@ -42,17 +42,17 @@ impl Owed {
 
 #[cfg(test)]
 mod tests {
-    use super::Owed;
+    use super::DueEvents;
     use crate::train::config::{Config, Density, Required, Strategy};
 
     /// The steps of `total` after which each look is due: at grids, at Gaussians, at offsets, at poses.
     fn looks(density: Density, total: u64) -> [Vec<u64>; 4] {
         let required = Required { reviews: 2, first: 0.4, last: 0.8, grids_at: 0.3, ..Required::default() };
         let config = Config { density, required, ..Config::default() };
-        let due = |is_due: fn(&Owed) -> bool| {
-            (0..=total).filter(|step| is_due(&Owed::after(&config, *step, total))).collect()
+        let due = |is_due: fn(&DueEvents) -> bool| {
+            (0..=total).filter(|step| is_due(&DueEvents::after(&config, *step, total))).collect()
         };
-        [due(|owed| owed.grids), due(|owed| owed.review), due(|owed| owed.offsets), due(|owed| owed.poses)]
+        [due(|after| after.grids), due(|after| after.review), due(|after| after.offsets), due(|after| after.poses)]
     }
 
     #[test]
@@ -73,7 +73,8 @@ mod tests {
     #[test]
     fn a_run_of_another_length_owes_what_has_come_by_the_put_off_steps() {
         let config = Config { density: Density { reset_every: 59, ..Density::default() }, ..Config::default() };
-        let owes = |step: u64, lengths: [u64; 2]| Owed::default().extended(&config, step, lengths).offsets;
+        let owes =
+            |step: u64, lengths: [u64; 2]| DueEvents::default().extended(&config, step, lengths[0], lengths[1]).offsets;
         // Due after step 79 of 120, and after step 50 of 100.
         assert_eq!([60, 78, 79].map(|step| owes(step, [120, 100])), [true, true, false]);
         assert_eq!([60, 78, 79].map(|step| owes(step, [200, 120])), [false, false, true]);
