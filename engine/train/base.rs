@@ -2,8 +2,10 @@
 
 use super::checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
 use super::config::{Config, PoseKind, Required, Strategy};
+use super::first::initialise;
 use super::folder::Run;
 use super::poses::Correction;
+use super::session::{Notice, Phase, Watch, work};
 use crate::error::{Error, Result};
 use crate::scene::Splats;
 use crate::scene::capture::{Calibration, Capture, Frames};
@@ -113,15 +115,23 @@ impl Base {
         Ok(capture.calibrated(&learnt))
     }
 
-    /// The beginning of a run of `total` steps on `capture`, which is in the frame of training of `run`: the static Gaussians of
-    /// this one, its dynamic ones that live in the capture's part of the clip, and `moving`, in the frame of training.
-    pub fn checkpoint(
+    /// The beginning of `run`, of `total` steps on `capture`, which is in its own world: the static Gaussians of this one, its dynamic
+    /// ones that live in the capture's part of the clip, and new ones of what moves.
+    ///
+    /// # Errors
+    /// As [`initialise`].
+    pub fn begin(
         &self,
-        (capture, run): (&Capture, &Run),
-        moving: Splats,
+        capture: &Capture,
+        run: &Run,
         config: Config,
         total: u64,
-    ) -> Checkpoint {
+        watch: &mut Watch,
+    ) -> Result<Checkpoint> {
+        let trained = run.in_training(capture.clone());
+        let made = initialise(&trained, &config, &mut work(watch, Phase::Initialisation))?;
+        watch(Notice::Initialised(&made));
+        let moving = made.splats;
         let part = capture.settings().frames;
         let mut params = run.world.splats(&self.living(&part, capture.n_frames));
         let (k, n_static) = (params.n_coefficients(), moving.n_static);
@@ -130,7 +140,7 @@ impl Base {
         params.append(moving);
         params.source_row = (0..params.len() as u32).collect();
         let (n, zeros) = (params.len(), params.zeros());
-        Checkpoint {
+        Ok(Checkpoint {
             step: 0,
             total,
             config,
@@ -149,7 +159,7 @@ impl Base {
             due: DueEvents::default(),
             room: StepRoom::default(),
             average: Average::default(),
-        }
+        })
     }
 
     /// The static Gaussians, and of the dynamic ones those that are visible at a frame of `part`, which has `n` frames, on its clock.

@@ -34,6 +34,16 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
     recon::initialise(capture, &config.recon(), progress)
 }
 
+/// As [`initialise`], from a capture in its own world to Gaussians there.
+///
+/// # Errors
+/// As [`initialise`].
+pub fn first_gaussians(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+    let world = capture.normalisation();
+    let initial = initialise(&capture.clone().transformed(&world), config, progress)?;
+    Ok(Initial { splats: world.inverse().splats(&initial.splats), ..initial })
+}
+
 /// One isotropic Gaussian per point: its size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour of degree 0. In a
 /// clip of several frames all are dynamic, at rest, and visible throughout.
 pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {

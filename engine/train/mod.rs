@@ -37,7 +37,7 @@ pub use config::{
 };
 pub use density::{density_round, noise, regularisers};
 pub use depth::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
-pub use first::{from_points, initialise, random_points};
+pub use first::{first_gaussians, from_points, initialise, random_points};
 pub use folder::{CaptureSummary, Changes, Fingerprint, Fingerprints, Joined, Kind, Log, Run, RunLock, Segments};
 pub use images::{reduced_order, training_order};
 pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};

@@ -141,13 +141,9 @@ impl Run {
         write_atomic(&Self::file(folder), |to| Ok(serde_json::to_writer_pretty(to, self)?))
     }
 
-    /// Opens the capture, at `moved_to` where it is not where it was, with the run's test cameras and in the frame of
-    /// training.
-    ///
-    /// # Errors
-    /// Those of the capture; [`Error::Data`] when it does not hold what it held.
-    pub fn open_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
-        Ok(self.read_capture(moved_to)?.transformed(&self.world))
+    /// `capture`, which is in its own world, in the frame of training.
+    pub fn in_training(&self, capture: Capture) -> Capture {
+        capture.transformed(&self.world)
     }
 
     /// As [`Run::open_capture`], with what its cameras and pictures are that they were not; nothing of runs that have no fingerprints.
@@ -155,16 +151,19 @@ impl Run {
     /// # Errors
     /// As [`Run::open_capture`].
     pub fn compare_capture(&self, moved_to: Option<&Path>) -> Result<(Capture, Changes)> {
-        let capture = self.read_capture(moved_to)?;
+        let capture = self.open_capture(moved_to)?;
         let changes = match &self.fingerprints {
             Some(before) => before.changes(&Fingerprints::of(&capture)?),
             None => Changes::default(),
         };
-        Ok((capture.transformed(&self.world), changes))
+        Ok((capture, changes))
     }
 
-    /// The capture in its own frame.
-    fn read_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
+    /// Opens the capture, in its own world and with the run's test cameras, at `moved_to` if it has moved.
+    ///
+    /// # Errors
+    /// Those of the capture; [`Error::Data`] when it does not hold what it held.
+    pub fn open_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
         let path = moved_to.unwrap_or(&self.capture);
         // A file of cameras may stand for its folder.
         if !path.exists() {

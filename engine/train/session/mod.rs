@@ -12,8 +12,8 @@ pub use priors::Priors;
 
 use crate::error::Result;
 use crate::gpu::{Dispatch, Gpu};
-use crate::scene::Splats;
 use crate::scene::capture::Capture;
+use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::train::average::Average;
 use crate::train::backdrop::{backdrop_of, put_before};
@@ -27,14 +27,15 @@ use crate::train::require::{Due, review};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Trainer};
 use judge::judge_poses;
-use notice::work;
+pub(super) use notice::work;
 use std::cmp::Ordering;
 use std::sync::Arc;
 use std::time::Instant;
 use tracing::debug_span;
 use tracing::span::EnteredSpan;
 
-/// A run under way.
+/// A run under way. It computes in a frame of training, where the extent of the cameras is 3, and takes captures and gives scenes in
+/// the capture's own world.
 ///
 /// ```no_run
 /// # fn main() -> ivv::Result<()> {
@@ -43,19 +44,18 @@ use tracing::span::EnteredSpan;
 ///
 /// let gpu = std::sync::Arc::new(ivv::gpu::Gpu::open(&Default::default())?);
 /// let capture = Capture::open("captures/demo".as_ref())?;
-/// // Training takes place in a frame where the cameras' extent is 3.
-/// let world = capture.normalisation();
-/// let capture = capture.transformed(&world);
 /// let mut session = Session::begin(gpu, &capture, Config::default(), SessionOptions::default())?;
 /// while session.step()? {}
-/// let splats = world.inverse().splats(&session.finish()?);
-/// ivv::formats::write_ply("scene.ply".as_ref(), &splats)?;
+/// ivv::formats::write_ply("scene.ply".as_ref(), &session.finish()?)?;
 /// # Ok(())
 /// # }
 /// ```
 pub struct Session<'a> {
     gpu: Arc<Gpu>,
-    capture: &'a Capture,
+    /// In the frame of training.
+    capture: Arc<Capture>,
+    /// From the capture's world to the frame of training.
+    world: Similarity,
     constants: Constants,
     config: Config,
     total: u64,
@@ -76,81 +76,101 @@ pub struct Session<'a> {
     watch: Watch<'a>,
 }
 
+/// What a session works on.
+struct RunOf {
+    gpu: Arc<Gpu>,
+    capture: Capture,
+    world: Similarity,
+    config: Config,
+    total: u64,
+    frames: Vec<(usize, u32)>,
+    priors: Priors,
+    plan: Plan,
+}
+
+/// The priors and the memory plan of a run on `capture`, in the frame of training, that goes on from `splats`.
+fn planned(
+    gpu: &Gpu,
+    capture: &Capture,
+    config: &Config,
+    setup: &Setup,
+    splats: &Splats,
+    options: &mut SessionOptions,
+) -> Result<(Priors, Plan)> {
+    let known = options.priors.take();
+    let priors = known.map_or_else(|| Priors::read(capture, config, setup, &mut options.watch), Ok)?;
+    let plan = Plan::of(capture, config, setup, splats, gpu, options.image_memory())?;
+    (options.watch)(Notice::Planned(&plan));
+    Ok((priors, plan))
+}
+
 impl<'a> Session<'a> {
-    /// A run on the training images of `capture`, which is in the frame of training.
+    /// A run on the training images of `capture`, which is in its own world.
     ///
     /// # Errors
     /// Those of the capture's images; those of the device, such as [`crate::error::Error::OutOfMemory`].
-    pub fn begin(gpu: Arc<Gpu>, capture: &'a Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
+    pub fn begin(gpu: Arc<Gpu>, capture: &Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
         let frames = training_frames(capture)?;
-        let setup = Setup::new(capture, &config);
-        let memory = options.image_memory();
-        let watch = &mut options.watch;
-        let made;
-        let first = options.first.take();
-        let splats = if let Some(first) = &first {
-            first
-        } else {
-            made = initialise(capture, &config, &mut work(watch, Phase::Initialisation))?;
-            watch(Notice::Initialised(&made));
-            &made.splats
+        let world = options.world.unwrap_or_else(|| capture.normalisation());
+        let capture = capture.clone().transformed(&world);
+        let setup = Setup::new(&capture, &config);
+        let splats = match options.first.take() {
+            Some(first) => world.splats(&first),
+            None => {
+                let made = initialise(&capture, &config, &mut work(&mut options.watch, Phase::Initialisation))?;
+                (options.watch)(Notice::Initialised(&made));
+                made.splats
+            }
         };
-        let known = options.priors.take();
-        let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
-        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory)?;
-        watch(Notice::Planned(&plan));
         let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
-        let constants = options.constants;
-        let trainer = Trainer::new(gpu.clone(), splats, constants, config.clone(), total, setup)?;
-        let numbers = (total, priors, plan, splats.len());
-        Ok(Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options))
+        let (priors, plan) = planned(&gpu, &capture, &config, &setup, &splats, &mut options)?;
+        let trainer = Trainer::new(gpu.clone(), &splats, options.constants, config.clone(), total, setup)?;
+        let n_left_out = splats.len().saturating_sub(trainer.n_gaussians() as usize);
+        let run = RunOf { gpu, capture, world, config, total, frames, priors, plan };
+        Ok(Session { n_left_out, ..Self::of(run, trainer, options) })
     }
 
-    /// The run that `checkpoint` is of, on its capture. `options` say neither its length nor its first Gaussians.
+    /// The run that `checkpoint` is of, on its capture, which is in its own world. `options` say neither its length, nor its first
+    /// Gaussians, nor its frame.
     ///
     /// # Errors
     /// As [`Session::begin`].
     pub fn resume(
         gpu: Arc<Gpu>,
-        capture: &'a Capture,
+        capture: &Capture,
         checkpoint: &Checkpoint,
         mut options: SessionOptions<'a>,
     ) -> Result<Self> {
         let frames = training_frames(capture)?;
-        let (config, splats) = (checkpoint.config.clone(), &checkpoint.params);
-        let setup = Setup::new(capture, &config);
-        let memory = options.image_memory();
-        let (known, watch) = (options.priors.take(), &mut options.watch);
-        let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
-        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory)?;
-        watch(Notice::Planned(&plan));
-        let constants = options.constants;
-        let trainer = Trainer::resume(gpu.clone(), checkpoint, constants, setup)?;
-        let numbers = (checkpoint.total, priors, plan, splats.len());
-        let session = Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options);
-        Ok(Session { due_after: checkpoint.step, due: checkpoint.due, average: checkpoint.average.clone(), ..session })
+        let (config, world, total) = (checkpoint.config.clone(), checkpoint.world, checkpoint.total);
+        let capture = capture.clone().transformed(&world);
+        let setup = Setup::new(&capture, &config);
+        let (priors, plan) = planned(&gpu, &capture, &config, &setup, &checkpoint.params, &mut options)?;
+        let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants, setup)?;
+        let run = RunOf { gpu, capture, world, config, total, frames, priors, plan };
+        Ok(Session {
+            due_after: checkpoint.step,
+            due: checkpoint.due,
+            average: checkpoint.average.clone(),
+            ..Self::of(run, trainer, options)
+        })
     }
 
-    fn of(
-        gpu: Arc<Gpu>,
-        (capture, frames, constants): (&'a Capture, Vec<(usize, u32)>, Constants),
-        config: Config,
-        mut trainer: Trainer,
-        (total, priors, plan, n_first): (u64, Priors, Plan, usize),
-        options: SessionOptions<'a>,
-    ) -> Self {
-        let SessionOptions { cache_bytes, listed_images, watch, ranks, .. } = options;
+    fn of(run: RunOf, mut trainer: Trainer, options: SessionOptions<'a>) -> Self {
+        let RunOf { gpu, capture, world, config, total, frames, priors, plan } = run;
+        let SessionOptions { constants, cache_bytes, listed_images, watch, ranks, .. } = options;
         trainer.join(ranks, ImageLimits { cache_bytes, device_bytes: plan.image_bytes, listed: listed_images });
         Session {
             gpu,
-            capture,
+            capture: Arc::new(capture),
+            world,
             constants,
             config,
             total,
             frames,
             priors,
             plan,
-            n_left_out: n_first.saturating_sub(trainer.n_gaussians() as usize),
+            n_left_out: 0,
             due_after: trainer.step(),
             due: DueEvents::default(),
             average: Average::default(),
@@ -172,7 +192,12 @@ impl<'a> Session<'a> {
         Ok(self.due)
     }
 
-    /// What is trained.
+    /// The capture, in the frame of training.
+    pub fn capture(&self) -> &Arc<Capture> {
+        &self.capture
+    }
+
+    /// What is trained, in the frame of training.
     pub fn trainer(&mut self) -> &mut Trainer {
         &mut self.trainer
     }
@@ -287,7 +312,7 @@ impl<'a> Session<'a> {
         self.due.offsets = false;
         if due.poses {
             let begun = Instant::now();
-            let judged = judge_poses(&mut self.trainer, self.capture)?;
+            let judged = judge_poses(&mut self.trainer, &self.capture)?;
             self.seconds += begun.elapsed().as_secs_f64();
             self.events.extend(judged.map(|(pixels, are_learnt)| Event::Poses { pixels, are_learnt }));
         }
@@ -308,7 +333,7 @@ impl<'a> Session<'a> {
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         let checkpoint = self.trainer.checkpoint()?;
         self.collect();
-        Ok(Checkpoint { average: self.average.clone(), ..checkpoint })
+        Ok(Checkpoint { world: self.world, average: self.average.clone(), ..checkpoint })
     }
 
     /// As [`Session::checkpoint`], of a run that a fault ended: the last step that can be had, and what was due after it.
@@ -324,7 +349,7 @@ impl<'a> Session<'a> {
             Ordering::Greater => DueEvents::after(&self.config, rescued.step, self.total),
         };
         let due = DueEvents { density: rescued.due.density, ..due };
-        Ok(Checkpoint { due, average: self.average.clone(), ..rescued })
+        Ok(Checkpoint { world: self.world, due, average: self.average.clone(), ..rescued })
     }
 
     /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training: near the end of the run
@@ -339,25 +364,30 @@ impl<'a> Session<'a> {
         self.trainer.cleared(scene)
     }
 
-    /// What a run ends with: [`Session::scene`] and the backdrop that the settings ask for.
+    /// The scene that the run ends with, in the capture's world: [`Session::scene`] and the backdrop that the settings ask for.
     ///
     /// # Errors
     /// As [`Session::step`].
     pub fn finish(&mut self) -> Result<Splats> {
         let scene = self.scene()?;
-        self.with_backdrop(scene)
+        self.finish_with(scene)
     }
 
-    /// `scene`, in the frame of training, with the backdrop that the settings ask for, which comes first; without one where images
-    /// show the background, where the background shows through the scene, and where there would be more than `max_gaussians`.
+    /// As [`Session::finish`], from the `scene` that [`Session::scene`] gave.
     ///
     /// # Errors
     /// Those of the capture's cameras.
-    pub fn with_backdrop(&mut self, scene: Splats) -> Result<Splats> {
+    pub fn finish_with(&mut self, scene: Splats) -> Result<Splats> {
+        Ok(self.world.inverse().splats(&self.with_backdrop(scene)?))
+    }
+
+    /// `scene` with the backdrop that the settings ask for, which comes first; without one where images show the background, where the
+    /// background shows through the scene, and where there would be more than `max_gaussians`.
+    fn with_backdrop(&mut self, scene: Splats) -> Result<Splats> {
         if self.trainer.shows_background() {
             return Ok(scene);
         }
-        let backdrop = backdrop_of(&scene, self.capture, self.config.backdrop as usize)?;
+        let backdrop = backdrop_of(&scene, &self.capture, self.config.backdrop as usize)?;
         let (n, is_added) = (backdrop.len(), backdrop.len() + scene.len() <= self.config.max_gaussians);
         if n > 0 {
             self.events.push(Event::Backdrop { n, is_added });
@@ -373,7 +403,7 @@ impl<'a> Session<'a> {
     /// The images of the next step, taken to where the device can get them, and when that began: what was waited for to be decoded
     /// is not counted. None at the end of the run.
     fn images(&mut self) -> Result<Option<(Vec<StepImage>, Instant)>> {
-        let source = Source { capture: self.capture, frames: &self.frames, priors: &self.priors.plan };
+        let source = Source { capture: &self.capture, frames: &self.frames, priors: &self.priors.plan };
         let StepImages { images, loading } = self.trainer.next_images(&source)?;
         let now = Instant::now();
         let begun = now.checked_sub(loading).unwrap_or(now);
@@ -401,7 +431,7 @@ impl<'a> Session<'a> {
     fn review(&mut self, due: Due) -> Result<()> {
         let begun = Instant::now();
         let mut looked = work(&mut self.watch, Phase::Review);
-        let review = review(&mut self.trainer, &self.gpu, self.capture, self.constants, due, &mut looked)?;
+        let review = review(&mut self.trainer, &self.gpu, &self.capture, self.constants, due, &mut looked)?;
         self.seconds += begun.elapsed().as_secs_f64();
         // Its Gaussians are others.
         self.average = Average::default();
@@ -414,7 +444,7 @@ impl<'a> Session<'a> {
         let mut looked = work(&mut self.watch, Phase::OffsetErrors);
         let fits = learnt_offsets(
             &mut self.trainer,
-            (&self.gpu, self.capture),
+            (&self.gpu, &self.capture),
             (self.constants, self.config.background),
             &mut looked,
         )?;

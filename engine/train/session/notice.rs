@@ -68,7 +68,7 @@ pub enum Event {
 }
 
 /// Tells `watch` of work that begins.
-pub(super) fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w {
+pub(in crate::train) fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w {
     watch(Notice::Work { phase, done: 0, total: 0 });
     move |done, total| watch(Notice::Work { phase, done, total })
 }

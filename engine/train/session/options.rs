@@ -2,8 +2,8 @@
 
 use super::notice::Watch;
 use super::priors::Priors;
-use crate::scene::Splats;
 use crate::scene::capture::share_of_memory;
+use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::train::plan::ImageMemory;
 use crate::train::ranks::Ranks;
@@ -15,7 +15,9 @@ pub struct SessionOptions<'a> {
     pub constants: Constants,
     /// Steps; none for as many as the settings say.
     pub total: Option<u64>,
-    /// The first Gaussians, in the capture's frame; none for those that the settings make of the capture.
+    /// From the capture's world to the frame of training; none for [`Capture::normalisation`](crate::scene::capture::Capture::normalisation).
+    pub world: Option<Similarity>,
+    /// The first Gaussians, in the capture's world; none for those that the settings make of the capture.
     pub first: Option<Splats>,
     /// The priors, as another session of the same capture read them.
     pub priors: Option<Priors>,
@@ -39,6 +41,7 @@ impl Default for SessionOptions<'_> {
         SessionOptions {
             constants: Constants::default(),
             total: None,
+            world: None,
             first: None,
             priors: None,
             cache_bytes: share_of_memory(),
