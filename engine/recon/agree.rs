@@ -97,13 +97,15 @@ fn place(eye: &Eye, pixel: usize, inverse_depth: f32) -> Vec3 {
 
 /// The point of a pixel, if another camera's depth confirms it and fewer see through it.
 fn confirm(eyes: &[Eye], depths: &[Depths], i: usize, pixel: usize) -> Option<Agreed> {
-    let (eye, inverse) = (&eyes[i], depths[i].inverse[pixel]);
+    let eye = &eyes[i];
+    let inverse = depths[i].inverse[pixel];
     if inverse.is_nan() {
         return None;
     }
     let position = place(eye, pixel, inverse);
     // Each camera's own idea of the point, in pixels of its own.
-    let (mut places, mut colors) = (position, vec![eye.color[pixel]]);
+    let mut places = position;
+    let mut colors = vec![eye.color[pixel]];
     let mut n_through = 0;
     for (j, (other, there)) in eyes.iter().zip(depths).enumerate() {
         let Some((at, depth)) = other.sees(position).filter(|_| j != i) else { continue };

@@ -112,7 +112,8 @@ pub(super) fn from_frames(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<FromFrames> {
     let threads = threads();
-    let (reach, dt) = (Reach::new(capture), 1.0 / f64::from(capture.n_frames));
+    let reach = Reach::new(capture);
+    let dt = 1.0 / f64::from(capture.n_frames);
     let by_flow = rule != Rule::All;
     let mut counts = PointCounts::default();
     let mut still = (Vec::new(), Vec::new());

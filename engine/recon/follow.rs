@@ -127,7 +127,8 @@ mod tests {
     fn ball(key: u64, turn: f64, shift: DVec3) -> Vec<Found> {
         let random = Keyed::new(&[key]);
         let point = |i: u64| {
-            let (z, angle) = (2.0 * random.uniform(2 * i) - 1.0, std::f64::consts::TAU * random.uniform(2 * i + 1));
+            let z = 2.0 * random.uniform(2 * i) - 1.0;
+            let angle = std::f64::consts::TAU * random.uniform(2 * i + 1);
             let place = DVec3::new((1.0 - z * z).sqrt() * angle.cos(), (1.0 - z * z).sqrt() * angle.sin(), z);
             let color = place.to_array().map(|x| (0.5 + 0.5 * (4.0 * x).sin()) as f32);
             Found { position: (DVec3::from_array(turned(place.to_array(), turn)) + shift).to_array(), color }

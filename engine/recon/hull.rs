@@ -192,7 +192,8 @@ pub(super) fn shared_space(views: &[View], most: usize, key: &[u64]) -> Vec<Vec3
     }
     let silhouettes: Vec<Silhouette> = eyes.iter().map(|eye| Silhouette::new(eye, Ground::Still)).collect();
     let carved = Carved::around(&eyes, &silhouettes);
-    let (random, n) = (Keyed::new(key), carved.cells.len());
+    let random = Keyed::new(key);
+    let n = carved.cells.len();
     let point = |i: usize| {
         let at = |k: u64| random.uniform(4 * i as u64 + k);
         let cell = carved.cells[((at(3) * n as f64) as usize).min(n - 1)];

@@ -240,7 +240,8 @@ fn from_pictures(
         n_looked_at += 1 + usize::from(!hull_frames.contains(&capture.reference_frame));
     }
     let n_flow_frames = if from == Init::Flow { capture.n_frames as usize } else { 0 };
-    let (mut n_done, n_pieces) = (0, n_flow_frames + n_looked_at * cameras.len());
+    let mut n_done = 0;
+    let n_pieces = n_flow_frames + n_looked_at * cameras.len();
     let mut done = || {
         n_done += 1;
         progress(n_done, n_pieces);

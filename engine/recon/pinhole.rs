@@ -24,7 +24,8 @@ impl Pinhole {
     /// The place in the image and its derivative by the world position, for x and y; `None` behind the camera.
     pub fn linearised(&self, world: DVec3) -> Option<(DVec2, [DVec3; 2])> {
         let (place, z) = self.project(world)?;
-        let (focal, rotation) = (self.intrinsics.focal(), self.pose.rotation);
+        let focal = self.intrinsics.focal();
+        let rotation = self.pose.rotation;
         let slope = (place - self.intrinsics.principal()) / (z * focal);
         // Row k of J R (SPEC 3).
         let by = |k: usize| (rotation.row(k) / z - rotation.row(2) * slope[k]) * focal[k];

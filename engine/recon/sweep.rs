@@ -98,7 +98,8 @@ fn features(eye: &Eye) -> Vec<Feature> {
 
 /// Sweeps camera `i` against its neighbours.
 fn depths(eyes: &[Eye], features: &[Vec<Feature>], i: usize) -> Depths {
-    let (eye, neighbours) = (&eyes[i], neighbours(eyes, i));
+    let eye = &eyes[i];
+    let neighbours = neighbours(eyes, i);
     let mut baselines: Vec<f32> = neighbours.iter().map(|j| eye.center.distance(eyes[*j].center)).collect();
     baselines.sort_by(f32::total_cmp);
     let baseline = baselines.get(baselines.len() / 2).copied().unwrap_or(0.0);
@@ -107,7 +108,8 @@ fn depths(eyes: &[Eye], features: &[Vec<Feature>], i: usize) -> Depths {
     let mut costs = vec![MOST_COST; n * DEPTHS];
     let others: Vec<(&Eye, &Vec<Feature>)> = neighbours.iter().map(|j| (&eyes[*j], &features[*j])).collect();
     for pixel in (0..n).filter(|pixel| eye.ground[*pixel] == Ground::Still) {
-        let (ray, own) = (eye.ray(pixel), &features[i][pixel]);
+        let ray = eye.ray(pixel);
+        let own = &features[i][pixel];
         let mut differences = [[MOST_COST; NEIGHBOURS]; DEPTHS];
         let mut n_seen = [0; DEPTHS];
         for (other, features) in &others {

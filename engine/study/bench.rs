@@ -103,7 +103,8 @@ impl BenchRun {
         folder: &Path,
         capture: &str,
         arm: &str,
-        (steps, seed): (u64, u64),
+        steps: u64,
+        seed: u64,
         peripheral: Option<&str>,
     ) -> Result<Self> {
         let eval: Value = read(folder, "eval.json")?;
@@ -146,7 +147,7 @@ impl Bench {
             });
             let capture =
                 if index > 0 { format!("{} ({})", result.capture, index + 1) } else { result.capture.clone() };
-            runs.push(BenchRun::read(folder, &capture, &result.settings, (result.steps, result.seed), None)?);
+            runs.push(BenchRun::read(folder, &capture, &result.settings, result.steps, result.seed, None)?);
         }
         let made_by: BTreeSet<&str> = runs.iter().map(|run| run.made_by.as_str()).collect();
         if made_by.len() > 1 {

@@ -157,7 +157,8 @@ impl Report<'_> {
             1.0 / GAIN
         )?;
         for (example, urls) in self.examples.iter().zip(triples(self.examples)?) {
-            let (view, Scores { psnr, ssim, .. }) = (escape(&example.view), example.scores);
+            let view = escape(&example.view);
+            let Scores { psnr, ssim, .. } = example.scores;
             let why = if example.why.is_empty() { String::new() } else { format!(", the {}", example.why) };
             writeln!(
                 page,

@@ -194,15 +194,18 @@ fn list(name: &str, base: &Value, own: &Value, told: &mut Vec<String>) {
 /// Width and height of a panel of a history.
 const PANEL: [f64; 2] = [250.0, 190.0];
 
-/// A score that a history shows: its title and how to get it.
-type Shown = (&'static str, fn(&RunResult) -> Option<f64>);
+/// A score that a history shows.
+struct Shown {
+    title: &'static str,
+    of: fn(&RunResult) -> Option<f64>,
+}
 
 const SHOWN: [Shown; 5] = [
-    ("PSNR, dB", |run| Some(run.psnr)),
-    ("SSIM", |run| Some(run.ssim)),
-    ("LPIPS (less is better)", |run| run.lpips),
-    ("seconds", |run| Some(run.seconds)),
-    ("seconds of processors", |run| run.cpu_seconds),
+    Shown { title: "PSNR, dB", of: |run| Some(run.psnr) },
+    Shown { title: "SSIM", of: |run| Some(run.ssim) },
+    Shown { title: "LPIPS (less is better)", of: |run| run.lpips },
+    Shown { title: "seconds", of: |run| Some(run.seconds) },
+    Shown { title: "seconds of processors", of: |run| run.cpu_seconds },
 ];
 
 /// One time of measuring, of a file of them.
@@ -225,16 +228,16 @@ impl History {
         let kind = |run: &RunResult| (run.capture.clone(), run.settings.clone(), run.steps);
         let kinds: BTreeSet<_> = self.0.iter().flat_map(|entry| &entry.runs).map(kind).collect();
         let row = |own: (String, String, u64)| {
-            let panels = SHOWN.into_iter().filter_map(|shown| self.panel(shown, |run| kind(run) == own));
+            let panels = SHOWN.iter().filter_map(|shown| self.panel(shown, |run| kind(run) == own));
             Row { heading: format!("{}, {} steps, {}", own.0, own.2, own.1), panels: panels.collect() }
         };
         Chart { panel: PANEL, rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
     }
 
     /// A score of the runs that `is_own` names, over the entries: mean and range. None where no run has it.
-    fn panel(&self, (title, of): Shown, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
+    fn panel(&self, shown: &Shown, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
         let point = |(index, entry): (usize, &Entry)| {
-            let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(of).collect();
+            let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(shown.of).collect();
             let (mean, [least, most]) = (mean(values.iter().copied())?, range(values));
             let revision = entry.runs.iter().find_map(|run| run.revision.clone()).unwrap_or_default();
             let title = format!("{} {revision}: {mean:.4} ({least:.4} to {most:.4})", entry.date);
@@ -244,7 +247,7 @@ impl History {
         // Changes of less than a hundredth look as small as they are.
         let largest = marks.iter().map(|mark| mark.at[1].abs()).reduce(f64::max)?.max(1e-3);
         Some(Panel {
-            title: title.to_owned(),
+            title: shown.title.to_owned(),
             margin: [56.0, 24.0, 10.0, 42.0],
             x: Axis::around("measurement", marks.iter().map(|mark| mark.at[0]), 1.0).in_whole_numbers(),
             y: Axis::around("", marks.iter().filter_map(|mark| mark.range).flatten(), 0.02 * largest),
@@ -260,12 +263,12 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    fn result(capture: &str, settings: &str, (steps, seed): (u64, u64), psnr: f64) -> RunResult {
+    fn result(capture: &str, steps: u64, psnr: f64) -> RunResult {
         RunResult {
             capture: capture.to_owned(),
-            settings: settings.to_owned(),
+            settings: "defaults".to_owned(),
             steps,
-            seed,
+            seed: 42,
             psnr,
             psnr_aligned: psnr + 1.0,
             worst_camera: "a<b".to_owned(),
@@ -308,7 +311,7 @@ mod tests {
     fn a_history_follows_what_is_alike() {
         let entry = |date: &str, psnr| Entry {
             date: date.to_owned(),
-            runs: vec![result("fox", "defaults", (500, 42), psnr), result("fox", "defaults", (100, 42), psnr)],
+            runs: vec![result("fox", 500, psnr), result("fox", 100, psnr)],
         };
         let history = History(vec![entry("2026-11-23", 29.0), entry("2026-11-24", 30.0)]);
         let svg = history.svg();

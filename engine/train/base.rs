@@ -134,12 +134,14 @@ impl Base {
         let moving = made.splats;
         let part = capture.settings().frames;
         let mut params = run.world.splats(&self.living(&part, capture.n_frames));
-        let (k, n_static) = (params.n_coefficients(), moving.n_static);
+        let k = params.n_coefficients();
+        let n_static = moving.n_static;
         debug_assert!(n_static == 0 && moving.sh.len() == k * moving.len());
         params.degree.clear();
         params.append(moving);
         params.source_row = (0..params.len() as u32).collect();
-        let (n, zeros) = (params.len(), params.zeros());
+        let n = params.len();
+        let zeros = params.zeros();
         Ok(Checkpoint {
             step: 0,
             total,

@@ -4,7 +4,7 @@ use super::checkpoint::CameraState;
 use super::config::{Config, GridKind, PoseKind};
 use super::density::recovered_from;
 use super::setup::Setup;
-use super::terms::{self, WithCotangent};
+use super::terms::{self, Pair};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::stage::{
@@ -54,6 +54,8 @@ pub(super) struct Cameras {
     /// What the images of a step say of the cameras' parameters, where there are several.
     kept: Option<Kept>,
     dt: f64,
+    /// Steps of the run.
+    total: u64,
 }
 
 /// What images say, one after the other.
@@ -95,6 +97,13 @@ pub(super) struct OwnGrid {
     step: u64,
 }
 
+/// The camera of an image of a step.
+#[derive(Clone, Copy)]
+pub(super) struct Taken {
+    pub camera: usize,
+    pub grid: Option<OwnGrid>,
+}
+
 /// Cameras that film and have a grid.
 fn n_filming_grids(setup: &Setup) -> usize {
     setup.has_grid.iter().take(setup.first_photo).filter(|has| **has).count()
@@ -112,7 +121,8 @@ impl Graded {
         let is_free = is_free(config, setup);
         // The gauge sees all grids at a time, and may be told only during the run that it is free.
         let may_be_free = is_free || (config.trains_static && setup.has_grid.is_empty());
-        let (needed, limit) = (setup.most_grids as u64 * (GRID_BYTES / 3), gpu.caps().max_binding_bytes);
+        let needed = setup.most_grids as u64 * (GRID_BYTES / 3);
+        let limit = gpu.caps().max_binding_bytes;
         if may_be_free && needed > limit {
             return Err(Error::OutOfMemory {
                 what: format!("the buffer of the colour maps of {} cameras", setup.most_grids),
@@ -125,7 +135,8 @@ impl Graded {
         if n_grids == 0 {
             return Ok(None);
         }
-        let (n_filming, mut place) = (n_filming_grids(setup), 0..n_grids);
+        let n_filming = n_filming_grids(setup);
+        let mut place = 0..n_grids;
         Ok(Some(Graded {
             grids: Grids::new(gpu, n_grids)?.with_photos(n_grids - n_filming),
             n_filming,
@@ -145,20 +156,19 @@ impl Graded {
 }
 
 impl Cameras {
-    pub fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Self> {
-        let (learns_offset, dt) = (setup.learns_offset.clone(), setup.dt);
-        let learns_pose = setup.learns_pose.clone();
+    pub fn new(gpu: &Gpu, config: &Config, setup: &Setup, total: u64) -> Result<Self> {
         let mut cameras = Cameras {
             config: config.clone(),
             clocks: None,
-            learns_offset,
+            learns_offset: setup.learns_offset.clone(),
             poses: None,
             has_learnt_poses: false,
-            learns_pose,
+            learns_pose: setup.learns_pose.clone(),
             extent: setup.extent.radius,
             graded: Graded::new(gpu, config, setup)?,
             kept: None,
-            dt,
+            dt: setup.dt,
+            total,
         };
         if !cameras.learns_pose.is_empty() {
             let none = vec![PoseRows::default(); cameras.learns_pose.len() + 1];
@@ -212,20 +222,25 @@ impl Cameras {
         }
     }
 
-    /// The poses, once their learning has begun: step `step` of `total`.
-    fn poses_at(&self, step: u64, total: u64) -> Option<&Poses> {
-        let has_begun = self.has_learnt_poses || (step - 1) as f64 / total.max(1) as f64 >= POSES_FROM;
+    /// The share of the run before step `step`.
+    fn done(&self, step: u64) -> f64 {
+        (step - 1) as f64 / self.total.max(1) as f64
+    }
+
+    /// The poses, if their learning has begun at step `step`.
+    fn poses_at(&self, step: u64) -> Option<&Poses> {
+        let has_begun = self.has_learnt_poses || self.done(step) >= POSES_FROM;
         self.poses.as_ref().filter(|_| has_begun)
     }
 
-    /// Whether step `step` of `total` of a camera's parameters reads the view that its image was seen from.
-    pub fn reads_view(&self, (step, total): (u64, u64)) -> bool {
-        self.poses_at(step, total).is_some()
+    /// True if step `step` of a camera's parameters reads the view that its image was seen from.
+    pub fn reads_view(&self, step: u64) -> bool {
+        self.poses_at(step).is_some()
     }
 
-    /// Appends what is learnt of clock and pose of `camera` to the view of step `step` of `total`.
-    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, camera: usize, (step, total): (u64, u64)) {
-        if let Some(poses) = self.poses_at(step, total) {
+    /// Appends what is learnt of the clock and the pose of `camera` to the view of step `step`.
+    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, camera: usize, step: u64) {
+        if let Some(poses) = self.poses_at(step) {
             poses.record_apply(rec, &work.view, camera as u32);
         }
         if let Some(clocks) = &self.clocks {
@@ -233,33 +248,31 @@ impl Cameras {
         }
     }
 
-    /// Appends how the camera of `grid` shows a picture of `size` that was rendered; gives what it shows, with the place of
-    /// its cotangent.
+    /// Appends how the camera of `grid` shows a picture of `size` that was rendered; gives what it shows.
     pub fn record_shown<'a>(
         &'a mut self,
         gpu: &Gpu,
         rec: &mut Recording,
-        rendered: WithCotangent<'a>,
+        rendered: Pair<'a>,
         size: [u32; 2],
         grid: Option<OwnGrid>,
-    ) -> Result<WithCotangent<'a>> {
+    ) -> Result<Pair<'a>> {
         let (Some(graded), Some(grid)) = (&mut self.graded, grid) else { return Ok(rendered) };
         graded.grids.fit(gpu, size[1])?;
-        graded.grids.record_slice(rec, grid.place, rendered.0, &graded.image, size);
-        Ok((&graded.image, &graded.d_image))
+        graded.grids.record_slice(rec, grid.place, rendered.image, &graded.image, size);
+        Ok(Pair { image: &graded.image, cotangent: &graded.d_image })
     }
 
     /// Appends the way back of [`Cameras::record_shown`].
-    pub fn record_back(
-        &self,
-        rec: &mut Recording,
-        (rendered, d_rendered): WithCotangent,
-        size: [u32; 2],
-        grid: Option<OwnGrid>,
-    ) {
+    pub fn record_back(&self, rec: &mut Recording, rendered: Pair, size: [u32; 2], grid: Option<OwnGrid>) {
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
-            let (d_graded, tv_weight) = (&graded.d_image, terms::grid_variation_weight(&self.config));
-            let back = GradedBack { image: rendered, d_graded, d_image: d_rendered, size, tv_weight };
+            let back = GradedBack {
+                image: rendered.image,
+                d_graded: &graded.d_image,
+                d_image: rendered.cotangent,
+                size,
+                tv_weight: terms::grid_variation_weight(&self.config),
+            };
             graded.grids.record_backward(rec, grid.place, &back);
         }
     }
@@ -315,16 +328,10 @@ impl Cameras {
         of_cameras.into_iter().chain(of_grids).collect()
     }
 
-    /// Appends step `step` of `total`, after the backward pass of its image `index`, a picture of `camera`.
-    pub fn record_step(
-        &self,
-        rec: &mut Recording,
-        work: &Workspace,
-        (camera, grid): (usize, Option<OwnGrid>),
-        (step, total): (u64, u64),
-        index: usize,
-    ) {
-        let done = (step - 1) as f64 / total.max(1) as f64;
+    /// Appends step `step`, after the backward pass of its image `index`, a picture `by` a camera.
+    pub fn record_step(&self, rec: &mut Recording, work: &Workspace, by: Taken, step: u64, index: usize) {
+        let Taken { camera, grid } = by;
+        let done = self.done(step);
         let Config { lr, loss, batch, .. } = &self.config;
         // The moments of the cameras decay with each image, as they do with a step of one image each.
         let image = (step - 1).saturating_mul(u64::from(*batch)).saturating_add(index as u64 + 1);
@@ -340,8 +347,8 @@ impl Cameras {
         }
         let Some(backward) = &work.backward else { return };
         // A camera takes a step for each of its images.
-        let pace = lr.pace.at(done, total.saturating_mul(u64::from(*batch)));
-        if let Some(poses) = self.poses_at(step, total) {
+        let pace = lr.pace.at(done, self.total.saturating_mul(u64::from(*batch)));
+        if let Some(poses) = self.poses_at(step) {
             let at = PoseStep {
                 camera: camera as u32,
                 turn_rate: lr.pose_turn.at(done) * pace,

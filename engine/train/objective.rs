@@ -1,10 +1,10 @@
 //! What a step minimises: the sum of the terms (SPEC 4), on a picture as its camera shows it.
 
-use super::cameras::{Cameras, OwnGrid};
+use super::cameras::{Cameras, Taken};
 use super::config::Config;
 use super::images::{Counts, ImageStore, Planes, Resident};
 use super::setup::Setup;
-use super::terms::{self, Part, Rendered, Shown, Term};
+use super::terms::{self, Pair, Part, Rendered, Shown, Term};
 use crate::error::Result;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::gpu::{Buf, Gpu, Recording, Staging};
@@ -17,13 +17,6 @@ pub(super) struct Objective {
     /// What each term leaves of the step that is recorded.
     left: Vec<terms::Left>,
     pub cameras: Cameras,
-}
-
-/// The camera of an image of a step.
-#[derive(Clone, Copy)]
-pub(super) struct Taken {
-    camera: usize,
-    grid: Option<OwnGrid>,
 }
 
 /// An image of a step, to compare with.
@@ -50,11 +43,11 @@ pub(super) struct Values {
 }
 
 impl Objective {
-    pub fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Self> {
+    pub fn new(gpu: &Gpu, config: &Config, setup: &Setup, total: u64) -> Result<Self> {
         Ok(Objective {
             terms: terms::begin(gpu, config, setup.data)?,
             left: Vec::new(),
-            cameras: Cameras::new(gpu, config, setup)?,
+            cameras: Cameras::new(gpu, config, setup, total)?,
         })
     }
 
@@ -105,37 +98,18 @@ impl Objective {
         target: &Truth,
     ) -> Result<()> {
         let Some(backward) = &work.backward else { return Ok(()) };
-        let (shown, rendered) = (&target.shown, (&work.blend.image0, &backward.d_image0));
+        let shown = &target.shown;
+        let rendered = Pair { image: &work.blend.image0, cotangent: &backward.d_image0 };
         let grid_variation = target.by.grid.and(self.cameras.grids()).map(|grids| grids.tv_sums.clone());
-        let (image, d_image) = self.cameras.record_shown(gpu, rec, rendered, shown.size, target.by.grid)?;
+        let colors = self.cameras.record_shown(gpu, rec, rendered, shown.size, target.by.grid)?;
         let geometry = work.blend.image1.as_ref().zip(backward.d_image1.as_ref());
+        let geometry = geometry.map(|(image, cotangent)| Pair { image, cotangent });
         let grid_variation = grid_variation.as_ref();
         let Planes { colors: truth, priors } = &images.planes(&target.resident);
-        let on = Rendered { image, d_image, geometry, truth, priors, grid_variation };
+        let on = Rendered { colors, geometry, truth, priors, grid_variation };
         self.left = self.terms.iter_mut().map(|term| term.record(gpu, rec, shown, &on)).collect::<Result<_>>()?;
         self.cameras.record_back(rec, rendered, shown.size, target.by.grid);
         Ok(())
-    }
-
-    /// Appends what is learnt of the clock and the pose of the camera `by` to the view of step `step` of `total`.
-    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, by: Taken, (step, total): (u64, u64)) {
-        self.cameras.record_view(rec, work, by.camera, (step, total));
-    }
-
-    /// Appends step `step` of `total` of the own parameters of the camera `by`, after the backward pass of its image, which is image
-    /// `at` of the step.
-    pub fn record_step(&self, rec: &mut Recording, work: &Workspace, by: Taken, (step, total): (u64, u64), at: usize) {
-        self.cameras.record_step(rec, work, (by.camera, by.grid), (step, total), at);
-    }
-
-    /// Appends the keeping of what image `at` of a step says of the parameters of the camera `by`, until all have been seen.
-    pub fn record_keep(&self, rec: &mut Recording, work: &Workspace, by: Taken, at: usize) {
-        self.cameras.record_keep(rec, work, by.grid, at);
-    }
-
-    /// Appends the taking up again of what [`Objective::record_keep`] kept.
-    pub fn record_take(&self, rec: &mut Recording, work: &Workspace, by: Taken, at: usize) {
-        self.cameras.record_take(rec, work, by.grid, at);
     }
 
     /// Appends the totals of the terms, beside the status of the step and its bad gradients, to where the host can read them.
@@ -143,7 +117,8 @@ impl Objective {
         &self,
         rec: &mut Recording,
         staging: &Staging,
-        (status, n_bad): (&Buf<Status>, &Buf<u32>),
+        status: &Buf<Status>,
+        n_bad: &Buf<u32>,
     ) -> Result<Report> {
         let there: Vec<_> = self.left.iter().flatten().cloned().collect();
         let report = Report {

@@ -73,7 +73,8 @@ impl Workload {
         capture: &Capture,
         config: &Config,
         setup: &Setup,
-        (n, n_dynamic): (u64, u64),
+        n: u64,
+        n_dynamic: u64,
         gpu: &Gpu,
         memory: ImageMemory,
     ) -> Result<Self> {
@@ -397,8 +398,8 @@ impl Plan {
         gpu: &Gpu,
         memory: ImageMemory,
     ) -> Result<Self> {
-        let (n, n_dynamic) = (splats.len() as u64, splats.motion.len() as u64);
-        let work = Workload::of(capture, config, setup, (n, n_dynamic), gpu, memory)?;
+        let n_dynamic = splats.motion.len() as u64;
+        let work = Workload::of(capture, config, setup, splats.len() as u64, n_dynamic, gpu, memory)?;
         let caps = gpu.caps();
         let is_host = caps.kind == DeviceKind::Cpu;
         Ok(Plan::new(

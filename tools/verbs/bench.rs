@@ -127,7 +127,7 @@ fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
     train(args, &jobs)?;
     let read = |job: &Job| {
         let peripheral = job.place.peripheral.as_deref();
-        BenchRun::read(&job.folder, &job.place.name, &job.arm.key, (job.steps, job.config.seed), peripheral)
+        BenchRun::read(&job.folder, &job.place.name, &job.arm.key, job.steps, job.config.seed, peripheral)
     };
     let mut runs = jobs.iter().map(read).collect::<ivv::Result<Vec<_>>>()?;
     runs.sort_by_key(|run| places.iter().position(|place| place.name == run.capture));

@@ -75,7 +75,8 @@ impl DepthCache {
     /// Writes what was found, with what was known of other files.
     pub fn close(self) {
         let found = self.found.into_inner().unwrap_or_else(PoisonError::into_inner);
-        let (mut all, file) = (self.before, Self::file(&self.capture));
+        let mut all = self.before;
+        let file = Self::file(&self.capture);
         if found.is_empty() {
             return;
         }

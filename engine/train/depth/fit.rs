@@ -80,7 +80,8 @@ pub fn fit_depths(
     let sparse: Vec<[f64; 3]> = capture.points.iter().map(|point| point.position).collect();
     let mut by_frame: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     capture.training_frames().into_iter().for_each(|(camera, frame)| by_frame.entry(frame).or_default().push(camera));
-    let (n_frames, cache) = (by_frame.len(), DepthCache::open(capture));
+    let n_frames = by_frame.len();
+    let cache = DepthCache::open(capture);
     let mut fits = BTreeMap::new();
     for (n_done, (frame, cameras)) in by_frame.into_iter().enumerate() {
         let points = if capture.has_frame_points() { Some(capture.points_of(frame)?) } else { None };
@@ -89,13 +90,7 @@ pub fn fit_depths(
                 let seen = points.iter().filter(|point| point.seen_by.contains(&cameras[i]));
                 seen.map(|point| point.position).collect::<Vec<_>>()
             };
-            fit_prior(
-                capture,
-                (cameras[i], frame),
-                space,
-                points.as_ref().map(seen).as_ref().unwrap_or(&sparse),
-                &cache,
-            )
+            fit_prior(capture, cameras[i], frame, space, points.as_ref().map(seen).as_ref().unwrap_or(&sparse), &cache)
         };
         let fitted = in_parallel(cameras.len(), threads, fit, |_| {})?;
         fits.extend(cameras.into_iter().zip(fitted).map(|(camera, fit)| ((camera, frame), fit)));
@@ -105,10 +100,11 @@ pub fn fit_depths(
     Ok(DepthFits(fits))
 }
 
-/// The fit of the prior of an image, (camera, frame), to `points`.
+/// The fit of the prior of an image to `points`.
 fn fit_prior(
     capture: &Capture,
-    (camera, frame): (usize, u32),
+    camera: usize,
+    frame: u32,
     space: DepthSpace,
     points: &[[f64; 3]],
     cache: &DepthCache,

@@ -77,12 +77,12 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
     // Of at least one value.
     let middle = |values: &mut dyn Iterator<Item = f64>| median_high(values).unwrap_or(f64::NAN);
     let random = Keyed::new(&[KEY, n as u64]);
-    let mut best = (f64::INFINITY, (0.0, 0.0));
+    let mut best = (f64::INFINITY, Line { scale: 0.0, shift: 0.0 });
     for line in 0..LINES {
         let [(x0, y0), (x1, y1)] = [2 * line, 2 * line + 1].map(|i| pairs[(random.bits(i) % n as u64) as usize]);
         let scale = (y1 - y0) / (x1 - x0);
-        let line = (scale, y0 - scale * x0);
-        let off = middle(&mut pairs.iter().map(|pair| residual(line, pair).abs()));
+        let line = Line { scale, shift: y0 - scale * x0 };
+        let off = middle(&mut pairs.iter().map(|pair| line.residual(pair).abs()));
         // Written so that a line through points of one prior, which is not finite, is not taken.
         if off < best.0 {
             best = (off, line);
@@ -97,18 +97,18 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
     for _ in 0..ITERATIONS {
         // The floor keeps points that lie on the line but for rounding.
         let reach = NEAR * PER_MEDIAN * off + 1e-9 * typical;
-        let near: Vec<(f64, f64)> = pairs.iter().copied().filter(|pair| residual(line, pair).abs() <= reach).collect();
+        let near: Vec<(f64, f64)> = pairs.iter().copied().filter(|pair| line.residual(pair).abs() <= reach).collect();
         n_near = near.len();
         let mean = |of: fn(&(f64, f64)) -> f64| mean(near.iter().map(of)).unwrap_or(f64::NAN);
         let (mean_x, mean_y) = (mean(|pair| pair.0), mean(|pair| pair.1));
         let sum = |of: &dyn Fn(f64, f64) -> f64| near.iter().map(|(x, y)| of(x - mean_x, y - mean_y)).sum::<f64>();
         spread = sum(&|x, _| x * x);
         let scale = sum(&|x, y| x * y) / spread;
-        line = (scale, mean_y - scale * mean_x);
+        line = Line { scale, shift: mean_y - scale * mean_x };
         sigma = (sum(&|x, y| (y - scale * x).powi(2)) / n_near as f64).sqrt();
-        off = middle(&mut near.iter().map(|pair| residual(line, pair).abs()));
+        off = middle(&mut near.iter().map(|pair| line.residual(pair).abs()));
     }
-    let (scale, shift) = line;
+    let Line { scale, shift } = line;
     let fit = DepthFit { scale, shift, n_points: n_near, residual: off / typical };
     // Each test is written so that NaN fails it.
     let is_sure = sigma / spread.sqrt() <= UNSURE * scale.abs() && scale.is_finite() && shift.is_finite();
@@ -121,8 +121,18 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
     }
 }
 
-fn residual((scale, shift): (f64, f64), (x, y): &(f64, f64)) -> f64 {
-    y - (scale * x + shift)
+/// depth = scale * prior + shift.
+#[derive(Clone, Copy)]
+struct Line {
+    scale: f64,
+    shift: f64,
+}
+
+impl Line {
+    /// How far the depth of a (prior, depth) is off the line.
+    fn residual(self, (prior, depth): &(f64, f64)) -> f64 {
+        depth - (self.scale * prior + self.shift)
+    }
 }
 
 #[cfg(test)]

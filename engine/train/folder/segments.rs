@@ -111,7 +111,8 @@ impl Segments {
         if self.segments.len() == 1 {
             return moving;
         }
-        let (moving, stretches) = (&moving, &self.stretches(index));
+        let moving = &moving;
+        let stretches = &self.stretches(index);
         let of = |i: usize| stretches.iter().filter_map(move |stretch| Some((i, stretch, stretch.piece(moving, i)?)));
         let pieces: Vec<(usize, &Stretch, Piece)> = (0..moving.len()).flat_map(of).collect();
         let mut faded = moving.in_order(&pieces.iter().map(|(i, ..)| *i).collect::<Vec<_>>());

@@ -133,7 +133,8 @@ impl ImageStore {
         stream: &mut ImageStream,
     ) -> Result<Option<StepImages>> {
         let batch = steps.config.batch as usize;
-        let (mut images, mut loading) = (Vec::with_capacity(batch), Duration::ZERO);
+        let mut images = Vec::with_capacity(batch);
+        let mut loading = Duration::ZERO;
         for at in 0..batch {
             let Some((camera, frame)) = stream.next_image() else { break };
             let next = if steps.own.contains(&at) { stream.next_own()? } else { None };

@@ -140,7 +140,8 @@ impl Residents {
 
     /// Where the planes of a picture lie.
     pub fn planes(&self, resident: &Resident) -> Planes {
-        let (place, Layout { pixels, depths, flows, .. }) = (self.place(resident), resident.layout);
+        let place = self.place(resident);
+        let Layout { pixels, depths, flows, .. } = resident.layout;
         let prior = |first: Option<usize>, length: usize| {
             first.map_or_else(|| self.none.clone(), |first| place.range(first, length))
         };

@@ -309,7 +309,7 @@ struct Seen {
 }
 
 impl Seen {
-    fn read(capture: &Capture, (camera, frame): (usize, u32)) -> Result<Self> {
+    fn read(capture: &Capture, camera: usize, frame: u32) -> Result<Self> {
         Ok(Seen {
             picture: capture.picture(camera, frame)?,
             foreground: capture.foreground(camera, frame)?,
@@ -341,7 +341,7 @@ pub fn evaluate(
     for (at, &(camera, frame)) in frames.iter().enumerate() {
         if at % threads == 0 {
             let next = &frames[at..frames.len().min(at + threads)];
-            truths.extend(in_parallel(next.len(), threads, |i| Seen::read(capture, next[i]), |_| ())?);
+            truths.extend(in_parallel(next.len(), threads, |i| Seen::read(capture, next[i].0, next[i].1), |_| ())?);
         }
         let Some(Seen { picture, foreground, covisible }) = truths.pop_front() else { break };
         let view = sight.view(camera, frame)?;

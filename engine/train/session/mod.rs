@@ -388,7 +388,8 @@ impl<'a> Session<'a> {
             return Ok(scene);
         }
         let backdrop = backdrop_of(&scene, &self.capture, self.config.backdrop as usize)?;
-        let (n, is_added) = (backdrop.len(), backdrop.len() + scene.len() <= self.config.max_gaussians);
+        let n = backdrop.len();
+        let is_added = backdrop.len() + scene.len() <= self.config.max_gaussians;
         if n > 0 {
             self.events.push(Event::Backdrop { n, is_added });
         }

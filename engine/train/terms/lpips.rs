@@ -80,9 +80,9 @@ impl Term for Perceptual {
         if self.network.scratch_bytes(crop, true).is_err() {
             return Ok(None);
         }
-        let compared = stage::Compared { image: on.image, truth: on.truth, size: shown.size, origin, crop };
+        let compared = stage::Compared { image: on.colors.image, truth: on.truth, size: shown.size, origin, crop };
         let weight = (self.weight * self.every as f64) as f32;
-        self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.d_image, weight })).map(Some)
+        self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.colors.cotangent, weight })).map(Some)
     }
 
     fn parts(&self, _: &Shown, [value, ..]: [f32; 4]) -> Vec<Part> {

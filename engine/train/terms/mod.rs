@@ -16,7 +16,7 @@ use crate::scene::capture::Capture;
 use crate::train::config::Config;
 use term::TermKind;
 
-pub(super) use term::{Left, Part, Rendered, Shown, Term, WithCotangent};
+pub(super) use term::{Left, Pair, Part, Rendered, Shown, Term};
 pub use term::{Logged, TermData};
 pub(super) use variation::weight as grid_variation_weight;
 

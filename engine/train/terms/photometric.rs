@@ -38,13 +38,13 @@ impl Term for Colors {
         if shown.n_visible < LEAST_PIXELS.min(n) {
             // What an earlier step left there would be taken for this one's.
             rec.section("loss");
-            rec.fill(on.d_image.range(0, n as usize).slice(), 0);
+            rec.fill(on.colors.cotangent.range(0, n as usize).slice(), 0);
             return Ok(None);
         }
         let pictures = Pictures {
-            image: on.image,
+            image: on.colors.image,
             truth: on.truth,
-            d_image: on.d_image,
+            d_image: on.colors.cotangent,
             size: shown.size,
             n_visible: shown.n_visible,
         };

@@ -1,6 +1,6 @@
 //! The errors of depth and flow against priors (SPEC 4), both in one pass over the picture.
 
-use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermData, TermKind};
+use super::term::{LEAST_PIXELS, Left, Logged, Pair, Part, Rendered, Shown, Term, TermData, TermKind};
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Gpu, Recording};
@@ -78,7 +78,7 @@ impl Term for Priors {
     }
 
     fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
-        let Some((image, d_image)) = on.geometry else { return Ok(None) };
+        let Some(Pair { image, cotangent: d_image }) = on.geometry else { return Ok(None) };
         let n = shown.size[0] * shown.size[1];
         let Some(weights) = self.weights(shown) else {
             // What an earlier step left there would be taken for this one's.

@@ -99,17 +99,19 @@ pub(in crate::train) struct Shown {
     pub n_flow: u32,
 }
 
-/// A picture and its cotangent.
-pub(in crate::train) type WithCotangent<'a> = (&'a Buf<[f32; 4]>, &'a Buf<[f32; 4]>);
+/// A picture, and where its cotangent goes.
+#[derive(Clone, Copy)]
+pub(in crate::train) struct Pair<'a> {
+    pub image: &'a Buf<[f32; 4]>,
+    pub cotangent: &'a Buf<[f32; 4]>,
+}
 
 /// What the terms compare, and where their cotangents go.
 pub(in crate::train) struct Rendered<'a> {
     /// The colours, as the camera shows them.
-    pub image: &'a Buf<[f32; 4]>,
-    /// Their cotangent.
-    pub d_image: &'a Buf<[f32; 4]>,
-    /// Depth, inverse depth and flow, and their cotangent; where [`Term::outputs`] of any asks for them.
-    pub geometry: Option<WithCotangent<'a>>,
+    pub colors: Pair<'a>,
+    /// Depth, inverse depth and flow, where [`Term::outputs`] of any asks for them.
+    pub geometry: Option<Pair<'a>>,
     /// The picture: RGB and the mask.
     pub truth: &'a Buf<u32>,
     /// The total variation of the camera's grid by workgroup, which is there when the step ends; none where it has no grid.

@@ -22,10 +22,11 @@ use crate::stage::{
     AdamMode, Batch, Clearings, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State,
     StepSettings, Workspace, adam_params, constants_on, lazy_sums,
 };
+use crate::train::cameras::Taken;
 use crate::train::config::{Config, Strategy};
 use crate::train::density::{density_round, most_gaussians, regularisers};
 use crate::train::images::{ImageLimits, ImageStore, Source, StepImage, StepImages, Steps};
-use crate::train::objective::{Objective, Report, Taken, Truth};
+use crate::train::objective::{Objective, Report, Truth};
 use crate::train::poses::Correction;
 use crate::train::ranks::{Ranks, Shared};
 use crate::train::schedule::rates;
@@ -170,7 +171,7 @@ impl Trainer {
         let moments = Moments::upload(&gpu, &scene, &zeros, &zeros, config.moment_bits)?;
         let state = upload_state(&gpu, &scene, &state)?;
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
-        let objective = Objective::new(&gpu, &config, &setup)?;
+        let objective = Objective::new(&gpu, &config, &setup, total)?;
         let images = ImageStore::new(&gpu, setup.data)?;
         let clearings = clearings(&gpu, &setup, scene.origin)?;
         let mut room = Room {

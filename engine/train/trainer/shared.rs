@@ -38,7 +38,7 @@ impl Trainer {
         self.shared.compute_s += begun.elapsed().as_secs_f64();
         results.known = self.exchange(ranks, &inputs, &results.reports)?;
         let mut rec = Recording::new();
-        self.record_step(&mut rec, &inputs)?;
+        self.in_workspace(&inputs, |trainer, work| trainer.record_step(&mut rec, work, &inputs))?;
         let running = self.gpu.start(&rec)?;
         self.step = inputs.step;
         self.in_flight.push_back(Step { inputs, running, results });

@@ -10,9 +10,10 @@ use crate::scene::View;
 use crate::stage::{
     AdamMode, Among, Batch, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params,
 };
+use crate::train::cameras::Taken;
 use crate::train::density::noise;
 use crate::train::images::StepImage;
-use crate::train::objective::Report;
+use crate::train::objective::{Report, Truth};
 use bytemuck::bytes_of;
 use tracing::debug_span;
 
@@ -20,6 +21,16 @@ use tracing::debug_span;
 const CLEAR_EVERY: u64 = 10;
 /// Purpose of the random numbers of a step that are its background; a review has 4.
 const BACKGROUND: u64 = 5;
+
+/// An image of a step that this process sees.
+struct OwnImage<'a> {
+    step: u64,
+    /// Its place among the images of the step.
+    at: usize,
+    view: &'a View,
+    by: Taken,
+    truth: &'a Truth,
+}
 
 impl Trainer {
     /// Pixels along each side that become one in the step to come.
@@ -30,7 +41,8 @@ impl Trainer {
 
     /// What the step to come needs.
     pub(super) fn inputs(&mut self, images: Vec<StepImage>) -> Inputs {
-        let (step, flow_model) = (self.step + 1, self.setup.flow_model);
+        let step = self.step + 1;
+        let flow_model = self.setup.flow_model;
         let of_image = |(index, StepImage { camera, view, resident }): (usize, StepImage)| {
             let background = self.background(step, index as u64);
             let reduction = self.reduction(&view);
@@ -134,8 +146,20 @@ impl Trainer {
         Ok(true)
     }
 
-    /// Makes room for the images of a step.
-    fn fit(&mut self, inputs: &Inputs) -> Result<()> {
+    /// Makes room for the images of a step, and records by `record` in the workspace that has it.
+    pub(super) fn in_workspace<T>(
+        &mut self,
+        inputs: &Inputs,
+        record: impl FnOnce(&mut Self, &Workspace) -> Result<T>,
+    ) -> Result<T> {
+        let work = self.fitted(inputs)?;
+        let recorded = record(self, &work);
+        self.work = Some(work);
+        recorded
+    }
+
+    /// A workspace with room for the images of a step: the one that there is, or a new one.
+    fn fitted(&mut self, inputs: &Inputs) -> Result<Workspace> {
         let mut room = self.room;
         for image in &inputs.images[inputs.own()] {
             let (tiles_x, tiles_y) = Strip::whole(&image.view).tiles(&image.view);
@@ -155,47 +179,44 @@ impl Trainer {
             })?;
         }
         self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
-        self.with_memory(|trainer| {
-            Workspace::fit(&mut trainer.work, &trainer.gpu, &trainer.scene, trainer.room).map(drop)
-        })?;
-        if let Some(work) = &mut self.work {
-            work.view = self.optimiser.view.clone();
-        }
+        let mut work = match self.work.take().filter(|work| work.room == self.room) {
+            Some(work) => work,
+            None => self.with_memory(|trainer| Workspace::new(&trainer.gpu, &trainer.scene, trainer.room))?,
+        };
+        work.view = self.optimiser.view.clone();
         if self.config.batch > 1 && self.batch.is_none() {
-            self.with_memory(|trainer| {
-                trainer.batch = Some(Batch::new(&trainer.gpu, &trainer.scene)?);
-                Ok(())
-            })?;
+            self.batch = Some(self.with_memory(|trainer| Batch::new(&trainer.gpu, &trainer.scene))?);
         }
-        Ok(())
+        Ok(work)
     }
 
     /// The passes of a step, and where its numbers will be. Of one that several processes take, the passes of its own images.
     #[tracing::instrument(level = "debug", name = "record", skip_all)]
     pub(super) fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
-        self.fit(inputs)?;
-        let mut rec = Recording::new();
-        let mut results = Results { n_tiles: 0, n_pixels: 0, lists: None, reports: Vec::new(), known: Vec::new() };
-        for at in inputs.own() {
-            let size = self.record_image(&mut rec, inputs, at, &mut results)?;
-            (results.n_tiles, results.n_pixels) = (size.n_tiles, size.n_pixels);
-            if self.batch.is_some() {
-                results.reports.push(self.record_report(&mut rec)?);
+        self.in_workspace(inputs, |trainer, work| {
+            let mut rec = Recording::new();
+            let mut results = Results { n_tiles: 0, n_pixels: 0, lists: None, reports: Vec::new(), known: Vec::new() };
+            for (at, image) in inputs.images.iter().enumerate() {
+                let Some(truth) = &image.truth else { continue };
+                let of = OwnImage { step: inputs.step, at, view: &image.view, by: image.by, truth };
+                trainer.record_image(&mut rec, work, &of, &mut results)?;
+                if trainer.batch.is_some() {
+                    results.reports.push(trainer.record_report(&mut rec, work)?);
+                }
             }
-        }
-        if self.ranks.is_none() {
-            self.record_step(&mut rec, inputs)?;
-        }
-        if self.batch.is_none() {
-            results.reports.push(self.record_report(&mut rec)?);
-        }
-        Ok((rec, results))
+            if trainer.ranks.is_none() {
+                trainer.record_step(&mut rec, work, inputs)?;
+            }
+            if trainer.batch.is_none() {
+                results.reports.push(trainer.record_report(&mut rec, work)?);
+            }
+            Ok((rec, results))
+        })
     }
 
-    fn record_report(&mut self, rec: &mut Recording) -> Result<Report> {
-        let Some(work) = &self.work else { unreachable!("it fits the step") };
+    fn record_report(&self, rec: &mut Recording, work: &Workspace) -> Result<Report> {
         rec.section("report");
-        self.objective.record_report(rec, &self.staging, (&work.status, &self.optimiser.n_bad))
+        self.objective.record_report(rec, &self.staging, &work.status, &self.optimiser.n_bad)
     }
 
     /// Appends the upload of a view, as training sees it, and of the rates of the step.
@@ -210,24 +231,26 @@ impl Trainer {
         Ok(())
     }
 
-    /// Appends what image `at` of a step needs: its frame, the loss, and the way back, which ends in the step where it is the only
-    /// one and in sums of gradients otherwise.
-    fn record_image(&mut self, rec: &mut Recording, inputs: &Inputs, at: usize, results: &mut Results) -> Result<Size> {
-        let (step, Image { view, by, truth }) = (inputs.step, &inputs.images[at]);
+    /// Appends what an image of a step needs: its frame, the loss, and the way back, which ends in the step where it is the only one
+    /// and in sums of gradients otherwise.
+    fn record_image(
+        &mut self,
+        rec: &mut Recording,
+        work: &Workspace,
+        image: &OwnImage,
+        results: &mut Results,
+    ) -> Result<()> {
+        let OwnImage { step, at, view, by, truth } = *image;
         self.record_inputs(rec, view, step)?;
-        let Trainer { gpu, scene, optimiser, objective, images, work: Some(work), batch, rounds, .. } = self else {
-            unreachable!("there is room for the step")
-        };
-        let Some(truth) = truth else { unreachable!("it is one of this process") };
+        let Trainer { gpu, scene, optimiser, objective, images, batch, rounds, .. } = self;
         images.record_upload(rec, &truth.resident);
-        objective.record_view(rec, work, *by, (step, self.total));
-        let status = &work.status;
+        objective.cameras.record_view(rec, work, by.camera, step);
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_pixels = view.intrinsics.width * view.intrinsics.height;
         let size = Size { n_tiles: tiles_x * tiles_y, n_pixels, rounds: *rounds };
         let forward = debug_span!("forward").entered();
         let lists = work.record_forward(rec, scene, size, |rec| {
-            optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
+            optimiser.record_catch_up(rec, scene, &work.cull, &work.status, step - 1);
         });
         drop(forward);
         debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, images, truth))?;
@@ -235,52 +258,48 @@ impl Trainer {
         let target = batch.as_ref().map_or(Target::Step(optimiser), |batch| Target::Sums(batch, optimiser));
         debug_span!("backward").in_scope(|| work.record_backward(rec, scene, &lists, size, &target));
         if batch.is_some() {
-            objective.record_keep(rec, work, *by, at);
+            objective.cameras.record_keep(rec, work, by.grid, at);
         }
-        results.lists = Some(lists);
-        Ok(size)
+        (results.n_tiles, results.n_pixels, results.lists) = (size.n_tiles, size.n_pixels, Some(lists));
+        Ok(())
     }
 
     /// Appends the step itself, after its images.
-    pub(super) fn record_step(&mut self, rec: &mut Recording, inputs: &Inputs) -> Result<()> {
+    pub(super) fn record_step(&self, rec: &mut Recording, work: &Workspace, inputs: &Inputs) -> Result<()> {
         let _stepping = debug_span!("optimiser").entered();
         let Inputs { step, images } = inputs;
-        let at = (*step, self.total);
-        let needs_views = self.batch.is_some() && self.objective.cameras.reads_view(at);
+        let (scene, cameras) = (&self.scene, &self.objective.cameras);
+        let needs_views = self.batch.is_some() && cameras.reads_view(*step);
         // The rates are those that the images' passes had.
         for (index, Image { view, by, .. }) in images.iter().enumerate() {
             if needs_views {
                 self.record_inputs(rec, view, *step)?;
             }
-            let (Some(work), scene, optimiser) = (&self.work, &self.scene, &self.optimiser) else {
-                unreachable!("there is room for the step")
-            };
             if index == 0 {
                 match &self.batch {
-                    Some(batch) => batch.record_step(rec, scene, optimiser, &work.status),
-                    None => optimiser.record_idle(rec, scene, &work.cull, &work.status),
+                    Some(batch) => batch.record_step(rec, scene, &self.optimiser, &work.status),
+                    None => self.optimiser.record_idle(rec, scene, &work.cull, &work.status),
                 }
             }
             if self.batch.is_some() {
-                self.objective.record_take(rec, work, *by, index);
+                cameras.record_take(rec, work, by.grid, index);
             }
             if needs_views {
-                self.objective.record_view(rec, work, *by, at);
+                cameras.record_view(rec, work, by.camera, *step);
             }
-            self.objective.record_step(rec, work, *by, at, index);
+            cameras.record_step(rec, work, *by, *step, index);
         }
-        let Some(work) = &self.work else { unreachable!("there is room for the step") };
         let noise = noise(&self.config, *step, self.total, self.setup.extent.radius);
         if let Some((rate, key)) = noise {
-            record_mcmc_noise(rec, &self.scene, &work.status, rate, key);
+            record_mcmc_noise(rec, scene, &work.status, rate, key);
         }
         let clears = self.clearings.as_ref().filter(|_| step.is_multiple_of(CLEAR_EVERY));
         if let Some(clearings) = clears {
-            clearings.record(rec, &self.scene, &work.status);
+            clearings.record(rec, scene, &work.status);
         }
         let moves_all = self.config.adam == AdamMode::Dense || self.batch.is_some();
         let among = if moves_all || noise.is_some() || clears.is_some() { Among::All } else { Among::Live };
-        self.scene.record_bounds(rec, &self.constants, &self.n_undrawable, among);
+        scene.record_bounds(rec, &self.constants, &self.n_undrawable, among);
         Ok(())
     }
 }
