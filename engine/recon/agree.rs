@@ -1,4 +1,4 @@
-//! Points from the depths of several cameras: what others confirm, and a guess where nothing is known far and wide.
+//! Points that the depths of several cameras confirm, and guesses in the gaps.
 
 use super::eye::{Eye, Ground};
 use super::points::{Found, median_color};
@@ -9,13 +9,13 @@ use crate::scene::capture::{Point, TRAINING_RADIUS};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
 
-/// Steps of inverse depth that another camera's may be off to confirm.
+/// Another camera's inverse depth confirms a point if it is off by at most so many steps.
 const TOLERANCE: f32 = 1.5;
 /// Steps beyond which another camera sees through a point.
 const THROUGH: f32 = 3.0;
 
-/// Pixels from the nearest known depth at which a picture needs a guess. A narrower gap is grown over from its rim, and sooner
-/// than a wrong guess in it is mended; a plain wall or ceiling that fills a picture is not.
+/// A pixel so far from the nearest known depth gets a guess. A narrower gap closes from its rim, sooner than training
+/// mends a wrong guess in it; a plain wall or ceiling that fills a picture does not.
 const GAP: u32 = 16;
 
 /// A point and the cameras that saw it there; 0 where it is guessed, `usize::MAX` where it was known before.
@@ -25,8 +25,8 @@ pub(super) struct Agreed {
     pub n_cameras: usize,
 }
 
-/// The points that cameras see, then guesses in the gaps between them and the points `before` that were known before. No guesses
-/// where nothing is known at all.
+/// The points that cameras see, then guesses in the gaps between them and the points `before`. No guesses if nothing
+/// is known at all.
 pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found], threads: usize) -> Result<Vec<Agreed>> {
     let mut all = Vec::new();
     let mut known: Vec<Vec<f32>> = Vec::new();
@@ -48,7 +48,7 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found], threads: 
     Ok(all)
 }
 
-/// What an eye shows far from all that is known.
+/// The pixels of an eye that are far from all known depths.
 fn guess(eyes: &[Eye], known: &[Vec<f32>], i: usize, places: &[Vec3]) -> Vec<Agreed> {
     let eye = &eyes[i];
     let Some(distance) = middle_distance(eye, places) else { return Vec::new() };
@@ -79,8 +79,7 @@ fn middle_distance(eye: &Eye, places: &[Vec3]) -> Option<f32> {
     (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f32::total_cmp).1)
 }
 
-/// Those of a capture's points that stand still, by the foreground masks of most cameras that see their places, where these show
-/// something.
+/// The static points of a capture: most foreground masks that see a point say so.
 pub(super) fn still(points: &[Point], eyes: &[Eye]) -> Vec<Found> {
     let rests = |point: &&Point| {
         let position = DVec3::from_array(point.position).as_vec3();

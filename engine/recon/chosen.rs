@@ -1,4 +1,4 @@
-//! Which cameras take part, and the frame that each shows.
+//! The cameras that take part, and the frame that each shows.
 
 use crate::scene::View;
 use crate::scene::capture::{Camera, Capture};
@@ -6,8 +6,8 @@ use crate::scene::capture::{Camera, Capture};
 /// Training cameras that take part, evenly chosen.
 const MOST_CAMERAS: usize = 32;
 
-/// The training cameras that take part, or the photographs: they are looked at apart, since in them things may stand where they do not in
-/// the clip.
+/// The training cameras that take part, or the photographs. Photographs are used apart: things may have stood
+/// elsewhere when they were taken.
 pub(super) fn cameras(capture: &Capture, are_photos: bool) -> Vec<usize> {
     let takes_part = |camera: &Camera| !camera.is_test && camera.is_photo == are_photos && !camera.shots.is_empty();
     let all: Vec<usize> = (0..capture.cameras.len()).filter(|index| takes_part(&capture.cameras[*index])).collect();
@@ -31,7 +31,7 @@ pub(super) fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> 
     camera.shot(frame).or_else(|| camera.shots.first().filter(|_| any)).map(|shot| shot.frame)
 }
 
-/// At most `most` of `views`, every so many.
+/// Every n-th of `views`, at most `most`.
 pub(crate) fn evenly_chosen(views: Vec<View>, most: usize) -> Vec<View> {
     let each = views.len().div_ceil(most).max(1);
     views.into_iter().step_by(each).collect()

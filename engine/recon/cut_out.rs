@@ -1,14 +1,14 @@
-//! Pictures that something was cut out of: all around it they are transparent.
+//! Cut-out pictures, which are transparent all around an object.
 
 use super::chosen::{cameras, shown};
 use crate::parallel::{in_parallel, threads};
 use crate::scene::capture::Capture;
 
-/// Pictures that decide.
+/// So many pictures decide.
 const MOST_DECIDING: usize = 8;
 
-/// Whether at least half of the training pictures are cut out, by some of them: transparent along half of their rim. A lens that was
-/// undistorted leaves transparent corners, too, but less than that.
+/// True if at least half of the training pictures, by a sample, are cut out: transparent along half of their rim. An
+/// undistorted lens leaves transparent corners, too, but fewer.
 pub(super) fn are(capture: &Capture) -> bool {
     let cameras = cameras(capture, false);
     let some: Vec<usize> = cameras.iter().step_by(cameras.len().div_ceil(MOST_DECIDING).max(1)).copied().collect();
@@ -26,7 +26,7 @@ pub(super) fn are(capture: &Capture) -> bool {
     !some.is_empty() && 2 * cut_out.iter().filter(|is| **is).count() >= some.len()
 }
 
-/// Whether the alpha of its pictures tells what moves in `capture`: in the clip of a rig whatever was cut out may.
+/// True if the alpha of its pictures says what moves in `capture`: in the clip of a rig whatever was cut out may.
 pub(super) fn tells_what_moves(capture: &Capture) -> bool {
     capture.is_rig_clip() && are(capture)
 }

@@ -1,20 +1,20 @@
-//! A training camera at one frame with its picture reduced: what the first Gaussians are made from.
+//! A training camera at one frame, with a reduced picture.
 
 use crate::error::Result;
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Pose, View};
 use glam::{Mat3, Vec2, Vec3};
 
-/// What is behind a pixel, as far as the capture says.
+/// The class of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ground {
-    /// Excluded by a mask: nothing is known.
+    /// Unknown, because a mask excludes it.
     Unknown,
-    /// Something that stands still; everything where there is no foreground mask.
+    /// Static; all pixels if there is no foreground mask.
     Still,
-    /// Something that moves.
+    /// Moving.
     Moving,
-    /// Nothing: the picture is cut out and transparent there.
+    /// Empty: the picture is cut out and transparent there.
     Empty,
 }
 
@@ -27,8 +27,8 @@ pub(super) struct Seen {
 }
 
 impl Seen {
-    /// Decodes the picture of `camera` at `frame`. Where pictures are `cut_out`, their alpha tells what is empty, and in a rig's clip,
-    /// where no mask does, what moves.
+    /// Decodes the picture of `camera` at `frame`. The alpha of `cut_out` pictures says what is empty and, in a rig's
+    /// clip without masks, what moves.
     pub fn read(capture: &Capture, camera: usize, frame: u32, cut_out: bool) -> Result<Self> {
         let opaque = if cut_out { capture.opaque(camera, frame)? } else { None };
         let foreground = capture.foreground(camera, frame)?;
@@ -40,13 +40,12 @@ impl Seen {
         })
     }
 
-    /// Whether a mask tells what moves.
     pub fn has_foreground(&self) -> bool {
         self.foreground.is_some()
     }
 }
 
-/// A pinhole camera with a reduced picture, narrowed once: the capture is in the frame of training, so f32 will do.
+/// A pinhole camera with a reduced picture, in f32: the capture is in the frame of training.
 pub(super) struct Eye {
     /// Pixels.
     pub width: usize,
@@ -61,7 +60,7 @@ pub(super) struct Eye {
     rotation: Mat3,
     /// Mean colour of each pixel, row by row, in [0, 1].
     pub color: Vec<[f32; 3]>,
-    /// What most of each pixel shows.
+    /// The class of most of each pixel.
     pub ground: Vec<Ground>,
 }
 
@@ -142,7 +141,7 @@ impl Eye {
         Eye { color, ground, ..Eye::blank(view, longest) }
     }
 
-    /// The camera with a reduced picture of which nothing is known but that something stands still everywhere; it has no colours.
+    /// The camera with a reduced picture without colours, all static.
     pub fn blank(view: &View, longest: usize) -> Self {
         let View { pose, intrinsics, .. } = view;
         let (full_width, full_height) = (intrinsics.width as usize, intrinsics.height as usize);
@@ -194,7 +193,6 @@ impl Eye {
         self.rotation.transpose() * ((at - self.principal) / self.focal).extend(1.0)
     }
 
-    /// The optical axis.
     pub fn axis(&self) -> Axis {
         Axis { center: self.center, along: self.rotation.row(2) }
     }

@@ -1,8 +1,8 @@
 //! Flow-guided sparse initialisation (SPEC 5): static Gaussians from the points of the reference frame, dynamic ones from
 //! the points of every frame that move.
 //!
-//! Frames are read one after another, and of each frame one camera's flow a thread: nothing but the result grows with the
-//! clip.
+//! Frames are read one after another, with a thread for each camera's flow, so that memory grows with the result
+//! alone.
 
 use super::pinhole::Pinhole;
 use super::points::{Found, OPACITY, Reach, append, push, spacings};
@@ -26,7 +26,7 @@ const RIDGE: f64 = 1e-3;
 /// Steps of Gauss and Newton: a projection is nearly linear over the way of a frame.
 const STEPS: usize = 4;
 
-/// What became of the points of all frames.
+/// The fate of the points of all frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct PointCounts {
     /// Points of all frames.
@@ -35,14 +35,14 @@ pub struct PointCounts {
     pub n_static: usize,
     /// Gaussians from points that belong to their frame.
     pub n_dynamic: usize,
-    /// Of them with a velocity.
+    /// Dynamic Gaussians with a velocity.
     pub with_velocity: usize,
-    /// Points whose flow no view knows; they count as standing still.
+    /// Points without flow in any view; they count as static.
     pub without_flow: usize,
 }
 
 impl PointCounts {
-    /// Gaussians.
+    /// Gaussians in all.
     pub fn after(&self) -> usize {
         self.n_static + self.n_dynamic
     }
@@ -61,22 +61,22 @@ impl fmt::Display for PointCounts {
     }
 }
 
-/// Which points belong to their frame.
+/// The rule by which a point is dynamic.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Rule {
-    /// Those that two clear views see move, or the only one: one of many is often wrong.
+    /// Two clear views see it move, or the only one does: one of many is often wrong.
     TwoViews,
-    /// Those that any view sees move (the paper).
+    /// Any view sees it move (the paper).
     AnyView,
-    /// All.
+    /// Always.
     All,
 }
 
-/// What the points of all frames give.
+/// The Gaussians that the points of all frames give.
 pub(super) struct FromFrames {
-    /// Those of the reference frame that stand still, with the standard deviations of their Gaussians.
+    /// Static points of the reference frame, with the standard deviations of their Gaussians.
     pub still: (Vec<Found>, Vec<f64>),
-    /// Gaussians from those of every frame that move, as the rule says.
+    /// Gaussians from the moving points of every frame.
     pub moving: Splats,
     pub counts: PointCounts,
 }
@@ -92,8 +92,8 @@ impl FromFrames {
     }
 }
 
-/// How what stands still in the reference frame begins: it may move later, unless [`Settings::static_tau`] is 0 or photographs show
-/// what rests, in which nothing is seen that has a time.
+/// The motion that static points of the reference frame begin with: they may move later, unless
+/// [`Settings::static_tau`] is 0 or photographs show them.
 pub(super) fn motion_at_rest(capture: &Capture, settings: &Settings) -> Option<Motion> {
     let t_center = f64::from(capture.reference_frame) / f64::from(capture.n_frames);
     let tau = settings.static_tau;
@@ -153,23 +153,23 @@ pub(super) fn from_frames(
     Ok(FromFrames { still, moving, counts })
 }
 
-/// How a camera saw a point move.
+/// The movement of a point as a camera saw it.
 #[derive(Clone, Copy)]
 struct Sight {
     /// The camera at the frame in which the movement ends.
     camera: Pinhole,
     /// Where the point is then, pixels.
     to: DVec2,
-    /// How far the point itself moved, pixels: the flow less what the camera's own movement makes of a point at rest.
+    /// How far the point itself moved, pixels: the flow without the camera's own movement.
     moved: f64,
     /// The four pixels nearest to the point agree on whether it moves. At the rim of a moving thing they do not, and whose
     /// flow the point's pixel has is a matter of chance.
     is_clear: bool,
 }
 
-/// Whether a point moves by more than `threshold` pixels (SPEC 5), as two views show, or the one there is: one of many is
-/// often wrong, where its clock is off and something else has moved before the point. Views that are not clear are asked
-/// only where none is. By the paper's rule any view is enough.
+/// True if a point moves by more than `threshold` pixels (SPEC 5) in two views, or in the only one: one of many is
+/// often wrong, if its clock is off and something else passed before the point. Unclear views count only if there is
+/// no clear one. By the paper's rule any view is enough.
 fn moves(sights: &[Sight], threshold: f64, rule: Rule) -> bool {
     let moving = |sight: &&Sight| sight.moved > threshold;
     if rule == Rule::AnyView {
@@ -181,8 +181,8 @@ fn moves(sights: &[Sight], threshold: f64, rule: Rule) -> bool {
     }
 }
 
-/// By point, who knows its flow. A camera without flow of the frame, as every one at the last, tells with that of the frame
-/// before at the same place.
+/// By point, the views that have flow there. A camera without flow of the frame, as all have at the last, uses that of
+/// the frame before at the same place.
 fn sights(
     capture: &Capture,
     points: &[FramePoint],
@@ -225,7 +225,7 @@ fn sights(
     Ok(by_point)
 }
 
-/// The way of a point in a frame that most of its views agree on, two at least, one of which shows it move by more than
+/// The movement of a point in a frame that most of its views agree on, two at least, one of which shows more than
 /// `threshold` pixels; else zero.
 fn movement(position: DVec3, sights: &[Sight], threshold: f64) -> DVec3 {
     let n = sights.len().min(MOST_VIEWS);
@@ -250,8 +250,8 @@ fn movement(position: DVec3, sights: &[Sight], threshold: f64) -> DVec3 {
     way.filter(|way| agreeing(*way).len() >= 2).unwrap_or_default()
 }
 
-/// The way from `position` that lands nearest to where all of `sights` see it, in least squares; the linear part is
-/// J R v dt = flow. `None` when it leads behind a camera.
+/// The movement from `position` that ends nearest to where all of `sights` see it, in least squares; the linear part
+/// is J R v dt = flow. `None` if it leads behind a camera.
 fn solve(position: DVec3, sights: &[Sight]) -> Option<DVec3> {
     let mut way = DVec3::ZERO;
     for _ in 0..STEPS {

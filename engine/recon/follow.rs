@@ -1,8 +1,8 @@
 //! First velocities: where the points of one frame's surface are in frames nearby.
 //!
-//! Points of two frames are drawn apart, so none is the other's. But a patch of neighbours, moved as a whole onto the points of the
-//! other frame, lies where the surface has gone: rounds of nearest points, as in ICP (Besl and McKay 1992), with colour as a
-//! further distance and the median for the shift.
+//! The points of two frames were drawn independently, so no two correspond. But a patch of neighbours, moved as a
+//! whole onto the points of the other frame, finds the surface again: rounds of nearest points, as in ICP (Besl and
+//! McKay 1992), with colour as a further distance and the median as the shift.
 
 use super::points::{Found, cube};
 use crate::error::Result;
@@ -41,7 +41,7 @@ impl<'a> Cells<'a> {
         (at / self.side).floor().to_array().map(|x| x as i64)
     }
 
-    /// Those in the cells around a place, in an order of their own.
+    /// The points in the cells around a place, in a fixed order.
     fn around(&self, at: DVec3) -> impl Iterator<Item = usize> {
         let center = self.cell(at);
         let cell = move |offset: [i64; 3]| std::array::from_fn(|k| center[k].saturating_add(offset[k]));
@@ -81,7 +81,7 @@ fn median(ways: &[DVec3]) -> Option<DVec3> {
     (n > 0).then(|| DVec3::new(axis(0), axis(1), axis(2)))
 }
 
-/// How far the points `patch` of `here` have gone in `there`; `None` where they are lost.
+/// How far the points `patch` of `here` have moved in `there`; `None` if they are lost.
 fn shift(here: &Cells, there: &Cells, patch: &[usize]) -> Option<DVec3> {
     let mut shift = DVec3::ZERO;
     for _ in 0..ROUNDS {
@@ -99,7 +99,7 @@ fn shift(here: &Cells, there: &Cells, patch: &[usize]) -> Option<DVec3> {
 /// here to there; 0 where it is found in none. `spacing` is the distance from a point to its neighbours, above 0.
 ///
 /// # Errors
-/// None of its own.
+/// Those of the threads.
 pub(super) fn velocities(here: &[Found], others: &[(f64, &[Found])], spacing: f64) -> Result<Vec<[f32; 3]>> {
     let cells = Cells::new(here, spacing);
     let others: Vec<(f64, Cells)> = others.iter().map(|(time, found)| (*time, Cells::new(found, spacing))).collect();

@@ -1,4 +1,4 @@
-//! The visual hull: the space that every camera sees as foreground, be it what moves or what was cut out.
+//! The visual hull: the space that every camera sees as foreground, which moves or was cut out.
 
 use super::eye::{Axis, Eye, Ground};
 use super::points::{Found, median_color};
@@ -9,12 +9,12 @@ use std::collections::HashSet;
 
 /// Halvings of the cube: leaves are 1/256 of its side.
 const LEVELS: u32 = 8;
-/// Halvings that tell how much of the cube is needed; where that is less than a part of `SMALL`, it alone is carved. One zoom makes the
-/// cube up to 64 times smaller.
+/// Halvings that find the part of the cube that is needed; if that is smaller than `SMALL`, it alone is carved. One
+/// zoom makes the cube up to 64 times smaller.
 const COARSE_LEVELS: u32 = 6;
 const SMALL: f32 = 0.25;
 const MOST_ZOOMS: usize = 4;
-/// Longest side of a camera's picture of which nothing is known, pixels.
+/// Longest side of a camera's blank picture, pixels.
 const BLANK_SIDE: usize = 64;
 /// Cells at which halving ends early: masks that are all foreground would fill the cube.
 const MOST_CELLS: usize = 200_000;
@@ -22,7 +22,8 @@ const MOST_CELLS: usize = 200_000;
 /// share less.
 const LEAST_SEEN: f32 = 1.0 / 3.0;
 const LEAST_CAMERAS: f32 = 3.0;
-/// A camera looks at what lies so far before it, as a fraction of the distance, and farther off than roundings, scene units of training.
+/// A camera looks at what is at least so far before it, as a fraction of the distance, and farther than rounding,
+/// training units.
 const LEAST_BEFORE: f32 = 0.01;
 const NOWHERE: f32 = 1e-4;
 /// Half of the cube's side, in distances of the cameras from what they look at; of cameras that look outward, from the
@@ -79,10 +80,10 @@ struct Silhouette<'a> {
     sums: Vec<u32>,
 }
 
-/// What a camera says about a cell.
+/// A camera's verdict on a cell.
 #[derive(PartialEq)]
 enum Occupancy {
-    /// It is out of sight, or partly so.
+    /// Out of sight, or partly so.
     Unseen,
     Empty,
     Possible,
@@ -96,7 +97,7 @@ impl<'a> Silhouette<'a> {
         for (row, pixels) in eye.ground.chunks_exact(eye.width).enumerate() {
             let mut in_row = 0;
             for (column, ground) in pixels.iter().enumerate() {
-                // Where nothing is known, nothing is carved.
+                // Unknown pixels carve nothing.
                 in_row += u32::from(*ground == of || *ground == Ground::Unknown);
                 sums[(row + 1) * stride + column + 1] = sums[row * stride + column + 1] + in_row;
             }
@@ -164,7 +165,7 @@ impl Carved {
         carved
     }
 
-    /// Carves the space that the eyes look at. What is small in it, as before long lenses, is carved in a cube of its own.
+    /// Carves the space that the eyes look at. A small hull, as before long lenses, is carved in a cube of its own.
     fn around(eyes: &[Eye], silhouettes: &[Silhouette]) -> Self {
         let mut cube = Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>());
         for _ in 0..MOST_ZOOMS {
@@ -202,7 +203,7 @@ pub(super) fn shared_space(views: &[View], most: usize, key: &[u64]) -> Vec<Vec3
     if n == 0 { Vec::new() } else { (0..most).map(point).collect() }
 }
 
-/// At most `most` points of the surface of the hull of what is `of` this ground, chosen at random with `key`.
+/// At most `most` points of the surface of the hull of this ground, chosen at random with `key`.
 pub(super) fn surface(eyes: &[Eye], of: Ground, most: usize, key: &[u64]) -> Vec<Found> {
     let silhouettes: Vec<Silhouette> = eyes.iter().map(|eye| Silhouette::new(eye, of)).collect();
     let carved = Carved::around(eyes, &silhouettes);
@@ -219,7 +220,8 @@ pub(super) fn surface(eyes: &[Eye], of: Ground, most: usize, key: &[u64]) -> Vec
     chosen.filter_map(found).collect()
 }
 
-/// Whether a point may be of what was cut out: as many cameras see its place as must see a hull's, and few of them see nothing there.
+/// True if a point may belong to the object that was cut out: as many cameras see its place as must see a hull's, and
+/// few of them see nothing there.
 pub(super) fn may_be_shown(eyes: &[Eye], found: &Found) -> bool {
     let at = DVec3::from_array(found.position).as_vec3();
     let seen = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(at)?.0]));
@@ -235,7 +237,7 @@ fn may_be_inside(silhouettes: &[Silhouette], least_seen: f32, center: Vec3, radi
         n_seen += f32::from(occupancy != Occupancy::Unseen);
         n_empty += f32::from(occupancy == Occupancy::Empty);
         n_left -= 1.0;
-        // What is left cannot save it any more.
+        // The rest cannot change that.
         if n_empty > MOST_MISSES * (n_seen + n_left) || n_seen + n_left < least_seen {
             return false;
         }
@@ -260,7 +262,7 @@ fn depth_buffer(eye: &Eye, shell: &[Vec3], side: f32) -> Vec<f32> {
     nearest
 }
 
-/// The median over the cameras to which nothing hides the point.
+/// The median colour over the cameras that see the point unhidden.
 fn color(eyes: &[Eye], of: Ground, nearest: &[Vec<f32>], position: Vec3, side: f32) -> Option<[f32; 3]> {
     let sees = |(eye, nearest): (&Eye, &Vec<f32>)| {
         let (pixel, depth) = eye.sees(position)?;

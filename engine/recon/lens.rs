@@ -1,11 +1,10 @@
-//! The lenses of a capture: what lies just before one veils its picture.
+//! The lenses of a capture: a Gaussian just before one veils its picture.
 
 use super::chosen::evenly_chosen;
 use super::points::Found;
 use crate::scene::Pose;
 use crate::scene::capture::{Capture, TRAINING_RADIUS};
 
-/// Lenses at most.
 const MOST: usize = 512;
 /// Nothing begins nearer before a lens, in training units.
 const NEAREST: f64 = TRAINING_RADIUS / 6.0;
@@ -14,8 +13,8 @@ const BEFORE: f64 = 0.5;
 /// Nothing begins wider than this part of its distance to a lens.
 const WIDEST: f64 = 1.0 / 6.0;
 
-/// Every pose of every training camera, and the views that somebody named ([`Capture::viewpoints`]); of many an even choice, since each
-/// is asked about each point.
+/// Every pose of every training camera, and [`Capture::viewpoints`]; of many an even choice, since each point is
+/// tested against all.
 pub(super) struct Lenses(Vec<Pose>);
 
 impl Lenses {
@@ -23,7 +22,7 @@ impl Lenses {
         Lenses(evenly_chosen(capture.lens_views(), MOST).iter().map(|view| view.pose).collect())
     }
 
-    /// Whether a Gaussian at a point would veil a picture.
+    /// True if a Gaussian at a point would veil a picture.
     pub fn are_veiled_by(&self, found: &Found) -> bool {
         self.0.iter().any(|pose| {
             let at = pose.to_camera(found.position.into());

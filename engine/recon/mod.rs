@@ -1,10 +1,12 @@
-//! Initialisation: the first Gaussians, from a capture's points, its cameras and its pictures.
+//! The first Gaussians, from a capture's points, its cameras and its pictures.
 //!
-//! - From the points of every frame: those that the flow says move, and of the others those of one frame (`flow`).
-//! - What stands still: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
+//! - Points of every frame: those that move, by their optical flow, become dynamic, and the others of one frame static
+//!   (`flow`).
+//! - Static surfaces: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
 //!   that another camera confirms become points, where the capture has none (`agree`).
-//! - What moves, where foreground masks tell: the visual hull's surface at evenly spaced frames (`hull`), with the velocity of the
-//!   patch around each point from one to the next (`follow`). Beside points and flow these are taken if the cameras look inward.
+//! - Moving surfaces, by foreground masks: the visual hull's surface at evenly spaced frames (`hull`), with the velocity
+//!   of the patch around each point from one frame to the next (`follow`). With points and flow, hulls are taken only if
+//!   the cameras look inward.
 //!
 //! Colours are medians over the cameras that see a point, because each has its own exposure.
 
@@ -43,33 +45,33 @@ use sizing::{SIZE, Sizing};
 use std::fmt;
 use surfaces::{Surfaces, Views};
 
-/// Frames from one hull to the next, at least: what moves does not get far in between.
+/// Frames from one hull to the next, at least: little moves in between.
 const HULL_STRIDE: u32 = 2;
-/// How long a Gaussian from a hull is visible, in intervals between hulls: those of two hulls overlap half-way.
+/// How long a Gaussian from a hull is visible, in intervals between hulls: two hulls overlap half-way.
 const HULL_TAU: f64 = 0.7;
 /// Pixels that are decoded for hulls, but of four frames at least.
 const HULL_PIXELS: u64 = 1 << 28;
-/// Gaussians from points that are worth beginning with where the pictures show no surface. Fewer cover no picture, and by
-/// division they grow too slowly: of a room with 100 of them nothing is seen after 500 steps.
+/// A run begins with at least so many Gaussians from points if the pictures show no surface. Fewer cover no picture,
+/// and division makes too few of them: with 100 of them a room is not recognisable after 500 steps.
 const ENOUGH: usize = 200;
-/// The first Gaussians, and how they came about.
+/// The first Gaussians, and where they come from.
 #[derive(Clone, Debug)]
 pub struct Initial {
     /// The Gaussians.
     pub splats: Splats,
-    /// Where those that move come from, or all of them where nothing tells; never [`Init::Auto`].
+    /// The source of the dynamic ones, or of all if the capture names none; never [`Init::Auto`].
     pub from: Init,
-    /// Points and surfaces are joined, as [`Init::Auto`] does where it finds both.
+    /// Points and surfaces were joined, as [`Init::Auto`] does if it finds both.
     pub joined: bool,
-    /// Why.
+    /// Why this source.
     pub because: String,
-    /// Frames whose hulls were taken.
+    /// Frames with a hull.
     pub n_hulls: usize,
     /// Static Gaussians from photographs.
     pub n_photos: usize,
-    /// What became of the points of the frames, where they were taken.
+    /// The fate of the points of the frames, if they were used.
     pub counts: Option<PointCounts>,
-    /// Gaussians that there were, if those are more than [`Settings::most`].
+    /// The number before thinning, if that exceeds [`Settings::most`].
     pub thinned_from: Option<usize>,
 }
 
@@ -111,13 +113,12 @@ impl Initial {
     }
 }
 
-/// Makes the first Gaussians of `capture`, which is in the frame of training, as `settings.init` says. Where nothing is found they
-/// are at random places. Where static ones are not trained, only those of what moves are made, whatever `settings.init` says, and there may
-/// be none. Of more than [`Settings::most`] that many are kept, evenly chosen. `progress` is called as
-/// (pieces done, pieces in all).
+/// Makes the first Gaussians of `capture`, which is in the frame of training. They are at random places if nothing is
+/// found. Without `settings.trains_static` only dynamic ones are made, from flow or masks, and there may be none. Of
+/// more than [`Settings::most`] so many are kept, evenly chosen. `progress` is called as (pieces done, pieces in all).
 ///
 /// # Errors
-/// [`Error::Data`] when the capture has not what `settings.init` asks for, or when an image does not decode.
+/// [`Error::Data`] if the capture lacks what `settings.init` asks for, or if an image does not decode.
 pub(crate) fn initialise(
     capture: &Capture,
     settings: &Settings,
@@ -142,7 +143,7 @@ pub(crate) fn initialise(
     Ok(initial)
 }
 
-/// As [`initialise`], however many there are.
+/// As [`initialise`], without thinning.
 fn all(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let lacks = |what: &str| {
         let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
@@ -181,7 +182,7 @@ fn all(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, u
     Ok(Initial { counts, ..Initial::new(splats, from, because) })
 }
 
-/// Only those of what moves, by flow and by masks; none where the capture has neither.
+/// Dynamic Gaussians alone, by flow and by masks; none if the capture has neither.
 fn moving(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let (from, because) = match () {
         () if capture.has_frame_points() && has_flow(capture) => (Init::Flow, "of what moves, by the flow"),
@@ -194,7 +195,7 @@ fn moving(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize
         }
     };
     let mut initial = from_pictures(capture, settings, from, because.to_owned(), progress)?;
-    // In a single frame nothing moves: what its hull gives is static.
+    // The hull of a single frame is static.
     let moving: Vec<usize> = (initial.splats.n_static..initial.splats.len()).collect();
     initial.splats = initial.splats.in_order(&moving);
     initial.splats.source_row = (0..initial.splats.len() as u32).collect();
@@ -216,9 +217,9 @@ fn has_foreground(capture: &Capture) -> bool {
     training.flat_map(|camera| &camera.shots).any(|shot| shot.foreground.is_some())
 }
 
-/// From the surfaces that the pictures show and, with [`Init::Auto`], the capture's points. What moves is shown by points and flow
-/// of all frames and the hulls of cameras that look inward ([`Init::Flow`]), or by hulls alone ([`Init::Hull`]). Nothing that stands
-/// still is looked for where it is not trained.
+/// Gaussians on the surfaces that the pictures show and, with [`Init::Auto`], at the capture's points. The dynamic
+/// ones come from points and flow of all frames and the hulls of cameras that look inward ([`Init::Flow`]), or from
+/// hulls alone ([`Init::Hull`]).
 fn from_pictures(
     capture: &Capture,
     settings: &Settings,
@@ -283,7 +284,7 @@ fn from_pictures(
     }
     splats.source_row = (0..splats.len() as u32).collect();
     let joined = n_known > 0;
-    // Without a hull the masks tell nothing, and anything may move.
+    // Without a hull the masks say nothing, and anything may move.
     let (from, because) = match from {
         Init::Hull if n_hull == 0 => (Init::Frustum, format!("{because}, but no hull of three cameras or more")),
         _ => (from, because),
@@ -292,7 +293,7 @@ fn from_pictures(
     Ok(Initial { joined, counts, n_hulls, ..Initial::new(splats, from, because) })
 }
 
-/// Gaussians of the surfaces of what moves, by frame, with the velocities that the frames beside tell.
+/// Appends the Gaussians of moving surfaces, by frame, with their velocities by the frames before and after.
 fn append_moving(
     splats: &mut Splats,
     moving: Vec<(u32, Vec<Found>)>,
@@ -319,7 +320,7 @@ fn append_moving(
     Ok(())
 }
 
-/// Static Gaussians at the surfaces and the points that the photographs show: what they see is rest alone.
+/// Static Gaussians at the surfaces and the points that the photographs show.
 fn of_photos(capture: &Capture, settings: &Settings) -> Result<Splats> {
     let cameras = cameras(capture, true);
     let views = Views {
@@ -338,13 +339,13 @@ fn of_photos(capture: &Capture, settings: &Settings) -> Result<Splats> {
     Ok(splats)
 }
 
-/// Whether most training cameras look at what is between them.
+/// True if most training cameras look at the space between them.
 pub(crate) fn cameras_look_inward(capture: &Capture) -> bool {
     look_inward(capture, &cameras(capture, false)).unwrap_or(false)
 }
 
-/// Most cameras look at what is between them. Hulls of others are vague: three of eight cameras that look around leave phantoms, which
-/// cost more than they add to what the flow shows.
+/// True if most `cameras` look at the space between them. Hulls of others are vague: three of eight cameras that look
+/// around leave phantoms, which cost more than they add to the flow.
 fn look_inward(capture: &Capture, cameras: &[usize]) -> Result<bool> {
     let axis = |&camera: &usize| {
         let frame = shown(capture, camera, capture.reference_frame, true);

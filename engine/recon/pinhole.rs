@@ -3,7 +3,6 @@
 use crate::scene::{Intrinsics, Pose, View};
 use glam::{DVec2, DVec3};
 
-/// A pinhole camera somewhere.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Pinhole {
     intrinsics: Intrinsics,
@@ -32,7 +31,7 @@ impl Pinhole {
         Some((place, [by(0), by(1)]))
     }
 
-    /// Whether the ball of a radius around a point reaches into the image, by its outline's size in the middle.
+    /// True if the ball of a radius around a point reaches into the image, by its outline's size in the middle.
     pub fn holds(&self, world: DVec3, radius: f64) -> bool {
         self.project(world).is_some_and(|(at, depth)| {
             let reach = self.intrinsics.focal() * radius / depth;

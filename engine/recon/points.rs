@@ -9,9 +9,9 @@ use std::collections::HashMap;
 /// Opacity to begin with (SPEC 5).
 pub(super) const OPACITY: f64 = 0.1;
 
-/// Largest standard deviation of a Gaussian from a point, in units of what measures the scene there.
+/// Largest standard deviation of a Gaussian from a point, in units of the scale of the scene there.
 const WIDEST: f64 = 0.1;
-/// Lenses that the distance of a point is taken to, evenly chosen.
+/// Lenses that a point's distance is measured to, evenly chosen.
 const MOST_LENSES: usize = 512;
 
 /// Where a Gaussian begins.
@@ -77,14 +77,13 @@ pub(super) fn median_color(mut colors: Vec<[f32; 3]>) -> Option<[f32; 3]> {
 
 /// How large Gaussians may begin.
 pub(super) struct Reach {
-    /// Of the capture's extent.
+    /// Radius of the capture's extent.
     pub radius: f64,
     /// Lenses of training cameras.
     lenses: Vec<DVec3>,
 }
 
 impl Reach {
-    /// That of `capture`.
     pub fn new(capture: &Capture) -> Self {
         let training = capture.cameras.iter().filter(|camera| !camera.is_test);
         let centers = |camera: &Camera| -> Vec<DVec3> {
@@ -96,8 +95,8 @@ impl Reach {
         Reach { radius: capture.extent().radius, lenses: (0..n).map(|i| all[i * all.len() / n]).collect() }
     }
 
-    /// The largest standard deviation at a point: a tenth of the extent, and of what the point is farther than two extents from
-    /// the nearest lens. What is far may be large, and is seen no larger.
+    /// The largest standard deviation at a point: a tenth of the extent, or of its distance to the nearest lens beyond
+    /// two extents. Something far away may be large, and looks no larger.
     fn widest(&self, at: DVec3) -> f64 {
         let squares = self.lenses.iter().map(|lens| lens.distance_squared(at));
         let nearest = squares.fold(f64::INFINITY, f64::min).sqrt();
@@ -105,7 +104,8 @@ impl Reach {
     }
 }
 
-/// For each point the mean distance to its 3 nearest neighbours, at most what `reach` allows, which a lone point gets.
+/// For each point the mean distance to its 3 nearest neighbours, at most the widest that `reach` allows, which a lone
+/// point gets.
 pub(super) fn spacings(found: &[Found], reach: &Reach) -> Vec<f64> {
     let radius = reach.radius;
     let points: Vec<DVec3> = found.iter().map(|found| found.position.into()).collect();

@@ -6,8 +6,8 @@ use crate::random::Keyed;
 use crate::scene::capture::{Capture, Point};
 use glam::DVec3;
 
-/// Grey points, uniform in the space that the capture's cameras share, where most look at what is between them; else in the ball around
-/// them.
+/// `n` grey points, uniform in the space that the capture's cameras share if most look at the space between them; else
+/// in the ball around them.
 pub(crate) fn random_points(capture: &Capture, n: usize, seed: u64) -> Vec<Point> {
     let key = [seed, 0x0070_6f69_6e74];
     let shared = hull::shared_space(&views(capture), n, &key);

@@ -4,12 +4,12 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Init {
-    /// All that the capture has: what moves from points and flow of every frame (`Flow`) and, where those are absent or most
-    /// cameras look inward, from foreground masks (`Hull`); what stands still from the surfaces that the pictures show
-    /// (`Frustum`), joined with the points.
+    /// All that the capture has: dynamic Gaussians from points and flow of every frame (`Flow`) and, without those or
+    /// if most cameras look inward, from foreground masks (`Hull`); static ones from the surfaces that the pictures
+    /// show (`Frustum`), joined with the points.
     Auto,
-    /// What stands still from the points of the reference frame, what moves from those of every frame, told apart by the
-    /// flow (SPEC 5).
+    /// Static Gaussians from the points of the reference frame, dynamic ones from those of every frame, told apart by
+    /// the flow (SPEC 5).
     Flow,
     /// As `Flow`, but a point moves if the flow at it exceeds the threshold in any view that saw it: the paper's rule.
     #[serde(rename = "any_view")]
@@ -18,7 +18,7 @@ pub enum Init {
     Concat,
     /// The capture's points.
     Points,
-    /// The visual hull of what moves, frame by frame, and the rest as `Frustum`.
+    /// Dynamic Gaussians from visual hulls, frame by frame, and static ones as `Frustum`.
     Hull,
     /// Surfaces on which the cameras' pictures agree.
     Frustum,

@@ -1,4 +1,4 @@
-//! The surfaces that the pictures show: of what stands still at the reference frame, and the hulls of what moves.
+//! The surfaces that the pictures show: static ones at the reference frame, and the hulls of moving ones.
 
 use super::agree::{self, Agreed};
 use super::chosen::shown;
@@ -15,43 +15,41 @@ use crate::scene::capture::{Capture, Point};
 const HULL_SIDE: usize = 320;
 /// Longest side of the pictures that are swept, pixels.
 const SWEEP_SIDE: usize = 128;
-/// Pixels of the training pictures of a frame for each point of a surface, at least: small pictures show no more.
+/// Pixels of the training pictures of a frame for each point of a surface, at least: small pictures resolve no more.
 const PIXELS_PER_POINT: u64 = 16;
 /// Key of the random choice among a hull's points.
 const HULL_KEY: u64 = 0x6875_6c6c;
 
-/// The pictures that are looked at.
+/// The pictures to use.
 pub(super) struct Views<'a> {
     pub capture: &'a Capture,
-    /// What the capture knows of what stands still.
+    /// Points of the capture that may be static.
     pub points: &'a [Point],
     pub settings: &'a Settings,
     /// Training cameras that take part.
     pub cameras: &'a [usize],
     /// Frames whose hulls are taken.
     pub hull_frames: &'a [u32],
-    /// Whether what stands still is looked for.
+    /// Static surfaces are wanted, too.
     pub finds_static: bool,
-    /// Whether the pictures are cut out.
     pub cut_out: bool,
 }
 
-/// What they show.
 #[derive(Default)]
 pub(super) struct Surfaces {
-    /// Stands still.
+    /// Static.
     pub still: Vec<Found>,
-    /// Moves, by frame.
+    /// Moving, by frame.
     pub moving: Vec<(u32, Vec<Found>)>,
-    /// Points that stand still and were known before.
+    /// Static points that were known before.
     pub n_known: usize,
-    /// Those that were found, before they were thinned out.
+    /// Static points that were found, before thinning.
     pub n_found: usize,
 }
 
 impl Views<'_> {
-    /// Looks at all of them, frame by frame. `known` are points that stand still, where somebody knows; else the pictures are
-    /// asked which of `points` do. `done` is called after each picture and each sweep.
+    /// Finds the surfaces, frame by frame. `known` are static points, if they are known; else the pictures decide
+    /// which of `points` are static. `done` is called after each picture and each sweep.
     pub fn surfaces(&self, known: Option<&[Found]>, lenses: &Lenses, done: &mut dyn FnMut()) -> Result<Surfaces> {
         let at_rest = Some(self.capture.reference_frame).filter(|_| self.finds_static);
         let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain(at_rest).collect();
@@ -67,7 +65,7 @@ impl Views<'_> {
                 let Some(shown) = shown(self.capture, camera, frame, is_reference) else { return Ok((None, None)) };
                 let seen = Seen::read(self.capture, camera, shown, self.cut_out)?;
                 let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
-                // A camera without a mask at this very frame knows nothing of what moves.
+                // A camera without a mask at this frame does not know what moves.
                 let carves = has_hull && shown == frame && seen.has_foreground();
                 Ok((eye(is_reference, SWEEP_SIDE), eye(carves || is_reference && self.cut_out, HULL_SIDE)))
             };
@@ -101,7 +99,7 @@ impl Views<'_> {
         Ok(surfaces)
     }
 
-    /// Pixels of all training pictures of one frame, or of all photographs, be they looked at or not.
+    /// Pixels of all training pictures of one frame, or of all photographs.
     fn n_pixels(&self) -> u64 {
         let are_photos = self.cameras.iter().any(|camera| self.capture.cameras[*camera].is_photo);
         let all = self.capture.cameras.iter().filter(|camera| !camera.is_test && camera.is_photo == are_photos);

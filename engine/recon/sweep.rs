@@ -9,7 +9,8 @@ use glam::{Vec3, Vec3A};
 
 /// Neighbours that each camera is compared with.
 const NEIGHBOURS: usize = 10;
-/// Angles between the rays of good neighbours, radians: with less the depth is not told, with more nothing looks alike.
+/// Angles between the rays of good neighbours, radians: a smaller one does not determine the depth, at a larger one
+/// nothing looks alike.
 const GOOD_ANGLES: [f32; 2] = [0.08, 0.5];
 /// Depths of a fan, evenly spaced in inverse depth; the neighbours' pictures shift by about a pixel from one to the next.
 const DEPTHS: usize = 96;
@@ -31,20 +32,20 @@ pub(super) struct Depths {
     pub step: f32,
 }
 
-/// What is compared of a pixel: log-colour without the mean around, and relative to the whole picture.
+/// The features of a pixel: log-colour without the mean around it, and relative to the whole picture.
 type Feature = [Vec3A; 2];
 
-/// The depths of what stands still, by camera. `done` is called after each of them.
+/// The depths of static surfaces, by camera. `done` is called after each of them.
 ///
 /// # Errors
-/// None of its own.
+/// Those of the threads.
 pub(super) fn sweep(eyes: &[Eye], threads: usize, mut done: impl FnMut()) -> Result<Vec<Depths>> {
     let features: Vec<Vec<Feature>> = eyes.iter().map(features).collect();
     let sweep = |i: usize| Ok(depths(eyes, &features, i));
     in_parallel(eyes.len(), threads, sweep, |_| done())
 }
 
-/// The cameras that see most of what camera `i` sees, at a good angle.
+/// The cameras that share most of the view of camera `i`, at a good angle.
 fn neighbours(eyes: &[Eye], i: usize) -> Vec<usize> {
     let eye = &eyes[i];
     // Rays of a coarse grid; depths from a tenth of the training radius to about ten of it.
@@ -66,7 +67,7 @@ fn neighbours(eyes: &[Eye], i: usize) -> Vec<usize> {
     scored.into_iter().filter(|(score, _)| *score > 0.0).take(NEIGHBOURS).map(|(_, j)| j).collect()
 }
 
-/// The features of every pixel; their means are of what stands still.
+/// The features of every pixel; their means are over static pixels.
 fn features(eye: &Eye) -> Vec<Feature> {
     let Eye { width, height, color, ground, .. } = eye;
     let log = |c: f32| (c + 0.02).ln();
@@ -131,7 +132,7 @@ fn depths(eyes: &[Eye], features: &[Vec<Feature>], i: usize) -> Depths {
         }
         let planes = costs[pixel * DEPTHS..][..DEPTHS].iter_mut().zip(&mut differences).zip(n_seen);
         for ((cost, differences), n_seen) in planes.filter(|(_, n_seen)| *n_seen >= 2) {
-            // The better half: from the others the point may be hidden.
+            // The better half: the point may be hidden from the others.
             differences[..n_seen].sort_unstable_by(f32::total_cmp);
             let half = n_seen.div_ceil(2).max(2);
             *cost = differences[..half].iter().sum::<f32>() / half as f32;
