@@ -1,4 +1,4 @@
-//! Studies: what finished runs tell, one by one and side by side.
+//! Studies: reports of finished runs, one by one and side by side.
 
 mod bench;
 mod curves;

@@ -1,4 +1,4 @@
-//! Finished runs: what each came to, and how that changes from one time of measuring to the next.
+//! Finished runs: their results, and how these change from one measurement to the next.
 
 use crate::error::{Error, Result};
 use crate::files::read_file;
@@ -12,12 +12,13 @@ use std::path::Path;
 /// Settings that are not listed: they have columns of their own, or the preset stands before all others.
 const TOLD_APART: [&str; 4] = ["seed", "steps", "epochs", "preset"];
 
-/// What a finished run came to.
+/// The result of a finished run.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RunResult {
     /// The folder of its capture, without those above it.
     pub capture: String,
-    /// Its settings that are not the defaults, as for `--set`, in the order of their names; `defaults` where there is none.
+    /// Its settings that are not the defaults, as for `--set`, in the order of their names; `defaults` if there is
+    /// none.
     pub settings: String,
     /// Steps done.
     pub steps: u64,
@@ -41,23 +42,23 @@ pub struct RunResult {
     pub gaussians: u64,
     /// Bytes of their parameters.
     pub bytes: u64,
-    /// From the start of the process until its scene is written, before it is scored; the first Gaussians and the compilation of
-    /// kernels included. Of a run that was resumed, those of its last process.
+    /// Seconds from the start of the process until its scene is written, before it is scored, with the first Gaussians
+    /// and the compilation of kernels. For a resumed run, those of its last process.
     pub seconds: f64,
-    /// The same of all processors together, where the system told.
+    /// The same of all processors together, if known.
     pub cpu_seconds: Option<f64>,
     /// Name of the device.
     pub device: String,
     /// Name and version of its driver.
     pub driver: String,
-    /// The source that `ivv` was built from, as git names it; none where the build did not know.
+    /// The source that `ivv` was built from, as git names it; none if the build did not know.
     pub revision: Option<String>,
-    /// The images that were trained on and scored, to tell them from others. Empty of those in a history.
+    /// The images that were trained on and scored, to tell them from others. Empty in a history.
     #[serde(skip)]
     pub images: String,
 }
 
-/// What is read of `train.json`.
+/// The used part of `train.json`.
 #[derive(serde::Deserialize)]
 struct Totals {
     steps: u64,
@@ -75,7 +76,7 @@ struct Device {
     driver: String,
 }
 
-/// What is read of `eval.json`.
+/// The used part of `eval.json`.
 #[derive(serde::Deserialize)]
 struct Scored {
     psnr: f64,
@@ -161,7 +162,7 @@ pub fn differences(config: &Config) -> String {
     }
     let mut own = value(config);
     if !config.loss.has_lpips() {
-        // LPIPS is measured at most.
+        // Then LPIPS is only measured.
         own["loss"]["lpips"] = base["loss"]["lpips"].clone();
         own["loss"]["lpips_weights"] = base["loss"]["lpips_weights"].clone();
     }
@@ -208,12 +209,12 @@ const SHOWN: [Shown; 5] = [
     Shown { title: "seconds of processors", of: |run| run.cpu_seconds },
 ];
 
-/// One time of measuring, of a file of them.
+/// A measurement in a history.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Entry {
     /// Year-month-day, UTC.
     pub date: String,
-    /// What was measured.
+    /// Its runs.
     pub runs: Vec<RunResult>,
 }
 
@@ -222,9 +223,9 @@ pub struct Entry {
 pub struct History(pub Vec<Entry>);
 
 impl History {
-    /// The entries as a picture: a row a capture and kind of settings, scores from the first entry to the last.
+    /// The entries as a picture: a row for each capture and kind of settings, scores from the first entry to the last.
     pub fn svg(&self) -> String {
-        // What one row follows must be alike but for the code.
+        // Runs of a row are alike but for the code.
         let kind = |run: &RunResult| (run.capture.clone(), run.settings.clone(), run.steps);
         let kinds: BTreeSet<_> = self.0.iter().flat_map(|entry| &entry.runs).map(kind).collect();
         let row = |own: (String, String, u64)| {
@@ -234,7 +235,7 @@ impl History {
         Chart { panel: PANEL, rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
     }
 
-    /// A score of the runs that `is_own` names, over the entries: mean and range. None where no run has it.
+    /// A score of the runs that `is_own` selects, over the entries: mean and range. None if no run has it.
     fn panel(&self, shown: &Shown, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
         let point = |(index, entry): (usize, &Entry)| {
             let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(shown.of).collect();

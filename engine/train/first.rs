@@ -50,7 +50,8 @@ pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Spla
     recon::from_points(points, capture, config.sh_degree)
 }
 
-/// Grey points, uniform in the space that the capture's cameras share if most look at what is between them, else in the ball around them.
+/// Grey points, uniform in the space that the capture's cameras share if most look at the space between them, else in
+/// the ball around them.
 pub fn random_points(capture: &Capture, config: &Config) -> Vec<Point> {
     recon::random_points(capture, config.init_points, config.seed)
 }

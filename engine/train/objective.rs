@@ -1,4 +1,4 @@
-//! What a step minimises: the sum of the terms (SPEC 4), on a picture as its camera shows it.
+//! The loss of a step: the sum of the terms (SPEC 4), on a picture as its camera shows it.
 
 use super::cameras::{Cameras, Taken};
 use super::config::Config;
@@ -11,22 +11,22 @@ use crate::gpu::{Buf, Gpu, Recording, Staging};
 use crate::stage::{self, MOST_TERMS, Outputs, Workspace};
 use std::collections::BTreeMap;
 
-/// The terms of the loss, with their scratch, and the cameras' own parameters.
+/// The terms of the loss, and the cameras' parameters.
 pub(super) struct Objective {
     terms: Vec<Box<dyn Term>>,
-    /// What each term leaves of the step that is recorded.
+    /// Sums that each term leaves in the step that is being recorded.
     left: Vec<terms::Left>,
     pub cameras: Cameras,
 }
 
-/// An image of a step, to compare with.
+/// The image that a step compares with.
 pub(super) struct Truth {
     shown: Shown,
     by: Taken,
     pub resident: Resident,
 }
 
-/// Where a step leaves its numbers, all of them in the host's memory, and which terms it has.
+/// Host memory for the results of a step, and which terms it has.
 pub(super) struct Report {
     totals: Buf<[f32; 4]>,
     pub status: Buf<Status>,
@@ -34,11 +34,11 @@ pub(super) struct Report {
     has: Vec<bool>,
 }
 
-/// The terms of one picture.
+/// The loss of one picture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Values {
     pub loss: f64,
-    /// What is logged, by key.
+    /// Logged numbers, by key.
     pub logged: BTreeMap<&'static str, f64>,
 }
 
@@ -51,13 +51,13 @@ impl Objective {
         })
     }
 
-    /// What the pictures of a frame must hold.
+    /// The outputs that a frame must have for the terms.
     pub fn outputs(&self) -> Outputs {
         let is_all = self.terms.iter().any(|term| term.outputs() == Outputs::All);
         if is_all { Outputs::All } else { Outputs::Color }
     }
 
-    /// Changes what the terms must of how a view is rendered.
+    /// Lets the terms adjust how a view is rendered.
     pub fn adjust(&self, view: &mut ViewParams) {
         self.terms.iter().for_each(|term| term.adjust(view));
     }
@@ -85,7 +85,7 @@ impl Objective {
         Truth { shown, by, resident }
     }
 
-    /// Appends the terms on the frame that was rendered, and the cotangents of its pictures.
+    /// Appends the terms on the rendered frame, and the cotangents of its pictures.
     ///
     /// # Errors
     /// Those of [`Term::record`].
@@ -112,7 +112,7 @@ impl Objective {
         Ok(())
     }
 
-    /// Appends the totals of the terms, beside the status of the step and its bad gradients, to where the host can read them.
+    /// Appends the copy of the totals of the terms, the status of the step and its bad gradients to host memory.
     pub fn record_report(
         &self,
         rec: &mut Recording,

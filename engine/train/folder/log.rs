@@ -5,7 +5,7 @@ use crate::files::{read_text, write_atomic};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// What a line tells of.
+/// The kind of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// A step: loss, counts, seconds.
@@ -14,9 +14,9 @@ pub enum Kind {
     Evaluation,
     /// A step whose passes were timed.
     Profile,
-    /// What a review found that the scene requires: a [`crate::train::Review`].
+    /// A review: a [`crate::train::Review`].
     Review,
-    /// A fall of the test images' scores that was warned of: a [`crate::train::Fall`].
+    /// A warning of falling scores: a [`crate::train::Fall`].
     Fall,
 }
 
@@ -49,8 +49,8 @@ impl Log {
         Log { file, lines }
     }
 
-    /// Appends a line with the fields of `of`, which must have a `step`. A line of the same kind and step gives way, as
-    /// when a run that has ended is resumed.
+    /// Appends a line with the fields of `of`, which must have a `step`. It replaces a line of the same kind and step,
+    /// as when a run that has ended is resumed.
     ///
     /// # Errors
     /// [`Error::Data`] when `of` is no JSON object.
@@ -91,7 +91,7 @@ impl Log {
         self.lines.iter().filter(move |line| line["kind"] == kind.name())
     }
 
-    /// `key` of the lines of a kind against their steps, where it is a number.
+    /// `key` of the lines of a kind against their steps, if it is a number.
     pub fn series(&self, kind: Kind, key: &str) -> Vec<[f64; 2]> {
         self.lines(kind).filter_map(|line| Some([line["step"].as_f64()?, line[key].as_f64()?])).collect()
     }

@@ -1,4 +1,4 @@
-//! What a run folder holds beside its settings: all that is needed to score its scene again.
+//! The facts of a run that are needed to score its scene again: `run.json`.
 
 use super::fingerprints::{Changes, Fingerprints};
 use crate::error::{Error, Result};
@@ -20,24 +20,24 @@ pub struct Run {
     pub capture_settings: CaptureSettings,
     /// Names of the cameras that are kept for testing.
     pub test_cameras: Vec<String>,
-    /// Views, in the capture's own world, before which training was told to keep clear; see [`Capture::viewpoints`].
+    /// Views, in the capture's own world, that training kept clear; see [`Capture::viewpoints`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub viewpoints: Vec<View>,
-    /// What the run took over of the cameras from another, by name.
+    /// Corrections of cameras that the run took over from another, by name.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub calibration: BTreeMap<String, Calibration>,
     /// From the capture to the frame that training computes in.
     pub world: Similarity,
     /// Rendering constants.
     pub constants: Constants,
-    /// What the capture held, to tell it from another.
+    /// A summary of the capture, to tell it from another.
     pub held: CaptureSummary,
-    /// What its cameras and pictures were; none of runs before there were fingerprints.
+    /// Hashes of its cameras and pictures; none in runs of old versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprints: Option<Fingerprints>,
 }
 
-/// What a capture holds.
+/// A summary of a capture.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaptureSummary {
@@ -146,7 +146,8 @@ impl Run {
         capture.transformed(&self.world)
     }
 
-    /// As [`Run::open_capture`], with what its cameras and pictures are that they were not; nothing of runs that have no fingerprints.
+    /// As [`Run::open_capture`], with the changes of its cameras and pictures since the run began; none for runs
+    /// without fingerprints.
     ///
     /// # Errors
     /// As [`Run::open_capture`].
@@ -162,7 +163,7 @@ impl Run {
     /// Opens the capture, in its own world and with the run's test cameras, at `moved_to` if it has moved.
     ///
     /// # Errors
-    /// Those of the capture; [`Error::Data`] when it does not hold what it held.
+    /// Those of the capture; [`Error::Data`] if its summary has changed.
     pub fn open_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
         let path = moved_to.unwrap_or(&self.capture);
         // A file of cameras may stand for its folder.
@@ -177,7 +178,7 @@ impl Run {
         capture.viewpoints.clone_from(&self.viewpoints);
         let holds = CaptureSummary::new(&capture);
         if holds != self.held {
-            // A run that leaves what rests alone was made without photographs.
+            // A run that trains no static Gaussians was made without photographs.
             let without = capture.clone().without_photos();
             if CaptureSummary::new(&without) == self.held {
                 return Ok(without.calibrated(&self.calibration));

@@ -1,10 +1,11 @@
-//! A long clip in segments that are trained one by one, each in the memory of its own frames: what rests is trained once, with frames
-//! of the whole clip, each segment trains what moves on top, and the segments are joined so that each gives way to the next.
+//! A long clip in segments that are trained one by one, each in the memory of its own frames: the static background is
+//! trained once, with frames of the whole clip, each segment trains the moving part on top, and adjacent segments
+//! cross-fade.
 //!
-//! Where two segments overlap, the Gaussians of the later one come while those of the earlier one go: each half of a bell, of which
-//! the sum is between 1 and 1.08, so that nothing behind them is seen through. A Gaussian's visibility is a bell, and the product of two
-//! is one too, so what fades is a Gaussian like any other, with a span. One that is seen before and behind the end of a fade is cut in
-//! two there.
+//! Where two segments overlap, the Gaussians of the later one fade in while those of the earlier one fade out: each
+//! along half of a bell, so that their sum is between 1 and 1.08 and nothing behind them shows through. A Gaussian's
+//! visibility is a bell, and the product of two is one too, so a fading Gaussian is an ordinary one with a span. One
+//! that is visible both before and after the end of a fade is cut in two there.
 
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, read_file, write_atomic};
@@ -12,7 +13,7 @@ use crate::scene::capture::Frames;
 use crate::scene::{Motion, Part, Parts, Splats};
 use std::path::{Path, PathBuf};
 
-/// Opacity below which nothing is drawn, a little less.
+/// Slightly less than the opacity below which nothing is drawn.
 const FAINT: f64 = 0.999 / 255.0;
 
 /// How a clip is cut into segments.
@@ -21,21 +22,22 @@ const FAINT: f64 = 0.999 / 255.0;
 pub struct Segments {
     /// Frames of the clip.
     pub n_frames: u32,
-    /// The frames that what rests is trained with: as many as a segment has, all over the clip.
+    /// The frames that train the static background: as many as a segment has, all over the clip.
     pub still: Frames,
-    /// By segment, its first frame and the one behind its last.
+    /// By segment, its first frame and the one after its last.
     pub segments: Vec<[u32; 2]>,
-    /// Bytes of decoded images that each training keeps; none for as many as one takes by default.
+    /// Bytes of decoded images that each training keeps; none for the default.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cache_bytes: Option<u64>,
 }
 
 impl Segments {
-    /// Cuts a clip of `n_frames` into as few segments of at most `length` frames as share `overlap` frames with the next one; they are
-    /// of one length but for a frame. At most half of a segment is shared with the next one: it has come before it goes.
+    /// Cuts a clip of `n_frames` into as few segments of at most `length` frames as possible that share `overlap`
+    /// frames with the next one; their lengths differ by a frame at most. At most half of a segment overlaps with the
+    /// next one, so it has faded in before it fades out.
     ///
     /// # Errors
-    /// What is wrong with the numbers.
+    /// A message about the numbers.
     pub fn new(n_frames: u32, length: u32, overlap: u32) -> std::result::Result<Self, String> {
         let is_cut = n_frames > length;
         if length < 2 || (is_cut && overlap > length / 2) {
@@ -59,7 +61,7 @@ impl Segments {
         folder.join("segments.json")
     }
 
-    /// Reads those of a folder.
+    /// Reads `segments.json` of a folder.
     ///
     /// # Errors
     /// [`Error::Data`] when the file is absent or not what [`Segments::write`] writes.
@@ -82,7 +84,7 @@ impl Segments {
         }
     }
 
-    /// Writes them into a folder.
+    /// Writes `segments.json` into a folder.
     ///
     /// # Errors
     /// [`Error::Data`] when the file cannot be written.
@@ -96,12 +98,13 @@ impl Segments {
         Frames { from, to: Some(to), every: 1 }
     }
 
-    /// Whether a frame, or what changes between it and the one before, is of two segments.
+    /// True if a frame, or the change since the one before, belongs to two segments.
     pub fn is_at_seam(&self, frame: u32) -> bool {
         self.segments.windows(2).any(|pair| (pair[1][0]..=pair[0][1]).contains(&frame))
     }
 
-    /// The dynamic Gaussians of `own`, the scene of a segment, on the clock of the whole clip; in several pieces where they fade.
+    /// The dynamic Gaussians of `own`, the scene of a segment, on the clock of the whole clip; in several pieces if
+    /// they fade.
     fn moving(&self, index: usize, own: &Splats) -> Splats {
         let [from, to] = self.segments[index];
         let mut moving = own.kept(|i| i >= own.n_static).into_owned();
@@ -123,17 +126,17 @@ impl Segments {
         faded
     }
 
-    /// How a segment and the next one give way to each other.
+    /// The cross-fade of a segment and the next one.
     fn seam(&self, earlier: usize) -> Seam {
         let (first, end) = (f64::from(self.segments[earlier + 1][0]), f64::from(self.segments[earlier][1]));
         let at = |frame: f64| frame / f64::from(self.n_frames);
-        // In the middle both are at half their opacity.
+        // Both are at half their opacity in the middle.
         let width = at(0.5 * (end - first + 1.0)) / std::f64::consts::LN_2.sqrt();
         let [going, coming] = [first - 1.0, end].map(|frame| Fade { peak: at(frame), width });
         Seam { going, coming, appears: at(first - 0.5), is_gone: at(end - 0.5) }
     }
 
-    /// The parts of a clip in each of which a segment is full or fades in one way, in order.
+    /// The stretches of a clip in each of which a segment is full or fades in one way, in order.
     fn stretches(&self, index: usize) -> Vec<Stretch> {
         let coming = index.checked_sub(1).map(|earlier| self.seam(earlier));
         let going = (index + 1 < self.segments.len()).then(|| self.seam(index));
@@ -160,7 +163,8 @@ struct Fade {
     width: f64,
 }
 
-/// How one segment gives way to the next. The half bells are cut off half a frame before their first and behind their last frame.
+/// The cross-fade of two segments. The half bells are cut off half a frame before their first and after their last
+/// frame.
 struct Seam {
     going: Fade,
     coming: Fade,
@@ -168,7 +172,7 @@ struct Seam {
     is_gone: f64,
 }
 
-/// A part of a clip, from when up to when, and how a segment fades in it.
+/// A part of a clip, and how a segment fades in it.
 struct Stretch {
     from: f64,
     to: f64,
@@ -183,7 +187,7 @@ struct Piece {
 }
 
 impl Stretch {
-    /// Gaussian `i` of those that move, as it is here; none where it is not visible.
+    /// Dynamic Gaussian `i` in this stretch; none if it is not visible.
     fn piece(&self, moving: &Splats, i: usize) -> Option<Piece> {
         let (position, motion, logit) = (moving.position[i], moving.motion[i], moving.opacity[i]);
         let mut opacity = 1.0 / (1.0 + (-f64::from(logit)).exp());
@@ -209,8 +213,8 @@ impl Stretch {
     }
 }
 
-/// The segments of a plan as one clip, of which one segment at a time is in memory. `F` reads the scene of a segment, on its own clock,
-/// or of what rests, which has no number.
+/// The segments of a plan as one clip, of which one segment at a time is in memory. `F` reads the scene of a segment,
+/// on its own clock, or that of the static background, which has no number.
 pub struct Joined<F> {
     path: PathBuf,
     segments: Segments,
@@ -220,10 +224,10 @@ pub struct Joined<F> {
 }
 
 impl<F: FnMut(Option<usize>) -> Result<Splats> + Send> Joined<F> {
-    /// Reads all scenes, one after the other; faults of what they are together are told of `path`.
+    /// Reads all scenes, one after the other. `path` is named in faults.
     ///
     /// # Errors
-    /// Those of `read`; [`Error::Data`] where degrees differ.
+    /// Those of `read`; [`Error::Data`] if degrees differ.
     pub fn new(path: &Path, segments: Segments, mut read: F) -> Result<Self> {
         let sh_degree = read(None)?.sh_degree;
         let mut parts = Vec::new();

@@ -1,4 +1,4 @@
-//! Alignment of colours: what remains of an error when a camera's colour response is forgiven.
+//! Alignment of colours: errors without a camera's colour response.
 
 use crate::parallel::{in_parallel, threads};
 use crate::scene::Frame;
@@ -22,7 +22,7 @@ pub struct ColorMap {
     rows: [DVec4; 3],
 }
 
-/// What the fit needs of the pixels of a view, and the sum of their squared errors before it.
+/// Sums over the pixels of a view that the fit needs, and the sum of their squared errors before it.
 #[derive(Clone, Copy)]
 struct Sums {
     n: usize,
@@ -55,8 +55,8 @@ impl Sums {
 }
 
 impl ColorMap {
-    /// Least squares with a slight pull towards the identity, which decides where the pixels leave it open; the identity where there
-    /// is none.
+    /// Least squares with a slight pull towards the identity, which decides what the pixels leave open; the identity
+    /// without pixels.
     fn fit(sums: &Sums) -> Self {
         let identity = std::array::from_fn(|c| DMat4::IDENTITY.col(c));
         if sums.n == 0 {
@@ -88,14 +88,14 @@ impl ColorMap {
 pub(super) struct Errors {
     /// Pixels that are not hidden.
     pub n: usize,
-    /// Of the colour, clamped to [0, 1].
+    /// Error of the colour, clamped to [0, 1].
     pub plain: f64,
     /// The same after the map that fits best.
     pub aligned: f64,
 }
 
 impl Errors {
-    /// Of `frame` against `picture`, of the same size; 0 where all is hidden.
+    /// The errors of `frame` against `picture`, of the same size; 0 if all is hidden.
     pub fn of_view(frame: &Frame, picture: &Picture) -> Self {
         let sums = sums_of(frame, picture);
         let map = ColorMap::fit(&sums);
@@ -133,7 +133,7 @@ fn sums_of(frame: &Frame, picture: &Picture) -> Sums {
     parts.into_iter().reduce(Sums::and).unwrap_or_else(|| Sums::of(std::iter::empty()))
 }
 
-/// What `work` makes of each part of a view's pixels, in order, on several threads.
+/// Does `work` on each part of a view's pixels, on several threads; results in order.
 fn by_parts<T: Send>(frame: &Frame, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
     let n = frame.color.len();
     let part = |k: usize| k * PART..((k + 1) * PART).min(n);

@@ -1,12 +1,12 @@
-//! Whether the scores of the test images fall during a run.
+//! Warnings when the scores of the test images fall during a run.
 
 use crate::train::config::Config;
 use crate::train::density::recovers;
 use crate::train::folder::{Kind, Log};
 use serde_json::Value;
 
-/// What the mean PSNR must be below the best to count as a fall, dB: an eighth more squared error. A run that went well, on
-/// photographs and scored every ten steps, dipped by 0.4 dB at most; one that went astray fell by 0.6.
+/// The mean PSNR falls if it is so far below the best, dB: an eighth more squared error. A good run on photographs,
+/// scored every ten steps, dipped by 0.4 dB at most; one that went astray fell by 0.6.
 const MARGIN: f64 = 0.5;
 
 /// A fall of the test images' mean PSNR below the best so far.
@@ -23,12 +23,12 @@ pub struct Fall {
 }
 
 impl Fall {
-    /// The fall that begins with the last of `scores`: (steps done, mean PSNR in dB) of all evaluations so far, of the same
-    /// images, in order. None where the score is near the best, where the fall was told at an earlier evaluation and the
+    /// The fall that begins with the last of `scores`: (steps done, mean PSNR in dB) of all evaluations so far, of the
+    /// same images, in order. None if the score is near the best, if an earlier evaluation reported the fall and the
     /// scores have not recovered since, and after a reset of the opacities in a run of `total` steps.
     pub fn of(scores: &[(u64, f64)], config: &Config, total: u64) -> Option<Self> {
         let (mut best, mut begun, mut last) = ((0, f64::NEG_INFINITY), false, None);
-        // A score that is no number tells nothing.
+        // NaN is no score.
         for &(step, psnr) in scores.iter().filter(|(_, psnr)| !psnr.is_nan()) {
             last = None;
             if psnr > best.1 {
@@ -44,7 +44,7 @@ impl Fall {
         last
     }
 
-    /// The same from the evaluations of a run's log, as far as they are of the images of the last one.
+    /// The same from the evaluations of a run's log, those of the same images as the last one.
     pub fn of_log(log: &Log, config: &Config, total: u64) -> Option<Self> {
         let names = |line: &Value| -> Vec<Value> {
             line["views"].as_array().into_iter().flatten().map(|view| view["view"].clone()).collect()

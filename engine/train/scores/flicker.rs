@@ -1,35 +1,34 @@
-//! How much changes from one picture of a camera to the next where nothing moves.
+//! Flicker: changes from one picture of a camera to the next where nothing moves.
 
 use crate::scene::capture::Picture;
 use crate::scene::{Frame, Pose};
 
 /// Pixels by which a window reaches beyond its middle: changes are averaged over it, which leaves motion and takes noise out.
 const REACH: usize = 2;
-/// Largest change of a window's mean that counts as rest, in steps of 8 bits.
+/// Largest change of a window's mean that counts as static, in steps of 8 bits.
 const REST: f64 = 2.0;
-/// Least share of a picture that must rest.
+/// Least static share of a picture.
 const LEAST: f64 = 0.01;
 
 /// A picture of a camera, and its truth.
 pub(super) struct Instant {
     /// Frame of the clip.
     pub frame: u32,
-    /// Where the camera is.
     pub pose: Pose,
     /// Rendered colours, clamped.
     pub rendered: Vec<[f32; 3]>,
-    /// What the camera saw.
+    /// The camera's image.
     pub truth: Picture,
-    /// What moves, where a mask tells.
+    /// The foreground mask.
     pub foreground: Option<Vec<bool>>,
 }
 
-/// Mean absolute change from a picture to the next, over three channels of those pixels that rest, in colours of 0 to 1.
+/// Mean absolute change from a picture to the next, over three channels of the static pixels, in colours of 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Flicker {
-    /// Of what was rendered.
+    /// In the rendered pictures.
     pub rendered: f64,
-    /// Of what the camera saw: its noise.
+    /// In the camera's images: its noise.
     pub truth: f64,
 }
 
@@ -39,7 +38,8 @@ impl Instant {
         Instant { frame, pose, rendered, truth, foreground }
     }
 
-    /// From `before` to this; none where they are not successive pictures of a camera that stays, or too little rests.
+    /// The flicker from `before` to this; none unless they are successive pictures of a camera that stays, and enough
+    /// is static.
     pub fn flicker_since(&self, before: &Instant) -> Option<Flicker> {
         let is_next = before.frame.checked_add(1) == Some(self.frame) && before.pose == self.pose;
         if !is_next || before.truth.pixels.len() != self.truth.pixels.len() {
@@ -59,7 +59,7 @@ impl Instant {
         (n as f64 >= LEAST * rests.len() as f64 && n > 0).then_some(Flicker { rendered, truth })
     }
 
-    /// Whether nothing moves in a window about each pixel, which is neither hidden nor foreground.
+    /// For each pixel, true if the window about it is static, and it is neither hidden nor foreground.
     fn rests_since(&self, before: &Instant) -> Vec<bool> {
         let [width, height] = [self.truth.width, self.truth.height].map(|side| side as usize);
         let is_seen = |instant: &Instant, pixel: usize| instant.truth.pixels[pixel] >> 24 != 0;

@@ -1,4 +1,4 @@
-//! How well pictures match their truth.
+//! Scores of pictures against their truth.
 
 use super::align::Errors;
 use super::flicker;
@@ -19,7 +19,7 @@ use std::time::Instant;
 /// Most images that an evaluation decodes at a time.
 const AHEAD: usize = 8;
 
-/// What the scores mean, by name; written beside every set of them.
+/// Definitions of the scores, by name; written beside every set of them.
 const METRICS: [(&str, &str); 9] = [
     ("psnr", "-10 log10 of the mean squared error, dB, over the three channels of the pixels that count"),
     ("psnr_aligned", "PSNR after the affine map of colours, one for each view, that brings it closest to the image"),
@@ -96,7 +96,7 @@ pub struct ViewScores {
     pub camera: String,
     /// Its frame in the clip.
     pub frame: u32,
-    /// How well it matches.
+    /// Its scores.
     #[serde(flatten)]
     pub scores: Scores,
     /// Time of its rendering with the way back to the host, milliseconds.
@@ -119,7 +119,7 @@ impl Evaluation {
     /// The evaluation of `views` after `step` steps; none when there is no view.
     pub fn new(step: u64, views: Vec<ViewScores>) -> Option<Self> {
         let all = |score: fn(&Scores) -> f64| mean(views.iter().map(|v| score(&v.scores))).unwrap_or(f64::NAN);
-        // Of those views that have it.
+        // The mean over the views that have it.
         let some = |score: fn(&Scores) -> Option<f64>| mean(views.iter().filter_map(|v| score(&v.scores)));
         let mean = Scores {
             psnr: all(|s| s.psnr),
@@ -147,8 +147,8 @@ impl Evaluation {
         median_high(self.views.iter().map(|v| v.render_ms)).map_or(0.0, |ms| 1e3 / ms.max(1e-6))
     }
 
-    /// At most `n` views that show how it went, as (index, why), by frame: the worst, the median and the best by PSNR,
-    /// the rest evenly spread over the clip.
+    /// At most `n` views to show, as (index, why), by frame: the worst, the median and the best by PSNR, the rest
+    /// evenly spread over the clip.
     pub fn examples(&self, n: usize) -> Vec<(usize, &'static str)> {
         let mut by_psnr: Vec<usize> = (0..self.views.len()).collect();
         by_psnr.sort_by(|&a, &b| self.views[a].scores.psnr.total_cmp(&self.views[b].scores.psnr));
@@ -167,7 +167,7 @@ impl Evaluation {
     }
 }
 
-/// Scores of a scene with what they were bought with: `eval.json`.
+/// Scores of a scene with its size and speed: `eval.json`.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SceneScores {
     /// The scene file.
@@ -191,14 +191,14 @@ pub struct SceneScores {
     pub rounded_to_8_bits: bool,
     /// Definitions of the scores.
     pub metrics: BTreeMap<&'static str, &'static str>,
-    /// What they are scores of.
     pub metrics_of: &'static str,
-    /// The trunk whose features LPIPS compares; none where there were no weights.
+    /// The trunk whose features LPIPS compares; none without weights.
     pub lpips_trunk: Option<String>,
     /// The scores.
     #[serde(flatten)]
     pub evaluation: Evaluation,
-    /// Means of the same views with each test camera's time offset fitted to its own images; none where offsets were not learnt.
+    /// Means of the same views with each test camera's time offset fitted to its own images; none if offsets were not
+    /// learnt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_fitted_offsets: Option<Scores>,
     /// Of a clip in segments, means of the views at its seams and of the others ([`Segments::is_at_seam`](crate::train::Segments::is_at_seam)).
@@ -216,13 +216,13 @@ pub struct SceneSize {
 }
 
 impl SceneSize {
-    /// That of Gaussians in memory.
+    /// The size of a scene in memory.
     pub fn of(splats: &Splats) -> Self {
         let Summary { n, n_dynamic, sh_degree, parameter_bytes, .. } = splats.summary();
         SceneSize { gaussians: n, dynamic_gaussians: n_dynamic, sh_degree, bytes: parameter_bytes }
     }
 
-    /// That of a clip in parts, which are read one after the other.
+    /// The size of a clip in parts, which are read one after the other.
     ///
     /// # Errors
     /// Those of the clip.
@@ -239,7 +239,7 @@ impl SceneSize {
 }
 
 impl SceneScores {
-    /// Those of `scene`, which is so large, rendered on `device` from depth `near` of the capture's frame on.
+    /// The scores of `scene`, rendered on `device` from depth `near` of the capture's frame on.
     pub fn new(scene: &Path, size: SceneSize, device: &str, near: f32, evaluation: Evaluation) -> Self {
         let SceneSize { gaussians, dynamic_gaussians, sh_degree, bytes } = size;
         SceneScores {
@@ -268,21 +268,21 @@ pub fn spread(frames: &[(usize, u32)], n: usize) -> Vec<(usize, u32)> {
     (0..n).map(|k| frames[(2 * k + 1) * frames.len() / (2 * n)]).collect()
 }
 
-/// How the views of a capture are rendered.
+/// How the views of a capture are rendered for scores.
 #[derive(Clone)]
 pub struct Sight<'a> {
     /// The capture.
     pub capture: &'a Capture,
     /// Colour behind the scene.
     pub background: [f32; 3],
-    /// Time offsets by camera, frames; 0 for those that have none.
+    /// Time offsets by camera, frames; 0 for the others.
     pub offsets: BTreeMap<usize, f64>,
-    /// What is learnt of their poses, by camera.
+    /// Learnt corrections of poses, by camera.
     pub poses: BTreeMap<usize, Correction>,
 }
 
 impl<'a> Sight<'a> {
-    /// Over `background`, at the capture's own times.
+    /// Views over `background`, at the capture's own times.
     pub fn new(capture: &'a Capture, background: [f32; 3]) -> Self {
         Sight { capture, background, offsets: BTreeMap::new(), poses: BTreeMap::new() }
     }
@@ -301,7 +301,7 @@ impl<'a> Sight<'a> {
     }
 }
 
-/// What a camera saw, with the masks that say which of it counts.
+/// A camera's image, with its masks.
 struct Seen {
     picture: Picture,
     foreground: Option<Vec<bool>>,
@@ -318,11 +318,11 @@ impl Seen {
     }
 }
 
-/// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` is handed every picture with
-/// its camera and frame. A view of which the mask hides all has no scores; none when no view has any.
+/// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` gets every picture
+/// with its camera and frame. A view that its mask hides has no scores; none if no view has any.
 ///
 /// # Errors
-/// [`Error::NonFinite`] when a picture has a value that is not finite; those of the renderer, of the capture's pictures
+/// [`Error::NonFinite`] if a picture has a value that is not finite; those of the renderer, of the capture's pictures
 /// and of `seen`.
 #[tracing::instrument(level = "info", name = "evaluate", skip_all)]
 pub fn evaluate(
@@ -377,7 +377,7 @@ pub fn psnr(mse: f64) -> f64 {
     -10.0 * if mse < 1e-12 { -12.0 } else { mse.log10() }
 }
 
-/// PSNR of the clamped colour over those visible pixels that `counts`; none where there are none.
+/// PSNR of the clamped colour over those visible pixels that `counts`; none without such pixels.
 fn psnr_of(frame: &Frame, picture: &Picture, counts: impl Fn(usize) -> bool) -> Option<f64> {
     let pixels = frame.color.iter().zip(&picture.pixels).enumerate();
     let errors = pixels.filter(|(pixel, (_, word))| **word >> 24 != 0 && counts(*pixel)).map(|(_, (color, word))| {
@@ -397,7 +397,7 @@ pub struct Meter {
 }
 
 impl Meter {
-    /// With LPIPS where `config` names its weights.
+    /// A meter, with LPIPS if `config` names its weights.
     ///
     /// # Errors
     /// As [`Lpips::load`].
@@ -407,19 +407,19 @@ impl Meter {
         Ok(Meter { gpu, lpips, without_lpips: None })
     }
 
-    /// The trunk of LPIPS, where there are weights for it.
+    /// The trunk of LPIPS, if there are weights.
     pub fn trunk(&self) -> Option<Trunk> {
         self.lpips.as_ref().map(Lpips::trunk)
     }
 
-    /// Why the first view without LPIPS had none, if there are weights and this was not asked before.
+    /// Why the first view without LPIPS had none, if there are weights; once.
     pub fn take_fault_of_lpips(&mut self) -> Option<Error> {
         self.without_lpips.take()
     }
 
-    /// Scores of `frame` against `picture`, of the same size, but for those of masks and of other frames; none where the mask
-    /// hides all pixels: their error of zero would be taken for that of a perfect picture. A view that is too small for LPIPS, or for which
-    /// the device has no room, has none.
+    /// Scores of `frame` against `picture`, of the same size, without those of masks and of other frames; none if the
+    /// mask hides all pixels, whose error of zero would look like a perfect picture. A view that is too small for
+    /// LPIPS, or for which the device lacks memory, has no LPIPS.
     ///
     /// # Errors
     /// Those of the device.

@@ -21,8 +21,8 @@ impl DueEvents {
         }
     }
 
-    /// Of a run of `before` steps that after step `step` goes on as one of `total`: what would have come by now in a run of that length,
-    /// and has not.
+    /// The events that are due when a run of `before` steps goes on after step `step` as one of `total`: those that a
+    /// run of that length would have had by now, and this one has not.
     pub(super) fn extended(self, config: &Config, step: u64, before: u64, total: u64) -> Self {
         let n = |due: Due, total: u64| (1..=step).filter(|step| review_due(config, *step, total) == Some(due)).count();
         // One that is due has not been.
@@ -33,7 +33,7 @@ impl DueEvents {
             offsets: self.offsets
                 || (offsets_judged_at(config, total) <= step && step < offsets_judged_at(config, before)),
             poses: self.poses || (config.poses == PoseKind::Auto && poses_are_missed(config, step, before, total)),
-            // What was near the end is so no more.
+            // The end is no longer near.
             average: false,
             density: self.density,
         }
@@ -45,7 +45,7 @@ mod tests {
     use super::DueEvents;
     use crate::train::config::{Config, Density, Required, Strategy};
 
-    /// The steps of `total` after which each look is due: at grids, at Gaussians, at offsets, at poses.
+    /// The steps of `total` after which each event is due: grids, review, offsets, poses.
     fn looks(density: Density, total: u64) -> [Vec<u64>; 4] {
         let required = Required { reviews: 2, first: 0.4, last: 0.8, grids_at: 0.3, ..Required::default() };
         let config = Config { density, required, ..Config::default() };

@@ -1,4 +1,4 @@
-//! Whether the poses that a run learns differ from the capture's.
+//! The comparison of learnt poses with the capture's.
 
 use crate::error::Result;
 use crate::report::statistics::median_high;
@@ -9,15 +9,15 @@ use crate::train::trainer::Trainer;
 use glam::{DVec2, DVec3, Vec3};
 use std::collections::BTreeMap;
 
-/// Learnt poses that move what cameras see by less than this, pixels, are the capture's: when they are judged, they have moved by 0.07 to
-/// 0.09 pixels where the capture's are right, and by 0.26 to 0.41 where they are 0.2 degrees and 10 mm off
+/// Learnt poses that shift the image by less than this, pixels, count as the capture's: when they are compared, the
+/// shift is 0.07 to 0.09 pixels if the capture's are right, and 0.26 to 0.41 if they are 0.2 degrees and 10 mm off
 /// (`assets/lab/techniques.md`).
 const LEAST_DISPLACEMENT: f64 = 0.15;
-/// Gaussians whose centres are looked at, at most.
+/// Gaussians whose centres are compared, at most.
 const MOST_CENTERS: usize = 2000;
 
-/// Looks whether the poses that `trainer` learns on `capture` differ from the capture's, and goes on with the capture's where they do
-/// not. Gives the [`displacement`] and whether they are learnt to the end; none where nothing is learnt.
+/// Compares the poses that `trainer` learns on `capture` with the capture's, and continues with the capture's if they
+/// hardly differ. Gives the [`displacement`] and true if the poses are learnt to the end; none if none are learnt.
 ///
 /// # Errors
 /// As [`Trainer::train`].
@@ -33,8 +33,8 @@ pub(super) fn judge_poses(trainer: &mut Trainer, capture: &Capture) -> Result<Op
     Ok(Some((pixels, are_learnt)))
 }
 
-/// How far what a camera sees moves in its picture by the correction of its pose, pixels: the root mean square over centres of
-/// `splats`, and of this the median over the cameras in `learnt`; none where they see no centre. Everything is in the frame of training.
+/// The shift of a camera's image by the correction of its pose, pixels: the root mean square over centres of `splats`,
+/// and of this the median over the cameras in `learnt`; none if they see no centre. All is in the frame of training.
 ///
 /// # Errors
 /// Those of the capture's cameras.
@@ -56,7 +56,7 @@ fn displacement(capture: &Capture, learnt: &BTreeMap<usize, Correction>, splats:
     Ok(median_high(of_cameras))
 }
 
-/// Where `view` sees `point`, pixels; none outside of its picture.
+/// The place of `point` in the picture of `view`, pixels; none outside of it.
 fn pixel(view: &View, point: DVec3) -> Option<DVec2> {
     let DVec3 { x, y, z } = view.pose.to_camera(point);
     let lens = &view.intrinsics;

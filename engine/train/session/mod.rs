@@ -1,4 +1,4 @@
-//! A training run: a capture's images in their order, with what is due between steps.
+//! A training run: steps on a capture's images in their order, and the events between them.
 
 mod due;
 mod judge;
@@ -67,16 +67,16 @@ pub struct Session<'a> {
     trainer: Trainer,
     /// A step.
     due_after: u64,
-    /// What is due after it and has not been done.
+    /// Events that are due after it and have not happened.
     due: DueEvents,
-    /// Of the scenes near the end.
+    /// The mean of the scenes near the end.
     average: Average,
     events: Vec<Event>,
     seconds: f64,
     watch: Watch<'a>,
 }
 
-/// What a session works on.
+/// The parts of a session that do not depend on how it began.
 struct RunOf {
     gpu: Arc<Gpu>,
     capture: Capture,
@@ -181,7 +181,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Goes on for as long as `config` and `total` say; returns what is due now.
+    /// Continues to `total` steps with the settings `config`; returns the events that are due now.
     ///
     /// # Errors
     /// As [`Trainer::extend`].
@@ -197,22 +197,22 @@ impl<'a> Session<'a> {
         &self.capture
     }
 
-    /// What is trained, in the frame of training.
+    /// The scene that is trained, in the frame of training.
     pub fn trainer(&mut self) -> &mut Trainer {
         &mut self.trainer
     }
 
-    /// How its pictures are rendered.
+    /// The rendering constants.
     pub fn constants(&self) -> Constants {
         self.constants
     }
 
-    /// Steps that were handed to the device, in earlier sessions of the run too.
+    /// Submitted steps, with those of earlier sessions of the run.
     pub fn steps(&self) -> u64 {
         self.trainer.step()
     }
 
-    /// What the run needs.
+    /// The memory plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
@@ -237,13 +237,13 @@ impl<'a> Session<'a> {
         self.trainer.waited_s()
     }
 
-    /// What has happened since this was last asked, in order. Steps end while others are under way, so one that was handed over
-    /// may be missing; [`Session::wait`] has it.
+    /// Events since the last call, in order. Steps end while others run, so one that was submitted may be missing;
+    /// [`Session::wait`] has it.
     pub fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
 
-    /// Hands the next step to the device, after what is due before it; false at the end of the run.
+    /// Submits the next step, after the events that are due before it; false at the end of the run.
     ///
     /// # Errors
     /// Those of the device and of the images.
@@ -256,7 +256,8 @@ impl<'a> Session<'a> {
         Ok(true)
     }
 
-    /// As [`Session::step`], with the time of every pass; none at the end of the run. Not of a step that several processes share.
+    /// As [`Session::step`], with the time of every pass; none at the end of the run. Not for steps that several
+    /// processes share.
     ///
     /// # Errors
     /// As [`Session::step`].
@@ -269,8 +270,8 @@ impl<'a> Session<'a> {
         Ok(Some(profiled))
     }
 
-    /// The next step's first dispatch of a kernel, with what it worked on; none where it has none, or the run has ended. It is a
-    /// step that is not counted.
+    /// The next step's first dispatch of a kernel, with its data; none if it has none, or the run has ended. The step
+    /// is not counted.
     ///
     /// # Errors
     /// As [`Session::step`].
@@ -280,7 +281,7 @@ impl<'a> Session<'a> {
         self.trainer.dump(images, kernel)
     }
 
-    /// Waits until all steps that were handed over have ended.
+    /// Waits until all submitted steps have ended.
     ///
     /// # Errors
     /// [`crate::error::Error::DeviceLost`].
@@ -292,7 +293,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Does what is due after the last step, so that what follows sees it.
+    /// Runs the events that are due after the last step, so that the next reader sees their result.
     ///
     /// # Errors
     /// As [`Session::step`].
@@ -326,7 +327,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Everything that the run continues from, as of the last step.
+    /// A checkpoint of the last step.
     ///
     /// # Errors
     /// As [`Trainer::checkpoint`].
@@ -336,7 +337,8 @@ impl<'a> Session<'a> {
         Ok(Checkpoint { world: self.world, average: self.average.clone(), ..checkpoint })
     }
 
-    /// As [`Session::checkpoint`], of a run that a fault ended: the last step that can be had, and what was due after it.
+    /// As [`Session::checkpoint`], for a run that a fault has ended: the last step that can be read, and the events
+    /// that were due after it.
     ///
     /// # Errors
     /// As [`Trainer::rescue`].
@@ -345,15 +347,15 @@ impl<'a> Session<'a> {
         let due = match rescued.step.cmp(&self.due_after) {
             Ordering::Less => DueEvents::default(),
             Ordering::Equal => self.due,
-            // It ended while it was rescued.
+            // The step ended during the rescue.
             Ordering::Greater => DueEvents::after(&self.config, rescued.step, self.total),
         };
         let due = DueEvents { density: rescued.due.density, ..due };
         Ok(Checkpoint { world: self.world, due, average: self.average.clone(), ..rescued })
     }
 
-    /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training: near the end of the run
-    /// their mean over its last steps, see [`Average`].
+    /// Waits for the last step and the events after it, and gives the scene in the frame of training: near the end of
+    /// the run the mean over its last steps, see [`Average`].
     ///
     /// # Errors
     /// As [`Session::step`].
@@ -381,8 +383,8 @@ impl<'a> Session<'a> {
         Ok(self.world.inverse().splats(&self.with_backdrop(scene)?))
     }
 
-    /// `scene` with the backdrop that the settings ask for, which comes first; without one where images show the background, where the
-    /// background shows through the scene, and where there would be more than `max_gaussians`.
+    /// `scene` after the backdrop that the settings ask for; without one if images show the background, if the
+    /// background shows through the scene, or if the sum would exceed `max_gaussians`.
     fn with_backdrop(&mut self, scene: Splats) -> Result<Splats> {
         if self.trainer.shows_background() {
             return Ok(scene);
@@ -396,13 +398,13 @@ impl<'a> Session<'a> {
         Ok(if n > 0 && is_added { put_before(scene, backdrop) } else { scene })
     }
 
-    /// In traces, all that belongs to the next step, waiting for its images too.
+    /// The span of the next step in traces, with the wait for its images.
     fn begun(&self) -> EnteredSpan {
         debug_span!("step", step = self.trainer.step() + 1).entered()
     }
 
-    /// The images of the next step, taken to where the device can get them, and when that began: what was waited for to be decoded
-    /// is not counted. None at the end of the run.
+    /// The images of the next step, and when the work on them began, without the wait for their decoding. None at the
+    /// end of the run.
     fn images(&mut self) -> Result<Option<(Vec<StepImage>, Instant)>> {
         let source = Source { capture: &self.capture, frames: &self.frames, priors: &self.priors.plan };
         let StepImages { images, loading } = self.trainer.next_images(&source)?;
@@ -411,7 +413,7 @@ impl<'a> Session<'a> {
         Ok((!images.is_empty()).then_some((images, begun)))
     }
 
-    /// Notes a step that was handed over, and waits for it where something is due after it.
+    /// Notes a submitted step, and waits for it if events are due after it.
     fn stepped(&mut self, begun: Instant) -> Result<()> {
         let step = self.trainer.step();
         self.due_after = step;
@@ -428,19 +430,19 @@ impl<'a> Session<'a> {
         self.events.extend(self.trainer.take_reports().into_iter().map(Event::Step));
     }
 
-    /// Reviews what the scene requires, and continues with that part.
+    /// Reviews the scene, and continues with the parts that it requires.
     fn review(&mut self, due: Due) -> Result<()> {
         let begun = Instant::now();
         let mut looked = work(&mut self.watch, Phase::Review);
         let review = review(&mut self.trainer, &self.gpu, &self.capture, self.constants, due, &mut looked)?;
         self.seconds += begun.elapsed().as_secs_f64();
-        // Its Gaussians are others.
+        // The mean was of other Gaussians.
         self.average = Average::default();
         self.events.push(Event::Review(review));
         Ok(())
     }
 
-    /// Fixes the time offsets at 0 that the images do not tell.
+    /// Fixes time offsets at 0 that the images do not determine.
     fn freeze(&mut self) -> Result<()> {
         let mut looked = work(&mut self.watch, Phase::OffsetErrors);
         let fits = learnt_offsets(

@@ -1,4 +1,4 @@
-//! LPIPS (SPEC 4, L_perc), of the picture or of a square of it; where there are weights of its trunk.
+//! LPIPS (SPEC 4, L_perc), of the picture or of a square of it, if the weights of its trunk are given.
 
 use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
@@ -25,7 +25,7 @@ pub(super) const TERM: TermKind = TermKind {
     ..TermKind::NONE
 };
 
-/// Purpose of the random numbers of a step that place the crop; density control has 1 and 2.
+/// Purpose of the random numbers that place the crop; density control has 1 and 2.
 const CROP: u64 = 3;
 
 impl Loss {
@@ -34,12 +34,12 @@ impl Loss {
         self.lpips_weights.as_deref().filter(|_| self.lpips > 0.0)
     }
 
-    /// Whether LPIPS is on.
+    /// True if LPIPS is on.
     pub fn has_lpips(&self) -> bool {
         self.lpips_file().is_some()
     }
 
-    /// Whether LPIPS is off only because the weights of its trunk are not given.
+    /// True if LPIPS is off only because the weights of its trunk are not given.
     pub fn lacks_lpips_weights(&self) -> bool {
         self.lpips > 0.0 && self.lpips_weights.is_none()
     }
@@ -50,7 +50,7 @@ struct Perceptual {
     weight: f64,
     /// Side of the square that is compared, pixels; 0 for all.
     crop: u32,
-    /// Steps between two that have it.
+    /// Steps from one with LPIPS to the next.
     every: u64,
     seed: u64,
 }
@@ -60,7 +60,7 @@ impl Perceptual {
         shown.step.is_multiple_of(self.every)
     }
 
-    /// First column and row, and size, of what is compared.
+    /// First column and row, and size, of the compared square.
     fn part(&self, shown: &Shown) -> [[u32; 2]; 2] {
         let Shown { step, size, .. } = *shown;
         let crop = size.map(|side| if self.crop == 0 { side } else { side.min(self.crop) });
@@ -76,7 +76,7 @@ impl Term for Perceptual {
             return Ok(None);
         }
         let [origin, crop] = self.part(shown);
-        // Of a picture that its trunk cannot see there is none, as there is no score.
+        // A picture too small for the trunk has no loss, as it has no score.
         if self.network.scratch_bytes(crop, true).is_err() {
             return Ok(None);
         }

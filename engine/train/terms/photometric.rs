@@ -34,9 +34,9 @@ impl Term for Colors {
 
     fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
         let n = shown.size[0] * shown.size[1];
-        // Of a picture with fewer all will do.
+        // A picture smaller than that needs all of its pixels.
         if shown.n_visible < LEAST_PIXELS.min(n) {
-            // What an earlier step left there would be taken for this one's.
+            // Or values of an earlier step would count.
             rec.section("loss");
             rec.fill(on.colors.cotangent.range(0, n as usize).slice(), 0);
             return Ok(None);

@@ -1,7 +1,7 @@
-//! The device side of training: forward, loss, backward and Adam in one recording, one image a step.
+//! The device side of training: forward, loss, backward and Adam in one recording.
 //!
-//! A step is handed to the device before the one before has ended, and the host waits for none but the oldest. A step
-//! whose lists do not fit leaves a mark that stops those after it; all are then run again in order with more room.
+//! A step is submitted before the one before has ended, and the host waits for the oldest only. A step whose lists do
+//! not fit leaves a mark that stops those after it; all are then run again in order with larger buffers.
 
 mod profile;
 mod report;
@@ -38,10 +38,10 @@ use std::path::Path;
 use std::sync::Arc;
 use tracing::debug_span;
 
-/// Steps that the device has at a time: it works on one while the host prepares the next.
+/// Steps on the device at a time: it runs one while the host prepares the next.
 pub(in crate::train) const IN_FLIGHT: usize = 2;
-/// Largest coefficient of a colour that training begins with: fourth powers of ten times as much are still finite, which
-/// SSIM takes.
+/// Largest coefficient of a colour that training begins with: SSIM takes fourth powers, which stay finite up to ten
+/// times as much.
 const BRIGHTEST: f32 = 1e4;
 
 /// A scene being trained: its Gaussians with their moments, on the device.
@@ -51,7 +51,6 @@ pub struct Trainer {
     config: Config,
     total: u64,
     setup: Setup,
-    // Steps handed over.
     step: u64,
     // The step after which density control ran last, or was found not to be due.
     controlled: u64,
@@ -59,7 +58,7 @@ pub struct Trainer {
     optimiser: Optimiser,
     clearings: Option<Clearings>,
     work: Option<Workspace>,
-    // Sums of gradients, where steps see several images; made for the scene at hand.
+    // Sums of gradients, if a step has several images; made for the present scene.
     batch: Option<Batch>,
     // Processes that see other images of a step.
     ranks: Option<Arc<dyn Ranks>>,
@@ -80,11 +79,11 @@ pub struct Trainer {
 struct Image {
     view: View,
     by: Taken,
-    /// None where another process sees it.
+    /// None if another process sees it.
     truth: Option<Truth>,
 }
 
-/// What a step needs, kept until it has ended well.
+/// The inputs of a step, kept until it has ended well.
 struct Inputs {
     step: u64,
     images: Vec<Image>,
@@ -103,17 +102,17 @@ impl Inputs {
     }
 }
 
-/// Where a step leaves its numbers.
+/// The results of a step.
 struct Results {
     /// Tiles of its last image.
     n_tiles: u32,
-    /// Pixels of that.
+    /// Pixels of its last image.
     n_pixels: u32,
-    /// Lists of that; none of a step without images.
+    /// Lists of its last image; none without images.
     lists: Option<Lists>,
     /// By image of this process.
     reports: Vec<Report>,
-    /// What all processes' images left, where that is known already.
+    /// Reports of all processes' images, if they are known already.
     known: Vec<ImageReport>,
 }
 
@@ -125,12 +124,13 @@ struct Step {
 }
 
 impl Trainer {
-    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians with a number that is
-    /// not finite, or colours so bright that squares of them are not, are left out: no gradient would ever mend them.
+    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians with a number that
+    /// is not finite, or with colours so bright that their squares are not, are left out, since no gradient would mend
+    /// them.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfMemory`] naming the buffer that does not fit; [`crate::Error::NoDevice`] when the device cannot do
-    /// what the settings ask for.
+    /// [`crate::Error::OutOfMemory`] naming the buffer that does not fit; [`crate::Error::NoDevice`] if the device
+    /// cannot do what the settings ask for.
     pub fn new(
         gpu: Arc<Gpu>,
         splats: &Splats,
@@ -215,28 +215,28 @@ impl Trainer {
         })
     }
 
-    /// Begins with room for so few intersections; the first step that needs more is run again.
+    /// Limits the first buffers to `n` intersections; a step that needs more is run again.
     pub fn limit_intersections(&mut self, n: u32) {
         self.room.intersections = n.max(1);
     }
 
-    /// Steps handed over.
+    /// Submitted steps.
     pub fn step(&self) -> u64 {
         self.step
     }
 
-    /// Steps that are known to have ended.
+    /// Submitted steps that have ended.
     pub fn ended(&self) -> u64 {
         self.step - self.in_flight.len() as u64
     }
 
-    /// Gaussians.
+    /// The number of Gaussians.
     pub fn n_gaussians(&self) -> u32 {
         self.scene.n
     }
 
-    /// The cameras' time offsets after the steps that were handed over, frames, by camera, and which of them are learnt; empty
-    /// where none are.
+    /// The cameras' time offsets after all submitted steps, frames, and which of them are learnt; by camera, empty if
+    /// none are.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -246,7 +246,7 @@ impl Trainer {
         Ok((state.clocks.iter().map(|clock| f64::from(clock[0])).collect(), state.learns_offset))
     }
 
-    /// What is learnt of the cameras' poses after the steps that were handed over, by camera, in the frame of training.
+    /// The learnt corrections of poses after all submitted steps, by camera, in the frame of training.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -257,7 +257,7 @@ impl Trainer {
         Ok(cameras.filter_map(|(camera, (center, rows))| center.map(|_| (camera, Correction::of(&rows)))).collect())
     }
 
-    /// Ends the learning of the offsets of the cameras that `freeze` names, which become 0.
+    /// Fixes the offsets of the cameras that `freeze` names at 0.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -275,12 +275,12 @@ impl Trainer {
         adam_params(&rates(&self.config, step, self.total, self.setup.extent.radius), &settings, step, self.scene.n)
     }
 
-    /// Hands over one step on `picture`, which camera `camera` of the capture took as `view` says, after the density control
-    /// due. Reports of the steps that have ended meanwhile come from [`Trainer::take_reports`].
+    /// Submits a step on `picture`, which camera `camera` of the capture took as `view`, after the density control
+    /// due. [`Trainer::take_reports`] has the reports of steps that have ended.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfMemory`] when a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; nothing moves
-    /// then.
+    /// [`crate::Error::OutOfMemory`] if a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; the
+    /// scene is unchanged then.
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
         let image = self.passing(camera, view, picture)?;
@@ -320,7 +320,7 @@ impl Trainer {
         Ok(())
     }
 
-    /// Waits for all steps that were handed over, and runs the density control due.
+    /// Waits for all submitted steps, and runs the density control due.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -331,18 +331,18 @@ impl Trainer {
         self.control_density()
     }
 
-    /// Whether the images that it is trained on show the background.
+    /// True if the training images show the background.
     pub fn shows_background(&self) -> bool {
         self.setup.shows_background
     }
 
-    /// Keeps images within `limits`, and takes the steps to come together with other processes, which see other images of each.
+    /// Keeps images within `limits`, and shares the images of each step with other processes.
     pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>, limits: ImageLimits) {
         self.ranks = ranks;
         self.images.limit(limits);
     }
 
-    /// Does `work`, and again where memory runs out while pictures stay on the device: they give way to it.
+    /// Does `work`. If memory runs out, frees the pictures that stay on the device and tries again.
     fn with_memory<T>(&mut self, work: impl Fn(&mut Self) -> Result<T>) -> Result<T> {
         match work(self) {
             Err(error) if error.is_out_of_memory() && self.images.release() => work(self),
@@ -350,8 +350,8 @@ impl Trainer {
         }
     }
 
-    /// Reports of the steps that have ended since the last call, in order. That of a step after which density control is due comes
-    /// once it has run.
+    /// Reports of the steps that have ended since the last call, in order. The report of a step with density control
+    /// after it follows once that has run.
     pub fn take_reports(&mut self) -> Vec<StepReport> {
         let is_due = self.due_round().is_some() && self.controlled != self.step;
         let kept = usize::from(is_due && self.reports.last().is_some_and(|report| report.step == self.step));
@@ -359,7 +359,7 @@ impl Trainer {
         std::mem::replace(&mut self.reports, kept)
     }
 
-    /// Takes the steps that lazy Adam still owes.
+    /// Catches up with the steps that lazy Adam has put off.
     fn catch_up(&self) -> Result<()> {
         if self.config.adam != AdamMode::Lazy {
             return Ok(());
@@ -371,7 +371,7 @@ impl Trainer {
         self.gpu.run(&rec)
     }
 
-    /// The round of density control that is due after the step handed over last.
+    /// The round of density control that is due after the last submitted step.
     fn due_round(&self) -> Option<DensityRound> {
         let n_frames = (1.0 / self.setup.dt).round() as u32;
         let (n, n_trained, origin) = (self.scene.n, self.scene.n_trained(), self.scene.origin);
@@ -380,20 +380,20 @@ impl Trainer {
         Some(DensityRound { max_gaussians: self.most_gaussians(), ..round })
     }
 
-    /// The most Gaussians that density control makes: the end of the run needs room, too.
+    /// The most Gaussians that density control makes. The backdrop at the end needs some, too.
     fn most_gaussians(&self) -> u32 {
         let backdrop = if self.shows_background() { 0 } else { self.config.backdrop };
         most_gaussians(&self.config, self.room.active_of(u32::MAX, self.gpu.caps()), backdrop)
     }
 
-    /// How many Gaussians density control may add to those of now; none where it is to add no more.
+    /// How many Gaussians density control may still add; none once it adds no more.
     pub fn room_to_grow(&self) -> Option<u32> {
         let density = &self.config.density;
         let grows = density.strategy == Strategy::Adc && density.grows_after(self.step, self.total);
         grows.then(|| self.most_gaussians().saturating_sub(self.scene.n))
     }
 
-    /// The density control due after the step handed over last, once.
+    /// Runs the density control due after the last submitted step, once.
     fn control_density(&mut self) -> Result<()> {
         let (Some(round), false) = (self.due_round(), self.controlled == self.step) else { return Ok(()) };
         let _controlling = debug_span!("density", step = self.step).entered();

@@ -1,4 +1,4 @@
-//! Steps that are looked at: with the time of every pass, or with one dispatch taken out.
+//! Steps with the time of every pass, or with one dispatch taken out.
 
 use super::{Results, Step, Trainer};
 use crate::error::Result;
@@ -15,16 +15,16 @@ pub struct ProfiledStep {
     pub passes: Vec<PassReport>,
     /// Each pass.
     pub times: Vec<PassTime>,
-    /// What the passes had to do.
+    /// Amounts of work of the passes.
     pub counters: Counters,
     /// Barriers between them.
     pub barriers: usize,
-    /// What the host did: name, when it began, seconds.
+    /// The work of the host: name, when it began, seconds.
     pub host: Vec<(&'static str, Instant, f64)>,
 }
 
 impl ProfiledStep {
-    /// How long the counting has taken since the host was done with the step.
+    /// The time since the host was done with the step, which went into counting.
     pub(in crate::train) fn counting(&self) -> Duration {
         self.host.last().map_or(Duration::ZERO, |(_, begun, seconds)| {
             begun.elapsed().saturating_sub(Duration::from_secs_f64(*seconds))
@@ -86,7 +86,7 @@ impl Trainer {
         }
     }
 
-    /// The passes of a step on `picture`, which is not taken.
+    /// The passes of a step on `picture`, which is not run.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -97,7 +97,7 @@ impl Trainer {
         Ok(self.record(&inputs)?.0)
     }
 
-    /// As [`Trainer::train_on`], but waits for the end and gives the step's first dispatch of a kernel, with what it worked on.
+    /// As [`Trainer::train_on`], but waits for the end and gives the step's first dispatch of a kernel, with its data.
     ///
     /// # Errors
     /// As [`Trainer::train`].

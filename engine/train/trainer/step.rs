@@ -1,4 +1,4 @@
-//! A step: what it needs, its recording, and what it leaves.
+//! A step: its inputs, its recording, and its results.
 
 use super::report::ImageReport;
 use super::{Image, Inputs, Results, Step, StepReport, Trainer};
@@ -17,9 +17,9 @@ use crate::train::objective::{Report, Truth};
 use bytemuck::bytes_of;
 use tracing::debug_span;
 
-/// Steps after which Gaussians leave the spaces that are kept clear: few enough that they do not get far into them.
+/// Every so many steps Gaussians are removed from the spaces that are kept clear, before they get far into them.
 const CLEAR_EVERY: u64 = 10;
-/// Purpose of the random numbers of a step that are its background; a review has 4.
+/// Purpose of the random numbers for a step's background; a review has 4.
 const BACKGROUND: u64 = 5;
 
 /// An image of a step that this process sees.
@@ -33,13 +33,13 @@ struct OwnImage<'a> {
 }
 
 impl Trainer {
-    /// Pixels along each side that become one in the step to come.
+    /// The reduction of pictures along each side in the next step.
     pub(super) fn reduction(&self, view: &View) -> u32 {
         let reduction = self.config.resolution.reduction(self.step + 1, self.total);
         reduction.min(view.intrinsics.width).min(view.intrinsics.height)
     }
 
-    /// What the step to come needs.
+    /// The inputs of the next step.
     pub(super) fn inputs(&mut self, images: Vec<StepImage>) -> Inputs {
         let step = self.step + 1;
         let flow_model = self.setup.flow_model;
@@ -65,7 +65,7 @@ impl Trainer {
         std::array::from_fn(|channel| numbers.uniform(channel as u64) as f32)
     }
 
-    /// Hands a step to the device.
+    /// Submits a step.
     pub(super) fn start(&mut self, inputs: Inputs) -> Result<()> {
         if let Some(ranks) = self.ranks.clone() {
             return self.start_shared(&*ranks, inputs);
@@ -77,8 +77,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Waits for the oldest step. When its lists did not fit, it and those behind it, which have done nothing, start anew. One
-    /// that cannot be waited for stays: it may have moved the scene.
+    /// Waits for the oldest step. If its lists did not fit, it and those behind it, which have done nothing, start
+    /// again. One that cannot be waited for stays, since it may have changed the scene.
     pub(super) fn end_oldest(&mut self) -> Result<()> {
         let Some(step) = self.in_flight.front() else { return Ok(()) };
         step.running.wait()?;
@@ -91,14 +91,14 @@ impl Trainer {
             step.running.wait()?;
             behind.push(step.inputs);
         }
-        // The first one alone, until it fits.
+        // The first one alone until it fits.
         self.start(inputs)?;
         self.end_oldest()?;
         behind.into_iter().try_for_each(|inputs| self.start(inputs))
     }
 
-    /// Reads what a step that has ended left. `false` when it moved nothing and needs the room that is there now: it is then
-    /// no longer counted.
+    /// Reads the results of a step that has ended. False if it did nothing and needs the larger buffers of now: it is
+    /// then no longer counted.
     pub(super) fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
         let mut images = Vec::new();
         if results.known.is_empty() {
@@ -116,7 +116,7 @@ impl Trainer {
         Ok(true)
     }
 
-    /// Whether all images of a step, which have ended, fitted. If not, there is room from now on.
+    /// True if the lists of all images of a step, which has ended, fitted. If not, the next buffers are large enough.
     pub(super) fn is_complete(&mut self, inputs: &Inputs, reports: &[Report]) -> Result<bool> {
         let own = &inputs.images[inputs.own()];
         for (image, report) in own.iter().zip(reports) {
@@ -167,7 +167,7 @@ impl Trainer {
             room.pixels = room.pixels.max(image.view.intrinsics.n_pixels() as usize);
         }
         if room.pixels > self.room.pixels || self.work.as_ref().is_some_and(|work| work.room != room) {
-            // A failure stays in the workspace that it happened in.
+            // The mark of a failure is in the workspace of the failed step.
             while !self.in_flight.is_empty() {
                 self.end_oldest()?;
             }
@@ -190,7 +190,7 @@ impl Trainer {
         Ok(work)
     }
 
-    /// The passes of a step, and where its numbers will be. Of one that several processes take, the passes of its own images.
+    /// The passes of a step, and where its results will be; of a shared step, the passes of its own images.
     #[tracing::instrument(level = "debug", name = "record", skip_all)]
     pub(super) fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
         self.in_workspace(inputs, |trainer, work| {
@@ -231,8 +231,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Appends what an image of a step needs: its frame, the loss, and the way back, which ends in the step where it is the only one
-    /// and in sums of gradients otherwise.
+    /// Appends the passes of an image: its frame, the loss, and the way back, which ends in the step if it is the only
+    /// image and in sums of gradients otherwise.
     fn record_image(
         &mut self,
         rec: &mut Recording,
@@ -254,7 +254,7 @@ impl Trainer {
         });
         drop(forward);
         debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, images, truth))?;
-        // Of a single image Gaussians in view take their step with the last pass of it.
+        // With a single image the last pass takes the step of the Gaussians in view.
         let target = batch.as_ref().map_or(Target::Step(optimiser), |batch| Target::Sums(batch, optimiser));
         debug_span!("backward").in_scope(|| work.record_backward(rec, scene, &lists, size, &target));
         if batch.is_some() {
@@ -270,7 +270,7 @@ impl Trainer {
         let Inputs { step, images } = inputs;
         let (scene, cameras) = (&self.scene, &self.objective.cameras);
         let needs_views = self.batch.is_some() && cameras.reads_view(*step);
-        // The rates are those that the images' passes had.
+        // The rates are still those of the images' passes.
         for (index, Image { view, by, .. }) in images.iter().enumerate() {
             if needs_views {
                 self.record_inputs(rec, view, *step)?;
