@@ -71,7 +71,7 @@ pub struct Initial {
     pub n_photos: usize,
     /// The fate of the points of the frames, if they were used.
     pub counts: Option<PointCounts>,
-    /// The number before thinning, if that exceeds [`Settings::most`].
+    /// The number before thinning, if that is more than the settings allow.
     pub thinned_from: Option<usize>,
 }
 

@@ -2,7 +2,7 @@
 
 use super::cameras::{Cameras, Taken};
 use super::config::Config;
-use super::images::{Counts, ImageStore, Planes, Resident};
+use super::images::{Counts, Planes, Resident, Residents};
 use super::setup::Setup;
 use super::terms::{self, Pair, Part, Rendered, Shown, Term};
 use crate::error::Result;
@@ -94,7 +94,7 @@ impl Objective {
         gpu: &Gpu,
         rec: &mut Recording,
         work: &Workspace,
-        images: &ImageStore,
+        images: &Residents,
         target: &Truth,
     ) -> Result<()> {
         let Some(backward) = &work.backward else { return Ok(()) };

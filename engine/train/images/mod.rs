@@ -10,17 +10,14 @@ mod stream;
 
 pub(super) use order::training_frames;
 pub use order::{reduced_order, training_order};
-pub(super) use resident::{Counts, Planes, Resident};
+pub(super) use resident::{Counts, Planes, Resident, Residents};
+pub(super) use stream::{ImageLimits, Source, Steps};
 
-use super::terms::TermData;
 use crate::error::Result;
-use crate::gpu::{Gpu, Recording, Staging};
+use crate::gpu::{Gpu, Staging};
 use crate::scene::View;
-use crate::scene::capture::{Capture, Picture, PriorPlan};
-use crate::train::config::Config;
+use crate::train::terms::TermData;
 use residency::Residency;
-use resident::Residents;
-use std::ops::Range;
 use std::time::{Duration, Instant};
 use stream::{ImageStream, Next};
 
@@ -30,7 +27,7 @@ pub(super) struct StepImage {
     pub camera: usize,
     /// As that camera saw.
     pub view: View,
-    /// The image itself; none where another process sees it.
+    /// The image itself; none if another process sees it.
     pub resident: Option<Resident>,
 }
 
@@ -41,41 +38,11 @@ pub(super) struct StepImages {
     pub loading: Duration,
 }
 
-/// Where the images of a run come from.
-#[derive(Clone, Copy)]
-pub(super) struct Source<'a> {
-    pub capture: &'a Capture,
-    /// The images that are trained on.
-    pub frames: &'a [(usize, u32)],
-    pub priors: &'a PriorPlan,
-}
-
-/// The steps that images are wanted for.
-pub(super) struct Steps<'a> {
-    pub config: &'a Config,
-    /// Steps that have their images.
-    pub done: u64,
-    /// Steps of the run.
-    pub total: u64,
-    /// The images of a step that this process sees.
-    pub own: Range<usize>,
-}
-
-/// How many images are held where.
-#[derive(Clone, Copy, Default)]
-pub(super) struct ImageLimits {
-    /// Bytes that are decoded ahead.
-    pub cache_bytes: u64,
-    /// Bytes that stay on the device.
-    pub device_bytes: u64,
-    /// Images whose order is known ahead.
-    pub listed: u64,
-}
-
 /// The images of a run.
 pub(super) struct ImageStore {
-    residents: Residents,
-    limits: ImageLimits,
+    pub residents: Residents,
+    /// For the next stream.
+    pub limits: ImageLimits,
     /// Made for the first step that needs it.
     stream: Option<ImageStream>,
     /// How long steps waited for streams that have ended.
@@ -87,11 +54,6 @@ impl ImageStore {
     pub fn new(gpu: &Gpu, data: TermData) -> Result<Self> {
         let residents = Residents::new(gpu, data)?;
         Ok(ImageStore { residents, limits: ImageLimits::default(), stream: None, waited: Duration::ZERO })
-    }
-
-    /// Keeps to `limits` from the next stream on.
-    pub fn limit(&mut self, limits: ImageLimits) {
-        self.limits = limits;
     }
 
     /// The images of the next step.
@@ -123,7 +85,7 @@ impl ImageStore {
         }
     }
 
-    /// The next images of `stream`; none where one that should be on the device is not.
+    /// The next images of `stream`; none if one that should be on the device is not.
     fn of_step(
         &mut self,
         gpu: &Gpu,
@@ -151,8 +113,7 @@ impl ImageStore {
         Ok(Some(StepImages { images, loading }))
     }
 
-    /// Brings an image to where the device can get it; none where it should be on the device and is not.
-    #[tracing::instrument(level = "debug", name = "upload", skip_all)]
+    /// Brings an image to where the device can get it; none if it should be on the device and is not.
     fn load(&mut self, gpu: &Gpu, staging: &Staging, next: &Next) -> Result<Option<Resident>> {
         match (&next.picture, next.residency) {
             (Some(picture), Residency::Stays) => self.residents.keep(gpu, staging, next.asked, picture).map(Some),
@@ -160,27 +121,6 @@ impl ImageStore {
             (None, Residency::Leaves) => Ok(self.residents.take(&next.asked)),
             (None, _) => Ok(self.residents.get(&next.asked)),
         }
-    }
-
-    /// Brings `picture` to where the device can get it, for one step.
-    #[tracing::instrument(level = "debug", name = "upload", skip_all)]
-    pub fn pass(&mut self, gpu: &Gpu, staging: &Staging, picture: &Picture) -> Result<Resident> {
-        self.residents.pass(gpu, staging, picture)
-    }
-
-    /// Makes room for pictures of `pixels` pixels that pass.
-    pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
-        self.residents.fit(gpu, pixels)
-    }
-
-    /// Where the planes of an image lie.
-    pub fn planes(&self, resident: &Resident) -> Planes {
-        self.residents.planes(resident)
-    }
-
-    /// Appends the copy of an image that is not on the device yet.
-    pub fn record_upload(&self, rec: &mut Recording, resident: &Resident) {
-        self.residents.record_upload(rec, resident);
     }
 
     /// Seconds in which steps waited for images.
@@ -192,11 +132,6 @@ impl ImageStore {
     /// Lists the images anew before the next step, for a run of another length.
     pub fn restart(&mut self) {
         self.waited += self.stream.take().map_or(Duration::ZERO, |stream| stream.stats().waited);
-    }
-
-    /// Frees the memory of the images that stay on the device; false where there are none. Steps on the device keep theirs.
-    pub fn release(&mut self) -> bool {
-        self.residents.release()
     }
 
     /// Takes over all images of `other`, the store of an earlier trainer of the same run.

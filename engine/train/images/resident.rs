@@ -73,7 +73,7 @@ pub(in crate::train) struct Resident {
 }
 
 /// The pictures on the device.
-pub(super) struct Residents {
+pub(in crate::train) struct Residents {
     data: TermData,
     /// Where pictures lie that pass.
     passing: Buf<u32>,
@@ -95,6 +95,7 @@ impl Residents {
     }
 
     /// Stages a picture for one step.
+    #[tracing::instrument(level = "debug", name = "upload", skip_all)]
     pub fn pass(&self, gpu: &Gpu, staging: &Staging, picture: &Picture) -> Result<Resident> {
         let (counts, layout) = self.layout(gpu, picture);
         let staged = Some(staged(staging, picture, &layout)?);
@@ -103,6 +104,7 @@ impl Residents {
 
     /// Stages a picture that stays on the device as `name`, if there is memory; for one step otherwise. The images that follow, of the
     /// same step too, count on it, so the step is to be recorded.
+    #[tracing::instrument(level = "debug", name = "upload", skip_all)]
     pub fn keep(&mut self, gpu: &Gpu, staging: &Staging, name: Asked, picture: &Picture) -> Result<Resident> {
         let (counts, layout) = self.layout(gpu, picture);
         let place = match gpu.alloc("kept images", layout.words) {

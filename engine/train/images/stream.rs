@@ -2,12 +2,44 @@
 
 use super::order::{reduced_order, training_order};
 use super::residency::{Residency, plan};
-use super::{ImageLimits, Source, Steps};
 use crate::error::Result;
 use crate::parallel::threads;
-use crate::scene::capture::{Asked, CacheStats, FrameCache, Picture, pixel_bytes};
+use crate::scene::capture::{Asked, CacheStats, Capture, FrameCache, Picture, PriorPlan, pixel_bytes};
+use crate::train::config::Config;
+use std::ops::Range;
 use std::sync::Arc;
 use std::vec::IntoIter;
+
+/// Where the images of a run come from.
+#[derive(Clone, Copy)]
+pub(in crate::train) struct Source<'a> {
+    pub capture: &'a Capture,
+    /// The images that are trained on.
+    pub frames: &'a [(usize, u32)],
+    pub priors: &'a PriorPlan,
+}
+
+/// The steps that images are wanted for.
+pub(in crate::train) struct Steps<'a> {
+    pub config: &'a Config,
+    /// Steps that have their images.
+    pub done: u64,
+    /// Steps of the run.
+    pub total: u64,
+    /// The images of a step that this process sees.
+    pub own: Range<usize>,
+}
+
+/// How many images are held where.
+#[derive(Clone, Copy, Default)]
+pub(in crate::train) struct ImageLimits {
+    /// Bytes that are decoded ahead.
+    pub cache_bytes: u64,
+    /// Bytes that stay on the device.
+    pub device_bytes: u64,
+    /// Images whose order is known ahead.
+    pub listed: u64,
+}
 
 /// The images of as many of the next steps as are listed at a time.
 pub(super) struct ImageStream {
@@ -43,7 +75,8 @@ impl ImageStream {
         let asked: Vec<Asked> = asked.map(|(_, asked)| asked).collect();
         let planned = plan(&asked, |asked| bytes(source, asked), limits.device_bytes);
         let own: Vec<(Asked, Residency)> = asked.into_iter().zip(planned).collect();
-        let decoded = own.iter().filter(|(_, residency)| residency.is_decoded()).map(|(asked, _)| *asked).collect();
+        let decoded: Vec<Asked> =
+            own.iter().filter(|(_, residency)| residency.is_decoded()).map(|(asked, _)| *asked).collect();
         let cache = FrameCache::new(source.capture, decoded, source.priors, limits.cache_bytes, threads())?;
         Ok(ImageStream { images: order.into_iter(), own: own.into_iter(), cache })
     }

@@ -159,7 +159,8 @@ impl<'a> Session<'a> {
     fn of(run: RunOf, mut trainer: Trainer, options: SessionOptions<'a>) -> Self {
         let RunOf { gpu, capture, world, config, total, frames, priors, plan } = run;
         let SessionOptions { constants, cache_bytes, listed_images, watch, ranks, .. } = options;
-        trainer.join(ranks, ImageLimits { cache_bytes, device_bytes: plan.image_bytes, listed: listed_images });
+        trainer.join(ranks);
+        trainer.images.limits = ImageLimits { cache_bytes, device_bytes: plan.image_bytes, listed: listed_images };
         Session {
             gpu,
             capture: Arc::new(capture),
@@ -234,7 +235,7 @@ impl<'a> Session<'a> {
 
     /// Seconds in which steps waited for images.
     pub fn waited(&self) -> f64 {
-        self.trainer.waited_s()
+        self.trainer.images.waited_s()
     }
 
     /// Events since the last call, in order. Steps end while others run, so one that was submitted may be missing;
@@ -447,7 +448,7 @@ impl<'a> Session<'a> {
         let mut looked = work(&mut self.watch, Phase::OffsetErrors);
         let fits = learnt_offsets(
             &mut self.trainer,
-            (&self.gpu, &self.capture),
+            (&self.gpu, &*self.capture),
             (self.constants, self.config.background),
             &mut looked,
         )?;

@@ -25,7 +25,7 @@ use crate::stage::{
 use crate::train::cameras::Taken;
 use crate::train::config::{Config, Strategy};
 use crate::train::density::{density_round, most_gaussians, regularisers};
-use crate::train::images::{ImageLimits, ImageStore, Source, StepImage, StepImages, Steps};
+use crate::train::images::{ImageStore, Source, StepImage, StepImages, Steps};
 use crate::train::objective::{Objective, Report, Truth};
 use crate::train::poses::Correction;
 use crate::train::ranks::{Ranks, Shared};
@@ -64,7 +64,7 @@ pub struct Trainer {
     ranks: Option<Arc<dyn Ranks>>,
     shared: Shared,
     objective: Objective,
-    images: ImageStore,
+    pub(in crate::train) images: ImageStore,
     staging: Staging,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
@@ -292,7 +292,7 @@ impl Trainer {
         let reduction = self.reduction(view);
         let is_whole = [picture.width, picture.height] == [view.intrinsics.width, view.intrinsics.height];
         let reduced = (reduction > 1 && is_whole).then(|| picture.reduced(reduction));
-        let resident = self.images.pass(&self.gpu, &self.staging, reduced.as_ref().unwrap_or(picture))?;
+        let resident = self.images.residents.pass(&self.gpu, &self.staging, reduced.as_ref().unwrap_or(picture))?;
         Ok(StepImage { camera, view: view.clone(), resident: Some(resident) })
     }
 
@@ -301,11 +301,6 @@ impl Trainer {
         let own = self.own_images(self.config.batch as usize);
         let steps = Steps { config: &self.config, done: self.step, total: self.total, own };
         self.images.next(&self.gpu, &self.staging, source, &steps)
-    }
-
-    /// Seconds in which steps waited for images.
-    pub(in crate::train) fn waited_s(&self) -> f64 {
-        self.images.waited_s()
     }
 
     /// As [`Trainer::train`], on images that were loaded before density control, for which those that stay on the device may have to
@@ -336,16 +331,15 @@ impl Trainer {
         self.setup.shows_background
     }
 
-    /// Keeps images within `limits`, and shares the images of each step with other processes.
-    pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>, limits: ImageLimits) {
+    /// Shares the images of each step with other processes.
+    pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>) {
         self.ranks = ranks;
-        self.images.limit(limits);
     }
 
     /// Does `work`. If memory runs out, frees the pictures that stay on the device and tries again.
     fn with_memory<T>(&mut self, work: impl Fn(&mut Self) -> Result<T>) -> Result<T> {
         match work(self) {
-            Err(error) if error.is_out_of_memory() && self.images.release() => work(self),
+            Err(error) if error.is_out_of_memory() && self.images.residents.release() => work(self),
             outcome => outcome,
         }
     }

@@ -174,7 +174,7 @@ impl Trainer {
         }
         if room.pixels > self.room.pixels {
             self.with_memory(|trainer| {
-                trainer.images.fit(&trainer.gpu, room.pixels)?;
+                trainer.images.residents.fit(&trainer.gpu, room.pixels)?;
                 trainer.objective.fit(&trainer.gpu, room.pixels)
             })?;
         }
@@ -243,7 +243,7 @@ impl Trainer {
         let OwnImage { step, at, view, by, truth } = *image;
         self.record_inputs(rec, view, step)?;
         let Trainer { gpu, scene, optimiser, objective, images, batch, rounds, .. } = self;
-        images.record_upload(rec, &truth.resident);
+        images.residents.record_upload(rec, &truth.resident);
         objective.cameras.record_view(rec, work, by.camera, step);
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_pixels = view.intrinsics.width * view.intrinsics.height;
@@ -253,7 +253,7 @@ impl Trainer {
             optimiser.record_catch_up(rec, scene, &work.cull, &work.status, step - 1);
         });
         drop(forward);
-        debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, images, truth))?;
+        debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, &images.residents, truth))?;
         // With a single image the last pass takes the step of the Gaussians in view.
         let target = batch.as_ref().map_or(Target::Step(optimiser), |batch| Target::Sums(batch, optimiser));
         debug_span!("backward").in_scope(|| work.record_backward(rec, scene, &lists, size, &target));
