@@ -116,6 +116,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let options = SessionOptions {
         constants: run.constants,
+        world: Some(run.world),
         total: Some(*total),
         cache_bytes: args.cache_bytes.unwrap_or_else(|| share_of_memory() / team.local_size() as u64),
         device_image_bytes: args.device_image_bytes,
@@ -127,7 +128,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(checkpoint) => Session::resume(gpu.clone(), capture, checkpoint, options)?,
         None => Session::begin(gpu.clone(), capture, config.clone(), options)?,
     };
-    // In the frame of training, as scores need it.
     let capture = session.capture().clone();
     start.replace(output)?;
     start.extend(&mut session)?;
