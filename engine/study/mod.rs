@@ -10,7 +10,7 @@ mod runs;
 
 pub use bench::{Bench, BenchRun};
 pub use measure::Measure;
-pub use plan::{Arm, Base, STUDIES, Study};
+pub use plan::{Arm, Base, Study};
 pub use report_picture::{Example, strip};
 pub use run_report::Report;
 pub use runs::{Entry, History, RunResult, differences};

@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The studies that come with the engine: name and file.
-pub const STUDIES: [(&str, &str); 10] = [
+const STUDIES: [(&str, &str); 10] = [
     ("trade", include_str!("../../assets/studies/trade.json")),
     ("presets", include_str!("../../assets/studies/presets.json")),
     ("schedule", include_str!("../../assets/studies/schedule.json")),

@@ -48,8 +48,7 @@ pub use ranks::{Ranks, Shared, any};
 pub use require::{Due, Evidence, GridCheck, Review, Seen, merge_resting, review, review_due};
 pub use schedule::rates;
 pub use scores::{
-    ColorMap, Evaluation, Fall, METRICS_OF, Meter, SceneScores, SceneSize, Scores, Sight, ViewScores, evaluate, psnr,
-    spread,
+    Evaluation, Fall, METRICS_OF, Meter, SceneScores, SceneSize, Scores, Sight, ViewScores, evaluate, psnr, spread,
 };
 pub use session::{Event, Notice, Phase, Priors, Session, SessionOptions, Watch};
 pub use settings_check::{check_name, check_settings, default_of};
