@@ -82,7 +82,7 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
         let [(x0, y0), (x1, y1)] = [2 * line, 2 * line + 1].map(|i| pairs[(random.bits(i) % n as u64) as usize]);
         let scale = (y1 - y0) / (x1 - x0);
         let line = Line { scale, shift: y0 - scale * x0 };
-        let off = middle(&mut pairs.iter().map(|pair| line.residual(pair).abs()));
+        let off = middle(&mut pairs.iter().map(|(x, y)| line.off(*x, *y)));
         // Written so that a line through points of one prior, which is not finite, is not taken.
         if off < best.0 {
             best = (off, line);
@@ -97,7 +97,7 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
     for _ in 0..ITERATIONS {
         // The floor keeps points that lie on the line but for rounding.
         let reach = NEAR * PER_MEDIAN * off + 1e-9 * typical;
-        let near: Vec<(f64, f64)> = pairs.iter().copied().filter(|pair| line.residual(pair).abs() <= reach).collect();
+        let near: Vec<(f64, f64)> = pairs.iter().copied().filter(|(x, y)| line.off(*x, *y) <= reach).collect();
         n_near = near.len();
         let mean = |of: fn(&(f64, f64)) -> f64| mean(near.iter().map(of)).unwrap_or(f64::NAN);
         let (mean_x, mean_y) = (mean(|pair| pair.0), mean(|pair| pair.1));
@@ -106,7 +106,7 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
         let scale = sum(&|x, y| x * y) / spread;
         line = Line { scale, shift: mean_y - scale * mean_x };
         sigma = (sum(&|x, y| (y - scale * x).powi(2)) / n_near as f64).sqrt();
-        off = middle(&mut near.iter().map(|pair| line.residual(pair).abs()));
+        off = middle(&mut near.iter().map(|(x, y)| line.off(*x, *y)));
     }
     let Line { scale, shift } = line;
     let fit = DepthFit { scale, shift, n_points: n_near, residual: off / typical };
@@ -129,9 +129,9 @@ struct Line {
 }
 
 impl Line {
-    /// How far the depth of a (prior, depth) is off the line.
-    fn residual(self, (prior, depth): &(f64, f64)) -> f64 {
-        depth - (self.scale * prior + self.shift)
+    /// How far a depth is off the line, absolute.
+    fn off(self, prior: f64, depth: f64) -> f64 {
+        (depth - (self.scale * prior + self.shift)).abs()
     }
 }
 
