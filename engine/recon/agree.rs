@@ -124,8 +124,8 @@ fn confirm(eyes: &[Eye], depths: &[Depths], i: usize, pixel: usize) -> Option<Ag
     Some(Agreed { found: Found { position, color: median_color(colors)? }, n_cameras })
 }
 
-/// For each pixel the inverse depth of the nearest known one, along rows and columns, and how many pixels away that is. `None`
-/// where nothing is known.
+/// For each pixel the inverse depth of the nearest known one, along rows and columns, and how many pixels away that is.
+/// `None` where nothing is known.
 fn spread(eye: &Eye, known: &[f32]) -> Vec<Option<(f32, u32)>> {
     let mut all: Vec<Option<(f32, u32)>> =
         known.iter().map(|inverse| (*inverse > 0.0).then_some((*inverse, 0))).collect();
@@ -152,8 +152,8 @@ fn spread(eye: &Eye, known: &[f32]) -> Vec<Option<(f32, u32)>> {
     all
 }
 
-/// At most `most` of the points, evenly spread: of each cell of a grid the one that most cameras saw. The cells are larger
-/// beyond the cameras, where pictures show less.
+/// At most `most` of the points, evenly spread: of each cell of a grid the one that most cameras saw. The cells are
+/// larger beyond the cameras, where pictures show less.
 pub(super) fn thin(points: &[Agreed], most: usize) -> Vec<Found> {
     let kept = |side: f64| -> Vec<usize> {
         let mut cells: HashMap<[i64; 4], usize> = HashMap::new();

@@ -1,8 +1,7 @@
-//! Flow-guided sparse initialisation (SPEC 5): static Gaussians from the points of the reference frame, dynamic ones from
-//! the points of every frame that move.
+//! Flow-guided sparse initialisation (SPEC 5): static Gaussians from the points of the reference frame, dynamic ones
+//! from the points of every frame that move.
 //!
-//! Frames are read one after another, with a thread for each camera's flow, so that memory grows with the result
-//! alone.
+//! Frames are read one after another, with a thread for each camera's flow, so that memory grows with the result alone.
 
 use super::pinhole::Pinhole;
 use super::points::{Found, OPACITY, Reach, append, push, spacings};
@@ -162,8 +161,8 @@ struct Sight {
     to: DVec2,
     /// How far the point itself moved, pixels: the flow without the camera's own movement.
     moved: f64,
-    /// The four pixels nearest to the point agree on whether it moves. At the rim of a moving thing they do not, and whose
-    /// flow the point's pixel has is a matter of chance.
+    /// The four pixels nearest to the point agree on whether it moves. At the rim of a moving thing they do not, and
+    /// whose flow the point's pixel has is a matter of chance.
     is_clear: bool,
 }
 

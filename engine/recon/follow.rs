@@ -95,8 +95,9 @@ fn shift(here: &Cells, there: &Cells, patch: &[usize]) -> Option<DVec3> {
     Some(shift)
 }
 
-/// The velocity of each of the points `here`, scene units per unit of time, from where it is in `others`, each with the time from
-/// here to there; 0 where it is found in none. `spacing` is the distance from a point to its neighbours, above 0.
+/// The velocity of each of the points `here`, scene units per unit of time, from where it is in `others`, each with the
+/// time from here to there; 0 where it is found in none. `spacing` is the distance from a point to its neighbours,
+/// above 0.
 ///
 /// # Errors
 /// Those of the threads.
@@ -155,7 +156,8 @@ mod tests {
             })
             .collect();
         errors.sort_by(f64::total_cmp);
-        // Without velocities they were 1.7 spacings and more: that is how far the shift alone goes from one frame to the next.
+        // Without velocities they were 1.7 spacings and more: that is how far the shift alone goes from one frame to
+        // the next.
         let [half, most] = [errors[errors.len() / 2], errors[errors.len() * 9 / 10]];
         assert!(half < 0.3 && most < 0.6, "errors in spacings: half within {half}, nine in ten within {most}");
     }

@@ -18,8 +18,8 @@ const MOST_ZOOMS: usize = 4;
 const BLANK_SIDE: usize = 64;
 /// Cells at which halving ends early: masks that are all foreground would fill the cube.
 const MOST_CELLS: usize = 200_000;
-/// Cameras that must see a cell, as a fraction of all and at least 3: fewer leave long phantoms. Cameras that look outward
-/// share less.
+/// Cameras that must see a cell, as a fraction of all and at least 3: fewer leave long phantoms. Cameras that look
+/// outward share less.
 const LEAST_SEEN: f32 = 1.0 / 3.0;
 const LEAST_CAMERAS: f32 = 3.0;
 /// A camera looks at what is at least so far before it, as a fraction of the distance, and farther than rounding,
@@ -146,8 +146,8 @@ impl Carved {
         self.corner + (cell.as_vec3() + 0.5) * self.side
     }
 
-    /// Halves a cube `levels` times. The ball around a cell decides; that of the last level is the one inside it where `is_tight`, so
-    /// that the hull does not grow.
+    /// Halves a cube `levels` times. The ball around a cell decides; that of the last level is the one inside it where
+    /// `is_tight`, so that the hull does not grow.
     fn new(silhouettes: &[Silhouette], cube: &Cube, levels: u32, is_tight: bool) -> Self {
         let (corner, side) = (cube.center - cube.half, 2.0 * cube.half);
         let mut carved = Carved { corner, side, cells: vec![IVec3::ZERO] };
@@ -184,8 +184,8 @@ impl Carved {
     }
 }
 
-/// At most `most` random points of the space that the cameras `views` share, in an order by `key`; none where most of them do not look at
-/// what is between them.
+/// At most `most` random points of the space that the cameras `views` share, in an order by `key`; none where most of
+/// them do not look at what is between them.
 pub(super) fn shared_space(views: &[View], most: usize, key: &[u64]) -> Vec<Vec3> {
     let eyes: Vec<Eye> = views.iter().map(|view| Eye::blank(view, BLANK_SIDE)).collect();
     if eyes.is_empty() || !Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>()).is_inward {

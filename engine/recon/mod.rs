@@ -4,9 +4,9 @@
 //!   (`flow`).
 //! - Static surfaces: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
 //!   that another camera confirms become points, where the capture has none (`agree`).
-//! - Moving surfaces, by foreground masks: the visual hull's surface at evenly spaced frames (`hull`), with the velocity
-//!   of the patch around each point from one frame to the next (`follow`). With points and flow, hulls are taken only if
-//!   the cameras look inward.
+//! - Moving surfaces, by foreground masks: the visual hull's surface at evenly spaced frames (`hull`), with the
+//!   velocity of the patch around each point from one frame to the next (`follow`). With points and flow, hulls are
+//!   taken only if the cameras look inward.
 //!
 //! Colours are medians over the cameras that see a point, because each has its own exposure.
 

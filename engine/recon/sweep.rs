@@ -1,5 +1,5 @@
-//! Surfaces from photo-consistency: each camera sweeps a fan of depths for the one at which its neighbours show the same
-//! (plane sweep; Collins 1996), smoothed along the picture (semi-global matching; Hirschmüller 2008).
+//! Surfaces from photo-consistency: each camera sweeps a fan of depths for the one at which its neighbours show the
+//! same (plane sweep; Collins 1996), smoothed along the picture (semi-global matching; Hirschmüller 2008).
 
 use super::eye::{Eye, Ground};
 use crate::error::Result;
@@ -12,7 +12,8 @@ const NEIGHBOURS: usize = 10;
 /// Angles between the rays of good neighbours, radians: a smaller one does not determine the depth, at a larger one
 /// nothing looks alike.
 const GOOD_ANGLES: [f32; 2] = [0.08, 0.5];
-/// Depths of a fan, evenly spaced in inverse depth; the neighbours' pictures shift by about a pixel from one to the next.
+/// Depths of a fan, evenly spaced in inverse depth; the neighbours' pictures shift by about a pixel from one to the
+/// next.
 const DEPTHS: usize = 96;
 /// Largest cost of a pixel at a depth, and what it costs where fewer than two neighbours see it.
 const MOST_COST: f32 = 0.3;

@@ -200,8 +200,8 @@ impl Base {
     }
 }
 
-/// The paper's rates: of velocities, times and tau its own, of all else those of 3DGS (Kerbl et al. 2023). It names none of
-/// offsets and grids, which keep the defaults.
+/// The paper's rates: of velocities, times and tau its own, of all else those of 3DGS (Kerbl et al. 2023). It names
+/// none of offsets and grids, which keep the defaults.
 fn paper_rates() -> LearningRates {
     let constant = |rate: f64| Rate { start: rate, end: rate };
     LearningRates {

@@ -1,5 +1,6 @@
-//! The mean of the scenes at the end of a run. A step follows one image, so the scene sways with the brightness and the noise of the
-//! images that came last; the mean of many steps does not (Polyak and Juditsky 1992; Izmailov et al. 2018).
+//! The mean of the scenes at the end of a run. A step follows one image, so the scene sways with the brightness and the
+//! noise of the images that came last; the mean of many steps does not (Polyak and Juditsky 1992; Izmailov et al.
+//! 2018).
 
 use super::config::Config;
 use crate::scene::Splats;

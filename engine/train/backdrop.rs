@@ -204,7 +204,8 @@ mod tests {
         backdrop(scene, middle(views), views, n).unwrap()
     }
 
-    /// Static Gaussians on a sphere of radius 4 in directions that `is_there` names: red where x is positive, blue elsewhere.
+    /// Static Gaussians on a sphere of radius 4 in directions that `is_there` names: red where x is positive, blue
+    /// elsewhere.
     fn shell(is_there: impl Fn(DVec3) -> bool) -> Splats {
         let mut splats = Splats::new(1);
         for direction in evenly(4000).into_iter().filter(|direction| is_there(*direction)) {

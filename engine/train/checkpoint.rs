@@ -1,8 +1,9 @@
 //! Checkpoints: all that a run needs to continue bit for bit, in one file of hashed sections.
 //!
-//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then the
-//! sections: little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder holds
-//! the last three and the best by the PSNR of test views, whose name tells its score: `best-00000300-24.9312dB.ckpt`.
+//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then
+//! the sections: little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder
+//! holds the last three and the best by the PSNR of test views, whose name tells its score:
+//! `best-00000300-24.9312dB.ckpt`.
 
 use super::average::Average;
 use super::config::Config;
@@ -128,8 +129,8 @@ struct Section {
 }
 
 impl Checkpoint {
-    /// Most bytes of the file of a checkpoint of `n` Gaussians, `n_dynamic` of them dynamic, but for some thousands and for grids:
-    /// parameters, both moments, the average, which is there near the end, and the state.
+    /// Most bytes of the file of a checkpoint of `n` Gaussians, `n_dynamic` of them dynamic, but for some thousands and
+    /// for grids: parameters, both moments, the average, which is there near the end, and the state.
     pub fn bytes(n: u64, n_dynamic: u64, sh_degree: u32) -> u64 {
         let side = u64::from(sh_degree) + 1;
         4 * (4 * ((11 + 3 * side * side) * n + 5 * n_dynamic) + 4 * n)
@@ -382,8 +383,8 @@ impl Checkpoint {
         self.world.inverse().splats(&splats)
     }
 
-    /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when there
-    /// is no file.
+    /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when
+    /// there is no file.
     ///
     /// # Errors
     /// The newest one's fault, when none can be read; [`Error::Data`] when the folder is there and cannot be listed.

@@ -25,7 +25,8 @@ impl Config {
     }
 }
 
-/// Makes the first Gaussians of `capture`, which is in the frame of training. `progress` is called as (pieces done, pieces in all).
+/// Makes the first Gaussians of `capture`, which is in the frame of training. `progress` is called as (pieces done,
+/// pieces in all).
 ///
 /// # Errors
 /// [`crate::Error::Data`] when the capture lacks what `config.init` asks for, or when an image does not decode.
@@ -44,8 +45,8 @@ pub fn first_gaussians(capture: &Capture, config: &Config, progress: &mut dyn Fn
     Ok(Initial { splats: world.inverse().splats(&initial.splats), ..initial })
 }
 
-/// One isotropic Gaussian per point: its size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour of degree 0. In a
-/// clip of several frames all are dynamic, at rest, and visible throughout.
+/// One isotropic Gaussian per point: its size from the mean distance to the 3 nearest neighbours, opacity 0.1, colour
+/// of degree 0. In a clip of several frames all are dynamic, at rest, and visible throughout.
 pub fn from_points(points: &[Point], capture: &Capture, config: &Config) -> Splats {
     recon::from_points(points, capture, config.sh_degree)
 }

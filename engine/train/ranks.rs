@@ -2,7 +2,8 @@
 
 use crate::error::Result;
 
-/// What processes say to one another. Each call is one that all of them make, in the same order; it waits for the others.
+/// What processes say to one another. Each call is one that all of them make, in the same order; it waits for the
+/// others.
 pub trait Ranks: Send + Sync {
     /// This process among them, from 0.
     fn rank(&self) -> usize;

@@ -15,8 +15,8 @@ use std::path::Path;
 const MOST_LOOKED_AT: usize = 8;
 /// Colours within so many levels of 255 count as equal.
 const LEVELS_ALIKE: i32 = 2;
-/// Images show the background if more than this share of most of them has its colour. Of the real captures that this was measured on,
-/// 0.06 % of the darkest has.
+/// Images show the background if more than this share of most of them has its colour. Of the real captures that this
+/// was measured on, 0.06 % of the darkest has.
 const MOST_BEHIND: f64 = 0.05;
 
 /// What a trainer needs to know of a capture.

@@ -1,5 +1,5 @@
-//! Fits of depth priors that an earlier run found, kept beside the priors: a long clip has terabytes of them, which need not be read in
-//! every run.
+//! Fits of depth priors that an earlier run found, kept beside the priors: a long clip has terabytes of them, which
+//! need not be read in every run.
 
 use super::line::Outcome;
 use crate::files::{read_file, write_atomic};

@@ -64,9 +64,9 @@ impl fmt::Display for DepthSummary {
 }
 
 /// Fits the depth prior of every training image to the points seen in it: those of its frame, else the capture's sparse
-/// points that project into it. Depth is in the units of the capture's world. Each prior is read once and not kept; the fits are kept
-/// in `depth/fits.json` of the capture, where a later call finds those whose prior, points and camera are the same.
-/// `progress` is called as (frames done, frames in all).
+/// points that project into it. Depth is in the units of the capture's world. Each prior is read once and not kept; the
+/// fits are kept in `depth/fits.json` of the capture, where a later call finds those whose prior, points and camera are
+/// the same. `progress` is called as (frames done, frames in all).
 ///
 /// # Errors
 /// [`crate::Error::Data`] when a prior or the points of a frame cannot be read.

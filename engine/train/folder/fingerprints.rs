@@ -12,11 +12,12 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Bytes of a file that are hashed, at its beginning, in its middle and at its end, beside its length. A PNG ends with a checksum
-/// of its pixels, and the length of a compressed picture hardly ever stays: 6,000 pictures take a second, whole ones minutes.
+/// Bytes of a file that are hashed, at its beginning, in its middle and at its end, beside its length. A PNG ends with
+/// a checksum of its pixels, and the length of a compressed picture hardly ever stays: 6,000 pictures take a second,
+/// whole ones minutes.
 const PART: u64 = 4096;
-/// Steps in which poses are told apart: of a rotation's numbers, and of a translation for each unit of its length. Readers may round
-/// otherwise one day.
+/// Steps in which poses are told apart: of a rotation's numbers, and of a translation for each unit of its length.
+/// Readers may round otherwise one day.
 const STEPS: f64 = 1e7;
 /// Cameras that a message names.
 const NAMED: usize = 4;
@@ -32,8 +33,8 @@ pub struct Fingerprints(pub BTreeMap<String, Fingerprint>);
 pub struct Fingerprint {
     /// Hash of its poses, its lens, the size of its pictures and their frames; 16 hexadecimal digits.
     pub calibration: String,
-    /// Hashes of its pictures, with their masks, by frame; 16 digits each, one after the other. Of each file the length, and some bytes at
-    /// its beginning, in its middle and at its end.
+    /// Hashes of its pictures, with their masks, by frame; 16 digits each, one after the other. Of each file the
+    /// length, and some bytes at its beginning, in its middle and at its end.
     pub pictures: String,
 }
 
@@ -47,7 +48,8 @@ pub struct Changes {
 }
 
 impl Fingerprints {
-    /// Those of `capture`, in its own frame. A picture that cannot be read has those of an empty file: who needs it says so.
+    /// Those of `capture`, in its own frame. A picture that cannot be read has those of an empty file: who needs it
+    /// says so.
     ///
     /// # Errors
     /// None today; those of work on several threads.

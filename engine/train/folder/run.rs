@@ -106,8 +106,8 @@ impl Run {
         })
     }
 
-    /// Rendering constants in the capture's own frame, which is that of scene.ply; [`Run::constants`] are of the frame of
-    /// training.
+    /// Rendering constants in the capture's own frame, which is that of scene.ply; [`Run::constants`] are of the frame
+    /// of training.
     pub fn constants_of_capture(&self) -> Constants {
         Constants { near: (f64::from(self.constants.near) / self.world.scale) as f32, ..self.constants }
     }

@@ -1,7 +1,7 @@
 //! The images of a run, decoded ahead and kept on the device as far as its memory goes.
 //!
-//! Which image stays on the device is planned for all steps that are listed ([`residency`]). If images had to give way to something else
-//! meanwhile, the plan no longer holds, and a new one is made for as many bytes as there are left.
+//! Which image stays on the device is planned for all steps that are listed ([`residency`]). If images had to give way
+//! to something else meanwhile, the plan no longer holds, and a new one is made for as many bytes as there are left.
 
 mod order;
 mod residency;

@@ -102,8 +102,8 @@ impl Residents {
         Ok(Resident { counts, layout, staged, place: None })
     }
 
-    /// Stages a picture that stays on the device as `name`, if there is memory; for one step otherwise. The images that follow, of the
-    /// same step too, count on it, so the step is to be recorded.
+    /// Stages a picture that stays on the device as `name`, if there is memory; for one step otherwise. The images that
+    /// follow, of the same step too, count on it, so the step is to be recorded.
     #[tracing::instrument(level = "debug", name = "upload", skip_all)]
     pub fn keep(&mut self, gpu: &Gpu, staging: &Staging, name: Asked, picture: &Picture) -> Result<Resident> {
         let (counts, layout) = self.layout(gpu, picture);

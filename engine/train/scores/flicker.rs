@@ -3,7 +3,8 @@
 use crate::scene::capture::Picture;
 use crate::scene::{Frame, Pose};
 
-/// Pixels by which a window reaches beyond its middle: changes are averaged over it, which leaves motion and takes noise out.
+/// Pixels by which a window reaches beyond its middle: changes are averaged over it, which leaves motion and takes
+/// noise out.
 const REACH: usize = 2;
 /// Largest change of a window's mean that counts as static, in steps of 8 bits.
 const REST: f64 = 2.0;
@@ -102,7 +103,8 @@ mod tests {
 
     const SIDE: u32 = 64;
 
-    /// A grey picture with noise of up to `noise` steps, a white square at `square`, rendered without noise but `light` brighter.
+    /// A grey picture with noise of up to `noise` steps, a white square at `square`, rendered without noise but `light`
+    /// brighter.
     fn instant(frame: u32, noise: f64, square: u32, light: f32) -> Instant {
         let mut random = Random::new(u64::from(frame) + 7);
         let inside = |pixel: u32| (square..square + 16).contains(&(pixel % SIDE)) && pixel / SIDE < 16;

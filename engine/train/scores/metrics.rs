@@ -201,7 +201,8 @@ pub struct SceneScores {
     /// learnt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_fitted_offsets: Option<Scores>,
-    /// Of a clip in segments, means of the views at its seams and of the others ([`Segments::is_at_seam`](crate::train::Segments::is_at_seam)).
+    /// Of a clip in segments, means of the views at its seams and of the others
+    /// ([`Segments::is_at_seam`](crate::train::Segments::is_at_seam)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_seams_and_elsewhere: Option<[Scores; 2]>,
 }

@@ -7,8 +7,8 @@ use crate::train::config::{Config, PoseKind};
 use crate::train::require::{Due, review_due};
 
 impl DueEvents {
-    /// Events after step `step` of `total`, without density control, which is the trainer's. Time offsets are frozen once the scene has
-    /// formed.
+    /// Events after step `step` of `total`, without density control, which is the trainer's. Time offsets are frozen
+    /// once the scene has formed.
     pub(super) fn after(config: &Config, step: u64, total: u64) -> Self {
         let due = review_due(config, step, total);
         DueEvents {

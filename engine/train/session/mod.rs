@@ -130,8 +130,8 @@ impl<'a> Session<'a> {
         Ok(Session { n_left_out, ..Self::of(run, trainer, options) })
     }
 
-    /// The run that `checkpoint` is of, on its capture, which is in its own world. `options` say neither its length, nor its first
-    /// Gaussians, nor its frame.
+    /// The run that `checkpoint` is of, on its capture, which is in its own world. `options` say neither its length,
+    /// nor its first Gaussians, nor its frame.
     ///
     /// # Errors
     /// As [`Session::begin`].
@@ -367,7 +367,8 @@ impl<'a> Session<'a> {
         self.trainer.cleared(scene)
     }
 
-    /// The scene that the run ends with, in the capture's world: [`Session::scene`] and the backdrop that the settings ask for.
+    /// The scene that the run ends with, in the capture's world: [`Session::scene`] and the backdrop that the settings
+    /// ask for.
     ///
     /// # Errors
     /// As [`Session::step`].

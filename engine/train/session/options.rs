@@ -15,14 +15,15 @@ pub struct SessionOptions<'a> {
     pub constants: Constants,
     /// Steps; none for the settings' number.
     pub total: Option<u64>,
-    /// From the capture's world to the frame of training; none for [`Capture::normalisation`](crate::scene::capture::Capture::normalisation).
+    /// From the capture's world to the frame of training; none for
+    /// [`Capture::normalisation`](crate::scene::capture::Capture::normalisation).
     pub world: Option<Similarity>,
     /// The first Gaussians, in the capture's world; none to make them of the capture.
     pub first: Option<Splats>,
     /// The priors, as another session of the same capture read them.
     pub priors: Option<Priors>,
-    /// Bytes of images that are decoded ahead; no more are taken than all training images need. By default a quarter of the
-    /// machine's memory.
+    /// Bytes of images that are decoded ahead; no more are taken than all training images need. By default a quarter of
+    /// the machine's memory.
     pub cache_bytes: u64,
     /// Bytes of images that stay in the device's memory; none for the plan's number. Steps on them neither decode nor
     /// copy anything, and have the same bits.

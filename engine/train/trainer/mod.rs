@@ -303,8 +303,8 @@ impl Trainer {
         self.images.next(&self.gpu, &self.staging, source, &steps)
     }
 
-    /// As [`Trainer::train`], on images that were loaded before density control, for which those that stay on the device may have to
-    /// give way.
+    /// As [`Trainer::train`], on images that were loaded before density control, for which those that stay on the
+    /// device may have to give way.
     pub(in crate::train) fn train_on(&mut self, images: Vec<StepImage>) -> Result<()> {
         self.control_density()?;
         let inputs = self.inputs(images);

@@ -33,8 +33,8 @@ impl ProfiledStep {
 }
 
 impl Trainer {
-    /// As [`Trainer::train`], but waits for the end and gives the time of every pass; the counting that follows is not in
-    /// the times.
+    /// As [`Trainer::train`], but waits for the end and gives the time of every pass; the counting that follows is not
+    /// in the times.
     ///
     /// # Errors
     /// As [`Trainer::train`].
