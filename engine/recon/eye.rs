@@ -51,7 +51,7 @@ pub(super) struct Eye {
     pub width: usize,
     /// Pixels.
     pub height: usize,
-    /// Of the lens, world.
+    /// The lens, world.
     pub center: Vec3,
     /// Pixels.
     pub focal: Vec2,
@@ -67,7 +67,7 @@ pub(super) struct Eye {
 /// The optical axis of a camera, world.
 #[derive(Clone, Copy)]
 pub(super) struct Axis {
-    /// Of the lens.
+    /// The lens.
     pub center: Vec3,
     /// The way it looks, of length 1.
     pub along: Vec3,

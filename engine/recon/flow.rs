@@ -205,7 +205,7 @@ fn sights(
             let position = DVec3::from_array(point.position);
             let (at, _) = before.project(position)?;
             let (at_rest, _) = after.project(position)?;
-            // The pixel's own flow: between pixels it would mix what moves with what stands still behind it.
+            // The pixel's own flow: interpolation would mix moving things with the background.
             let to = at + DVec2::from(flow[before.pixel(at)?].map(f64::from));
             let moved = |at: DVec2, flow: [f32; 2]| (at + DVec2::from(flow.map(f64::from)) - at_rest).length();
             let own = (to - at_rest).length();

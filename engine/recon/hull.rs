@@ -76,7 +76,7 @@ impl Cube {
 /// A camera's foreground, summed from the first pixel on.
 struct Silhouette<'a> {
     eye: &'a Eye,
-    /// Of moving or unknown pixels in the rows above and the columns to the left; one row and one column more.
+    /// Counts of moving or unknown pixels in the rows above and the columns to the left; one row and one column more.
     sums: Vec<u32>,
 }
 
@@ -90,7 +90,7 @@ enum Occupancy {
 }
 
 impl<'a> Silhouette<'a> {
-    /// Of the pixels that show `of`.
+    /// Counts the pixels of the class `of`.
     fn new(eye: &'a Eye, of: Ground) -> Self {
         let stride = eye.width + 1;
         let mut sums = vec![0; stride * (eye.height + 1)];
@@ -136,7 +136,7 @@ impl<'a> Silhouette<'a> {
 /// Cells of a cube that may be inside.
 struct Carved {
     corner: Vec3,
-    /// Of a cell.
+    /// Side of a cell.
     side: f32,
     cells: Vec<IVec3>,
 }
@@ -184,8 +184,8 @@ impl Carved {
     }
 }
 
-/// At most `most` random points of the space that the cameras `views` share, in an order by `key`; none where most of
-/// them do not look at what is between them.
+/// At most `most` random points of the space that the cameras `views` share, in an order by `key`; none unless most of
+/// them look at the space between them.
 pub(super) fn shared_space(views: &[View], most: usize, key: &[u64]) -> Vec<Vec3> {
     let eyes: Vec<Eye> = views.iter().map(|view| Eye::blank(view, BLANK_SIDE)).collect();
     if eyes.is_empty() || !Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>()).is_inward {

@@ -11,7 +11,7 @@ pub(super) const SIZE: f64 = 0.5;
 /// agree on does not come alone.
 const LONELY: f64 = 2.5;
 
-/// What bounds the sizes in a capture.
+/// Bounds of the sizes in a capture.
 pub(super) struct Sizing {
     pub lenses: Lenses,
     reach: Reach,

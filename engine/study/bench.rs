@@ -29,7 +29,7 @@ const SCORES: [Measure; 7] = [
     Measure::Seconds,
 ];
 
-/// A finished run, by what tells it from the others.
+/// A finished run and its scores.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct BenchRun {
     /// Name of its capture.

@@ -61,7 +61,7 @@ pub(super) struct Cameras {
 /// Gradients by image of a step.
 struct Kept {
     d_cameras: Buf<[f32; 4]>,
-    /// Of one grid if no camera has one.
+    /// Space for one grid if no camera has one.
     d_grids: Buf<[f32; 4]>,
 }
 

@@ -42,7 +42,7 @@ pub struct Checkpoint {
     pub state: Vec<[f32; 4]>,
     /// The learnt parameters of the cameras.
     pub cameras: CameraState,
-    /// What was due after the step and has not been done, because the run failed there.
+    /// Events that were due after the step and have not happened, because the run failed there.
     pub due: DueEvents,
     /// The sizes of the buffers of a step.
     pub room: StepRoom,
@@ -60,7 +60,7 @@ pub struct StepRoom {
     pub rounds: u32,
 }
 
-/// What a run does between two steps.
+/// Events between two steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct DueEvents {
@@ -436,7 +436,7 @@ fn verified(file: &Path, bytes: &[u8]) -> Result<(Header, BTreeMap<String, Vec<f
 /// A checkpoint file, by its name.
 struct Kept {
     step: u64,
-    /// Of a best one.
+    /// PSNR, of a best one.
     psnr: Option<f64>,
     file: PathBuf,
 }

@@ -38,7 +38,7 @@ impl DepthCache {
         capture.join("depth/fits.json")
     }
 
-    /// Everything that the fit of a prior follows from, in one word; none where the file is not there.
+    /// A hash of all that the fit of a prior depends on; none without the file.
     pub fn key(path: &Path, view: &View, space: DepthSpace, points: &[[f64; 3]]) -> Option<String> {
         let of_file = std::fs::metadata(path).ok()?;
         let changed = of_file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
@@ -56,7 +56,7 @@ impl DepthCache {
         Some(format!("{:x}", hash.finalize()))
     }
 
-    /// What was found before for a file with this key.
+    /// The earlier result for a file with this key.
     pub fn get(&self, path: &Path, key: &str) -> Option<Outcome> {
         self.before.get(&self.name(path)?).filter(|kept| kept.key == key).map(|kept| kept.fit)
     }

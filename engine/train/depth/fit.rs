@@ -40,12 +40,12 @@ impl DepthFits {
     }
 }
 
-/// What a report says of the depth priors.
+/// Numbers on the depth priors for a report.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DepthSummary {
     /// Training images.
     pub images: usize,
-    /// Of them with a usable prior.
+    /// Images with a usable prior.
     pub usable: usize,
     /// The others, by reason.
     pub unfit: BTreeMap<Unfit, usize>,

@@ -47,7 +47,7 @@ pub enum Unfit {
     NoPrior,
     /// Fewer than 10 points are seen where the prior has a value.
     FewPoints,
-    /// The points are too much alike, in the prior or in depth, to tell the scale.
+    /// The points are too much alike, in the prior or in depth, to determine the scale.
     Flat,
     /// The prior falls where depth rises.
     Inverted,
@@ -74,7 +74,7 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
     if n < FEWEST {
         return Err(Unfit::FewPoints);
     }
-    // Of at least one value.
+    // There is at least one value.
     let middle = |values: &mut dyn Iterator<Item = f64>| median_high(values).unwrap_or(f64::NAN);
     let random = Keyed::new(&[KEY, n as u64]);
     let mut best = (f64::INFINITY, Line { scale: 0.0, shift: 0.0 });

@@ -1,4 +1,4 @@
-//! What tells a capture from another, or from itself after a change: hashes of where cameras are and of their pictures.
+//! Hashes that tell a capture from another, or from itself after a change: of where cameras are and of their pictures.
 
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
@@ -16,8 +16,8 @@ use std::path::Path;
 /// a checksum of its pixels, and the length of a compressed picture hardly ever stays: 6,000 pictures take a second,
 /// whole ones minutes.
 const PART: u64 = 4096;
-/// Steps in which poses are told apart: of a rotation's numbers, and of a translation for each unit of its length.
-/// Readers may round otherwise one day.
+/// Resolution of poses: of a rotation's numbers, and of a translation for each unit of its length. Readers may round
+/// otherwise one day.
 const STEPS: f64 = 1e7;
 /// Cameras that a message names.
 const NAMED: usize = 4;
@@ -27,7 +27,7 @@ const NAMED: usize = 4;
 #[serde(transparent)]
 pub struct Fingerprints(pub BTreeMap<String, Fingerprint>);
 
-/// Of a camera.
+/// The fingerprint of a camera.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fingerprint {
@@ -38,7 +38,7 @@ pub struct Fingerprint {
     pub pictures: String,
 }
 
-/// What a capture holds that is not what it held.
+/// Changes of a capture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
     /// Cameras that stand elsewhere, or have another lens or other frames.
@@ -48,8 +48,8 @@ pub struct Changes {
 }
 
 impl Fingerprints {
-    /// Those of `capture`, in its own frame. A picture that cannot be read has those of an empty file: who needs it
-    /// says so.
+    /// The fingerprints of `capture`, in its own world. A picture that cannot be read has that of an empty file;
+    /// whoever needs it reports the fault.
     ///
     /// # Errors
     /// None today; those of work on several threads.
@@ -64,7 +64,7 @@ impl Fingerprints {
         Ok(Fingerprints(capture.cameras.iter().map(of).collect()))
     }
 
-    /// What `now` holds that is not as it was here.
+    /// The changes from here to `now`.
     pub fn changes(&self, now: &Self) -> Changes {
         let mut changes = Changes::default();
         for (name, before) in &self.0 {
@@ -96,7 +96,7 @@ impl Fingerprint {
 }
 
 impl Changes {
-    /// Whether nothing has changed.
+    /// True if nothing has changed.
     pub fn is_empty(&self) -> bool {
         self.calibration.is_empty() && self.pictures.is_empty()
     }
@@ -154,7 +154,7 @@ fn of_calibration(camera: &Camera) -> String {
 fn of_picture(shot: &Shot) -> String {
     let mut hash = Sha256::new();
     for file in [Some(&shot.image), shot.mask.as_ref()].into_iter().flatten() {
-        // What was read up to a fault is hashed.
+        // The bytes up to a fault are hashed.
         let _ = add_file(&mut hash, file);
     }
     digits(hash)

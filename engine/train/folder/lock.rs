@@ -20,7 +20,7 @@ pub struct RunLock {
     _file: File,
 }
 
-/// Who holds a lock, as its file tells.
+/// The holder of a lock, by its file.
 #[derive(serde::Serialize, serde::Deserialize)]
 struct Holder {
     pid: u32,

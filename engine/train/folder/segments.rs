@@ -350,7 +350,7 @@ mod tests {
                     for row in 0..15 {
                         let ((own, place), (now, there)) = (shown(&before, row, time), shown(&pieces, row, time));
                         let expected = own * weights[frame as usize];
-                        // What is below the threshold may be left out.
+                        // A piece below the threshold may be left out.
                         let is_left_out = now == 0.0 && expected < 1.0 / 255.0;
                         assert!(
                             (now - expected).abs() < 1e-5 || is_left_out,

@@ -50,7 +50,6 @@ pub(super) struct ImageStore {
 }
 
 impl ImageStore {
-    /// Of a run whose terms of the loss take `data` beside the colours.
     pub fn new(gpu: &Gpu, data: TermData) -> Result<Self> {
         let residents = Residents::new(gpu, data)?;
         Ok(ImageStore { residents, limits: ImageLimits::default(), stream: None, waited: Duration::ZERO })

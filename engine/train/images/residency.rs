@@ -24,10 +24,10 @@ impl Residency {
 
 /// How each image of `order` comes to a device that keeps at most `budget` of their `bytes`.
 ///
-/// Those stay that fit first, and as long as a later step has them. Were the one used least recently to leave for the
-/// next, a device that holds half of the images would have the one it needs in 15 of 100 steps: every epoch shows all
-/// of them once, in a new random order, so most others come by between two uses of an image. Of those that just stay it
-/// has 50.
+/// Images stay that fit first, as long as a later step needs them. If the one used least recently left for the next, a
+/// device that holds half of the images would have the one it needs in 15 of 100 steps: every epoch shows all of them
+/// once, in a new random order, so most others come by between two uses of an image. With images that just stay it has
+/// 50.
 pub(super) fn plan(order: &[Asked], bytes: impl Fn(&Asked) -> u64, budget: u64) -> Vec<Residency> {
     let last: HashMap<&Asked, usize> = order.iter().zip(0..).collect();
     let mut stays: HashMap<&Asked, bool> = HashMap::new();

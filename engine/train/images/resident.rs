@@ -68,7 +68,7 @@ pub(in crate::train) struct Resident {
     layout: Layout,
     /// In staging memory, where it is not on the device yet.
     staged: Option<Slice>,
-    /// Where it stays on the device; none where it passes.
+    /// Where it stays on the device; none if it passes.
     place: Option<Buf<u32>>,
 }
 
@@ -82,7 +82,7 @@ pub(in crate::train) struct Residents {
 }
 
 impl Residents {
-    /// Of a run whose terms of the loss take `data` beside the colours.
+    /// For a run whose terms of the loss use `data` beside the colours.
     pub fn new(gpu: &Gpu, data: TermData) -> Result<Self> {
         let none = gpu.upload("no prior", &[NO_PRIOR])?;
         Ok(Residents { data, passing: gpu.alloc("truth", 1)?, none, kept: HashMap::new() })

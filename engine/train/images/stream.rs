@@ -55,7 +55,7 @@ pub(super) struct ImageStream {
 pub(super) struct Next {
     pub asked: Asked,
     pub residency: Residency,
-    /// There where it had to be decoded.
+    /// None if it is on the device.
     pub picture: Option<Arc<Picture>>,
 }
 
@@ -81,7 +81,7 @@ impl ImageStream {
         Ok(ImageStream { images: order.into_iter(), own: own.into_iter(), cache })
     }
 
-    /// Camera and frame of the next image; none where no more are listed.
+    /// Camera and frame of the next image; none if no more are listed.
     pub fn next_image(&mut self) -> Option<(usize, u32)> {
         self.images.next()
     }

@@ -52,7 +52,7 @@ const METRICS: [(&str, &str); 9] = [
     ),
 ];
 
-/// What holds for all scores.
+/// Facts about all scores.
 pub const METRICS_OF: &str = "the rendered colour, clamped to [0, 1], not rounded to 8 bits, against the 8-bit image; \
                               no crop; means are over views that their masks do not hide";
 
@@ -187,7 +187,7 @@ pub struct SceneScores {
     pub device: String,
     /// Depth up to which nothing was drawn, the capture's units.
     pub near: f32,
-    /// Whether colours were rounded to 8 bits before they were scored.
+    /// Colours were rounded to 8 bits before they were scored.
     pub rounded_to_8_bits: bool,
     /// Definitions of the scores.
     pub metrics: BTreeMap<&'static str, &'static str>,
@@ -201,7 +201,7 @@ pub struct SceneScores {
     /// learnt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_fitted_offsets: Option<Scores>,
-    /// Of a clip in segments, means of the views at its seams and of the others
+    /// For a clip in segments, means of the views at its seams and of the others
     /// ([`Segments::is_at_seam`](crate::train::Segments::is_at_seam)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_seams_and_elsewhere: Option<[Scores; 2]>,

@@ -1,4 +1,4 @@
-//! What is due after a step, and what a run of another length has missed.
+//! Events that are due after a step, and those that a run of another length has missed.
 
 use crate::train::average::Average;
 use crate::train::cameras::{offsets_judged_at, poses_are_missed, poses_judged_at};

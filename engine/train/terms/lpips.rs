@@ -29,7 +29,7 @@ pub(super) const TERM: TermKind = TermKind {
 const CROP: u64 = 3;
 
 impl Loss {
-    /// The weights of LPIPS's trunk; none where LPIPS is off.
+    /// The weights of LPIPS's trunk; none if LPIPS is off.
     fn lpips_file(&self) -> Option<&Path> {
         self.lpips_weights.as_deref().filter(|_| self.lpips > 0.0)
     }

@@ -54,7 +54,7 @@ pub struct Logged {
     pub key: &'static str,
     /// The title of its plot in the report; empty for none.
     pub plot: &'static str,
-    /// Whether the plot's vertical axis begins at 0.
+    /// The plot's vertical axis begins at 0.
     pub from_zero: bool,
 }
 

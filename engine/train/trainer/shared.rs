@@ -27,7 +27,7 @@ impl Trainer {
         let mut results = loop {
             let (rec, results) = self.record(&inputs)?;
             self.gpu.start(&rec)?.wait()?;
-            // Those before it have ended too.
+            // The steps before it have ended, too.
             while !self.in_flight.is_empty() {
                 self.end_oldest()?;
             }
