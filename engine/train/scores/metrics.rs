@@ -191,6 +191,7 @@ pub struct SceneScores {
     pub rounded_to_8_bits: bool,
     /// Definitions of the scores.
     pub metrics: BTreeMap<&'static str, &'static str>,
+    /// [`METRICS_OF`].
     pub metrics_of: &'static str,
     /// The trunk whose features LPIPS compares; none without weights.
     pub lpips_trunk: Option<String>,
