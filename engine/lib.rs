@@ -16,6 +16,7 @@ pub mod parallel;
 pub mod prepare;
 pub mod profile;
 pub mod random;
+mod recon;
 pub mod report;
 pub mod scene;
 pub mod settings;

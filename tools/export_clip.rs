@@ -373,7 +373,7 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
         return Ok(Vec::new());
     }
     let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
-    let capture = run.open_capture(None)?.transformed(&run.world.inverse());
+    let capture = run.open_capture(None)?;
     let mut views = Vec::new();
     for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| camera.films()) {
         if let Some(shot) = camera.shots.first() {

@@ -13,6 +13,7 @@ use ivv::gpu::generated::gather;
 use ivv::gpu::kernel::{Access, BindingInfo};
 use ivv::gpu::{Buf, Grid, KernelInfo, Options, Recording, Rewrite};
 use ivv::scene::Frame;
+use ivv::scene::Similarity;
 use ivv::scene::capture::Capture;
 use ivv::stage::{Gradients, Outputs, Renderer, Sums};
 use ivv::synth::{Options as Synthesis, Preset, write_capture};
@@ -241,7 +242,12 @@ fn training_has_the_same_bits_in_another_order() {
     let capture = Capture::open(&folder.0).unwrap();
     let train = |device: Watched| {
         let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
-        let options = SessionOptions { total: Some(24), priors: Some(Priors::default()), ..SessionOptions::default() };
+        let options = SessionOptions {
+            total: Some(24),
+            world: Some(Similarity::default()),
+            priors: Some(Priors::default()),
+            ..SessionOptions::default()
+        };
         let mut session = Session::begin((*device).clone(), &capture, config, options).unwrap();
         while session.step().unwrap() {}
         session.finish().unwrap()

@@ -1,6 +1,6 @@
 //! What lies behind a scene: a background that varies while it is trained, and a backdrop where no training camera looks.
 
-use super::{Tiny, train};
+use super::{Tiny, as_it_is, train};
 use crate::common::device::gpu;
 use crate::common::program::{ivv, json, works};
 use image::{DynamicImage, Rgb, RgbImage};
@@ -162,7 +162,7 @@ fn a_backdrop_that_would_be_too_much_is_left_out_and_told_of() {
     let first = initialise(&capture, &Config::default(), &mut |_, _| {}).unwrap().splats;
     let session = |max_gaussians: usize| {
         let config = Config { max_gaussians, steps: 60, ..Config::default() };
-        let options = SessionOptions { first: Some(first.clone()), ..SessionOptions::default() };
+        let options = SessionOptions { first: Some(first.clone()), ..as_it_is() };
         Session::begin(gpu().clone(), &capture, config, options).unwrap()
     };
     let told = |session: &mut Session| {
@@ -175,8 +175,8 @@ fn a_backdrop_that_would_be_too_much_is_left_out_and_told_of() {
     let n = finished.len() - scene.len();
     assert!(n > 100 && told(&mut trained) == [(n, true)], "{n}");
     let (mut enough, mut less) = (session(finished.len()), session(finished.len() - 1));
-    assert_eq!((enough.with_backdrop(scene.clone()).unwrap(), told(&mut enough)), (finished, vec![(n, true)]));
-    assert_eq!((less.with_backdrop(scene.clone()).unwrap(), told(&mut less)), (scene, vec![(n, false)]));
+    assert_eq!((enough.finish_with(scene.clone()).unwrap(), told(&mut enough)), (finished, vec![(n, true)]));
+    assert_eq!((less.finish_with(scene.clone()).unwrap(), told(&mut less)), (scene, vec![(n, false)]));
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Density control in a run: when rounds are due, and what training with either strategy leaves.
 
-use super::{Tiny, nothing_moves, steady};
+use super::{Tiny, as_it_is, nothing_moves, steady};
 use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::scene::Splats;
@@ -27,7 +27,7 @@ fn a_run_that_begins_with_all_it_finds_still_grows() {
         let rounds = reports.filter_map(|event| if let Event::Step(report) = event { report.density } else { None });
         (first, room.unwrap(), rounds.map(|counts| counts.cloned + counts.split).sum::<u32>())
     };
-    let (first, room, added) = grown(&config, SessionOptions::default());
+    let (first, room, added) = grown(&config, as_it_is());
     assert!(
         first < config.max_gaussians && room > 0 && added > 0,
         "{first} of {n} at first, {room} more, {added} added"
@@ -35,7 +35,7 @@ fn a_run_that_begins_with_all_it_finds_still_grows() {
     // What somebody begins with is kept, and the run can say that nothing will be added.
     let all = from_points(&tiny.capture.points, &tiny.capture, &config);
     let full = Config { max_gaussians: n, ..config.clone() };
-    let options = SessionOptions { first: Some(all), ..SessionOptions::default() };
+    let options = SessionOptions { first: Some(all), ..as_it_is() };
     assert_eq!(grown(&full, options), (n, 0, 0));
     // Drawn copies take the place of others.
     let density = Density { strategy: Strategy::Mcmc, ..Density::default() };

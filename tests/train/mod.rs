@@ -39,7 +39,7 @@ use crate::common::device::gpu;
 use crate::common::same::assert_same_splats;
 use ivv::Constants;
 use ivv::scene::capture::{Capture, PriorPlan};
-use ivv::scene::{Motion, Splats};
+use ivv::scene::{Motion, Similarity, Splats};
 use ivv::stage::{AdamMode, Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{
@@ -139,6 +139,11 @@ impl Drop for Tiny {
     }
 }
 
+/// Of a session that computes in the world of its capture.
+fn as_it_is<'a>() -> SessionOptions<'a> {
+    SessionOptions { world: Some(Similarity::default()), ..SessionOptions::default() }
+}
+
 /// Trains `steps` steps; returns the Gaussians and the mean loss of the first and the last ten steps.
 fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Splats, f64, f64) {
     let gpu = gpu();
@@ -146,7 +151,7 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
         total: Some(steps),
         first: Some(splats.clone()),
         priors: Some(Priors::default()),
-        ..SessionOptions::default()
+        ..as_it_is()
     };
     let mut session = Session::begin(gpu.clone(), capture, config.clone(), options).unwrap();
     while session.step().unwrap() {}

@@ -172,8 +172,7 @@ fn shared(tiny: &Tiny, config: &Config, size: usize, checkpoint: Option<&Checkpo
 #[test]
 fn one_two_and_four_processes_leave_the_same_bits_and_each_goes_on_where_others_were() {
     let device = gpu();
-    let mut tiny = Tiny::new("ranks");
-    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let tiny = Tiny::new("ranks");
     let config = config();
     let begin = || Session::begin(device.clone(), &tiny.capture, config.clone(), SessionOptions::default()).unwrap();
     let alone = end(begin());
@@ -226,8 +225,7 @@ impl Ranks for Alone {
 #[test]
 fn a_process_that_loses_the_others_leaves_its_last_step() {
     let device = gpu();
-    let mut tiny = Tiny::new("ranks-lost");
-    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let tiny = Tiny::new("ranks-lost");
     let begin = |ranks: Option<Arc<dyn Ranks>>| {
         let options = SessionOptions { ranks, ..SessionOptions::default() };
         Session::begin(device.clone(), &tiny.capture, config(), options).unwrap()
@@ -254,8 +252,7 @@ fn a_process_that_loses_the_others_leaves_its_last_step() {
 #[test]
 fn a_batch_learns_and_lists_that_overflow_leave_no_trace() {
     let gpu = gpu();
-    let mut tiny = Tiny::new("batch");
-    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let tiny = Tiny::new("batch");
     let config = config();
     let begin = || Session::begin(gpu.clone(), &tiny.capture, config.clone(), SessionOptions::default()).unwrap();
     let whole = end(begin());

@@ -15,9 +15,6 @@ fn main() -> ivv::Result<()> {
     };
     let gpu = Arc::new(Gpu::open(&Default::default())?);
     let capture = Capture::open(Path::new(capture))?;
-    // Training takes place in a frame where the extent of the cameras is 3.
-    let world = capture.normalisation();
-    let capture = capture.transformed(&world);
     let config = Config { steps: 200, ..Config::default() };
     let mut session = Session::begin(gpu, &capture, config, SessionOptions::default())?;
     while session.step()? {
@@ -27,5 +24,5 @@ fn main() -> ivv::Result<()> {
             }
         }
     }
-    write_ply(Path::new(scene), &world.inverse().splats(&session.finish()?))
+    write_ply(Path::new(scene), &session.finish()?)
 }
