@@ -15,6 +15,9 @@ pub struct Clock {
 }
 
 impl Clock {
+    /// That of a scene in which nothing changes: one frame.
+    pub const STILL: Clock = Clock { fps: 1.0, frames: 1 };
+
     /// Length of the clip, seconds.
     pub fn seconds(self) -> f64 {
         f64::from(self.frames) / self.fps

@@ -5,11 +5,12 @@ use std::path::Path;
 
 use super::clock::Clock;
 use super::compressed_ply::{is_compressed, read_compressed};
-use super::format::{ELSEWHERE, Reader, WriteScene, Writer};
-use super::imported::{Imported, Own};
+use super::format::{ELSEWHERE, Keeps, Reader, Writer};
+use super::own::Own;
 use super::ply_known::network_beside;
 use super::ply_layout::Layout;
 use super::ply_time::{FREE_TIME, MOTION, SPAN, free_time, free_time_comments};
+use super::scene::Scene;
 use crate::error::{Error, Result};
 use crate::files::ply_header::Header;
 use crate::files::ply_rows::Rows;
@@ -18,7 +19,7 @@ use crate::scene::{ALWAYS, Motion, Splats};
 
 /// Reads a scene from a 3DGS PLY file: ascii or binary of either byte order, properties by name in any order and of
 /// any scalar type (rounded to f32). Properties and elements that change no picture are skipped, and so are harmonics of degree 4 and
-/// above; [`import_scene`](crate::formats::import_scene) says which. The discs of 2DGS become thin, and the 3D filter of mip-splatting is
+/// above; [`read`](crate::formats::read) says which. The discs of 2DGS become thin, and the 3D filter of mip-splatting is
 /// worked in.
 ///
 /// Temporal properties are this project's, those of a `.ftgs.ply` (version 1) or those of Spacetime Gaussians whose motion is
@@ -35,13 +36,13 @@ pub fn read_ply(path: &Path) -> Result<Splats> {
     import(path).map(|imported| imported.splats)
 }
 
-fn import(path: &Path) -> Result<Imported> {
+fn import(path: &Path) -> Result<Scene> {
     let (header, rows) = Rows::open(path)?;
     let own = own(&header);
     let read = if is_compressed(&header) { read_compressed } else { read_vertices };
     let (splats, mut notes) = read(path, &header, rows)?;
     notes.extend(network_beside(path));
-    Ok(Imported { splats, notes, own })
+    Ok(Scene::new(splats, notes, own.as_ref()))
 }
 
 /// The Gaussians, and the notes on the file.
@@ -125,15 +126,15 @@ pub(super) const WRITER: Writer = Writer {
     name: "ply",
     ending: Some(".ply"),
     about: "3DGS's, with the motion of dynamic Gaussians",
-    keeps_constants: true,
-    write: WriteScene::WithOwn(write_ply_with),
+    keeps: Keeps { constants: true, non_finite: true, ..Keeps::NOTHING },
+    write: |path, splats, clip, _| write_ply_with(path, splats, &clip.unusual()).map(|()| Vec::new()),
 };
 pub(super) const FTGS_WRITER: Writer = Writer {
     name: "ftgs",
     ending: Some(".ftgs.ply"),
     about: "FreeTimeGS's PLY",
-    keeps_constants: true,
-    write: WriteScene::WithClip(|path, splats, clock, _, own| write_free_time(path, splats, clock, own)),
+    keeps: Keeps { constants: true, views: true, ..Keeps::NOTHING },
+    write: |path, splats, clip, _| write_free_time(path, splats, clip.clock, &clip.unusual()).map(|()| Vec::new()),
 };
 
 /// Writes a scene as a binary little-endian PLY in 3DGS's property order, rows in the order of `source_row` (ties: the

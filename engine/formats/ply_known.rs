@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::imported::compensated;
+use super::scene::compensated;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
 

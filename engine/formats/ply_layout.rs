@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::decode::logit_of_byte;
-use super::imported::cut_harmonics;
 use super::ply_known::{compensation, judge, stem};
 use super::ply_time::Temporal;
+use super::scene::cut_harmonics;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header, Scalar};
 use crate::files::ply_rows::Column;

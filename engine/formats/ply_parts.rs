@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::imported::Own;
+use super::own::Own;
 use super::ply::{is_ply, own_comments, own_time, push_row, write_header};
 use super::ply_layout::Layout;
 use super::ply_time::{MOTION, SPAN};

@@ -6,7 +6,7 @@ use exr::prelude::f16;
 use serde_json::json;
 
 use super::decode::{byte_of_logit, level};
-use super::format::{ELSEWHERE, WriteScene, Writer};
+use super::format::{ELSEWHERE, Keeps, Writer};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::SH_C0;
@@ -17,8 +17,8 @@ pub(super) const WRITER: Writer = Writer {
     name: "splatv",
     ending: Some(".splatv"),
     about: "antimatter15's of dynamic scenes, without view dependence",
-    keeps_constants: false,
-    write: WriteScene::WithClip(|path, splats, _, views, _| write_splatv(path, splats, views)),
+    keeps: Keeps { views: true, ..Keeps::NOTHING },
+    write: |path, splats, clip, _| write_splatv(path, splats, &clip.views).map(|()| Vec::new()),
 };
 
 /// First word of a file.

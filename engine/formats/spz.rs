@@ -10,7 +10,7 @@ use ruzstd::decoding::StreamingDecoder;
 
 use super::decode::{complete_quaternion, logit_of_byte};
 use super::format::Reader;
-use super::imported::{Imported, compensated, cut_harmonics};
+use super::scene::{Scene, compensated, cut_harmonics};
 use crate::error::{Error, Result};
 use crate::files::read_bytes;
 use crate::scene::Splats;
@@ -117,7 +117,7 @@ pub fn read_spz(path: &Path) -> Result<Splats> {
     import(path).map(|imported| imported.splats)
 }
 
-fn import(path: &Path) -> Result<Imported> {
+fn import(path: &Path) -> Result<Scene> {
     let (header, payload) = attributes(path)?;
     let mut notes = Vec::new();
     if header.flags & FLAG_ANTIALIASED != 0 {
@@ -127,7 +127,7 @@ fn import(path: &Path) -> Result<Imported> {
     if n_cut > 0 {
         notes.push(cut_harmonics(header.sh_degree, n_cut, header.count));
     }
-    Ok(Imported { notes, ..splats.into() })
+    Ok(Scene { notes, ..splats.into() })
 }
 
 /// The header and the attributes behind each other, with what vendors added to versions 2 and 3.

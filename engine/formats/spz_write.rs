@@ -7,7 +7,7 @@ use flate2::{Compression, write::GzEncoder};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
 use super::decode::{byte_of_logit, level};
-use super::format::{WriteScene, Writer};
+use super::format::{Keeps, Writer};
 use super::four_dgs::World;
 use super::spz::{COLOR_SCALE, HEADER_BYTES_V4, MAGIC, SH_SIGNS};
 use crate::error::{Error, Result};
@@ -18,15 +18,15 @@ pub(super) const VERSION_3: Writer = Writer {
     name: "spz",
     ending: Some(".spz"),
     about: "Niantic's, version 3; one moment",
-    keeps_constants: false,
-    write: WriteScene::InWorld(|path, splats, world| write_spz(path, splats, SpzVersion::V3, world)),
+    keeps: Keeps::NOTHING,
+    write: |path, splats, clip, _| write_spz(path, splats, SpzVersion::V3, clip.world).map(|()| Vec::new()),
 };
 pub(super) const VERSION_4: Writer = Writer {
     name: "spz4",
     ending: None,
     about: "Niantic's, version 4; one moment",
-    keeps_constants: false,
-    write: WriteScene::InWorld(|path, splats, world| write_spz(path, splats, SpzVersion::V4, world)),
+    keeps: Keeps::NOTHING,
+    write: |path, splats, clip, _| write_spz(path, splats, SpzVersion::V4, clip.world).map(|()| Vec::new()),
 };
 
 /// Positions are signed integers of so many bits, less the sign.

@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
 use crate::formats::clock::Clock;
 use crate::formats::format::Reader;
-use crate::formats::imported::{Imported, Own};
+use crate::formats::own::Own;
+use crate::formats::scene::{Clip, Scene};
 use crate::scene::dc_of_color;
 use crate::scene::parse_views;
 use crate::scene::{ALWAYS, Motion, Splats, View};
@@ -24,9 +25,12 @@ const EDGE: f64 = 1e-6;
 pub(in crate::formats) const READER: Reader =
     Reader { what: "a .4dgs", knows: |start| start.bytes == MAGIC, read: import };
 
-fn import(path: &Path) -> Result<Imported> {
+fn import(path: &Path) -> Result<Scene> {
     let file = FourDgs::read(path)?;
-    Ok(Imported { splats: file.splats()?, notes: file.notes(), own: file.own().cloned() })
+    let scene = Scene::new(file.splats()?, file.notes(), file.own());
+    let (clock, views, sounds) = (Some(file.clock()), file.views()?, file.sounds());
+    let clip = Clip { clock, views, sounds, world: file.world(), cutoff: file.cutoff(), ..scene.clip };
+    Ok(Scene { clip, ..scene })
 }
 
 /// A `.4dgs`: what it says, and its Gaussians where they are in memory.
