@@ -1,9 +1,8 @@
 //! A scene of a capture: cargo run --release --example train -- CAPTURE scene.ply
 
-use ivv::formats::write_ply;
-use ivv::gpu::Gpu;
-use ivv::scene::capture::Capture;
+use ivv::formats::{self, Scene, WriteOptions};
 use ivv::train::{Config, Event, Session, SessionOptions};
+use ivv::{Capture, Gpu, GpuOptions};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -13,7 +12,7 @@ fn main() -> ivv::Result<()> {
         eprintln!("usage: train CAPTURE SCENE.ply");
         std::process::exit(2);
     };
-    let gpu = Arc::new(Gpu::open(&Default::default())?);
+    let gpu = Arc::new(Gpu::open(&GpuOptions::default())?);
     let capture = Capture::open(Path::new(capture))?;
     // Training takes place in a frame where the extent of the cameras is 3.
     let world = capture.normalisation();
@@ -27,5 +26,7 @@ fn main() -> ivv::Result<()> {
             }
         }
     }
-    write_ply(Path::new(scene), &world.inverse().splats(&session.finish()?))
+    let splats = world.inverse().splats(&session.finish()?);
+    formats::write(scene, &Scene::from(splats), &WriteOptions::default())?;
+    Ok(())
 }
