@@ -23,7 +23,7 @@ impl Clock {
         f64::from(self.frames) / self.fps
     }
 
-    /// What a file of `seconds` says, or else what frames it would have at the usual rate; one of a file without length.
+    /// The clock in a file of `seconds`, or else one at the usual rate; one frame for a file without length.
     pub(super) fn of_file(own: Option<&BTreeMap<String, String>>, seconds: f64) -> Clock {
         if seconds <= 0.0 {
             return Clock { fps: FPS, frames: 1 };

@@ -1,4 +1,4 @@
-//! What a scene format is to those that read and write it.
+//! The interface of a scene format.
 
 use std::borrow::Cow;
 use std::ffi::OsStr;
@@ -10,19 +10,19 @@ use crate::error::Result;
 use crate::scene::Splats;
 use crate::settings::Constants;
 
-/// What to do with a scene that a format cannot hold for its spans.
+/// The remedy for a scene that a format cannot hold for its spans.
 pub(super) const ELSEWHERE: &str = "export it as .4dgs or PLY, or as it is at one time (--time)";
 
 /// A format that scenes are read from.
 pub(super) struct Reader {
-    /// What to give, for the message that no format knows a file.
+    /// Its files, for the message that no format recognises a file.
     pub what: &'static str,
-    /// Whether a file, or a folder, is of this format.
+    /// True if a file, or a folder, is of this format.
     pub knows: fn(&Start) -> bool,
     pub read: fn(&Path) -> Result<Scene>,
 }
 
-/// What tells the formats of files apart.
+/// The evidence that identifies the format of a file.
 pub(super) struct Start<'a> {
     pub path: &'a Path,
     /// The first four bytes, or fewer where there are no more; none of a folder.
@@ -30,7 +30,7 @@ pub(super) struct Start<'a> {
 }
 
 impl Start<'_> {
-    /// Whether the name ends in `.ending`, in whatever case.
+    /// True if the name ends in `.ending`, in any case.
     pub fn ends_in(&self, ending: &str) -> bool {
         self.path.extension().and_then(OsStr::to_str).is_some_and(|own| own.eq_ignore_ascii_case(ending))
     }
@@ -43,7 +43,7 @@ pub struct Writer {
     pub name: &'static str,
     /// The ending of its files; none where that is the ending of a format before it.
     pub ending: Option<&'static str>,
-    /// What it is, in a line.
+    /// A description in one line.
     pub about: &'static str,
     /// Which parts of a clip it stores.
     pub keeps: Keeps,

@@ -42,7 +42,7 @@ use crate::scene::Splats;
 use format::Reader;
 use std::path::Path;
 
-/// The formats that scenes are read from. What content tells comes before what an ending tells.
+/// The formats that scenes are read from. Those that are recognised by content come before those that are recognised by an ending.
 const READERS: &[Reader] = &[ply::READER, four_dgs::READER, spz::READER, sog::READER, splat::READER];
 
 /// The formats that scenes are written in.

@@ -79,7 +79,7 @@ fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats
     Ok((still, notes))
 }
 
-/// What a header says of how the scene is rendered; none in a file of another program.
+/// How the scene is rendered, by a header; none in a file of another program.
 fn own(header: &Header) -> Option<Own> {
     let said = header.comments.iter().filter_map(|line| line.strip_prefix(OWN)?.split_once(' '));
     let own: Own = said.map(|(name, value)| (name.to_owned(), value.to_owned())).collect();
@@ -92,7 +92,7 @@ pub(super) fn own_comments(own: &Own) -> Vec<String> {
     own.iter().map(|(name, value)| format!("{OWN}{} {}", plain(name), plain(value))).collect()
 }
 
-/// What the header of a PLY says of how the scene is rendered; none in a file of another program or format.
+/// How the scene is rendered, by the header of a PLY; none in a file of another program or format.
 ///
 /// # Errors
 /// [`Error::Data`] when the file cannot be read, or is a PLY whose header is malformed or promises another length.
@@ -103,7 +103,7 @@ pub fn ply_own(path: &Path) -> Result<Option<Own>> {
     Rows::open(path).map(|(header, _)| own(&header))
 }
 
-/// Whether a file begins as a PLY does.
+/// True if a file begins as a PLY does.
 pub(super) fn is_ply(path: &Path) -> Result<bool> {
     let mut start = Vec::new();
     let read = open_file(path).and_then(|file| file.take(STARTS[0].len() as u64).read_to_end(&mut start));
@@ -111,9 +111,9 @@ pub(super) fn is_ply(path: &Path) -> Result<bool> {
     Ok(STARTS.iter().any(|known| **known == start[..]))
 }
 
-/// What a PLY begins with.
+/// The first bytes of a PLY.
 const STARTS: [&[u8]; 2] = [b"ply\n", b"ply\r"];
-/// What comments begin with that are this project's own: a name and a value follow.
+/// The prefix of this project's own comments: a name and a value follow.
 const OWN: &str = "ivv ";
 
 pub(super) const READER: Reader = Reader {
@@ -190,7 +190,7 @@ fn write_free_time(path: &Path, splats: &Splats, clock: Option<Clock>, own: &Own
     write_rows(path, splats, &comments, &FREE_TIME, temporal, |i| splats.is_finite(i))
 }
 
-/// Writes the rows that `keep` tells, with the temporal properties `names`. `temporal` gives their values, and maybe more behind
+/// Writes the rows that `keep` accepts, with the temporal properties `names`. `temporal` gives their values, and maybe more behind
 /// them, by the place among the dynamic Gaussians; none for a static one.
 fn write_rows<const N: usize>(
     path: &Path,

@@ -22,7 +22,7 @@ const SLACK_PIXELS: u64 = 256 * 256;
 const MAX_META_BYTES: u64 = 1 << 20;
 /// Palette entries of spherical harmonics in a row of their image.
 const PALETTE_COLUMNS: usize = 64;
-/// What a zip archive begins with.
+/// The first bytes of a zip archive.
 const ZIP: &[u8] = b"PK\x03\x04";
 pub(super) const READER: Reader =
     Reader { what: "a SOG scene (version 2): a .sog, or its folder or meta.json", knows: is_sog, read: read_any };

@@ -29,7 +29,7 @@ const ROW_BYTES: usize = 64;
 /// Words of the end of a row: three pairs of bending, two of turning, which ours do not have.
 const UNUSED: [[f32; 2]; 5] = [[0.0; 2]; 5];
 
-/// Writes a scene as a `.splatv`, what shows most first. What depends on the direction is lost, and positions are the only
+/// Writes a scene as a `.splatv`, the largest and most opaque first. View dependence is lost, and positions are the only
 /// numbers that are not halves or bytes. Time runs from 0 to 1. Gaussians with a parameter that is not finite are left out; one
 /// that never fades has a tau of 65,504 clips.
 ///

@@ -32,7 +32,7 @@ pub(super) const VERSION_4: Writer = Writer {
 /// Positions are signed integers of so many bits, less the sign.
 const POSITION_BITS: i32 = 23;
 
-/// What a file is packed with.
+/// The compression of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpzVersion {
     /// One gzip stream: what most programs read.
@@ -56,7 +56,7 @@ pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion, world: Optio
         return Err(Error::data(path, "", "there is no Gaussian to write", "an .spz needs at least one"));
     }
     let is_turned = world.is_none_or(|world| !world.is_y_up());
-    // What y and z are multiplied by.
+    // The factor of y and z.
     let flip = if is_turned { -1.0_f32 } else { 1.0 };
     let largest = rows.iter().flat_map(|&i| splats.position[i]).fold(0.0_f32, |m, x| m.max(x.abs()));
     // The most fractional bits with which the largest coordinate still fits.

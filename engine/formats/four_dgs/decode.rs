@@ -1,4 +1,4 @@
-//! What a `.4dgs` says, and as Gaussians of ours.
+//! Reads `.4dgs` files.
 
 use super::ears::{EARS, Ears};
 use super::{MAGIC, RECORD, SOUND, Sounds, VIEWS, World};
@@ -43,7 +43,7 @@ pub struct FourDgs {
 }
 
 impl FourDgs {
-    /// Whether the file begins as a `.4dgs` does, of whatever version.
+    /// True if the file begins as a `.4dgs` of any version does.
     pub fn is(path: &Path) -> bool {
         let mut start = Vec::new();
         let read = open_file(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut start));
@@ -60,7 +60,7 @@ impl FourDgs {
         Self::of(path, std::io::BufReader::new(file))
     }
 
-    /// A file that is in memory; `path` is what its faults are told of.
+    /// Reads a file that is in memory; faults name `path`.
     ///
     /// # Errors
     /// As [`FourDgs::read`].
@@ -68,7 +68,7 @@ impl FourDgs {
         Self::of(path, bytes)
     }
 
-    /// Reads what a file says but its Gaussians, which may be more than memory holds; all of it where its chunks are not told of at
+    /// Reads a file without its Gaussians, which may be more than memory holds; all of it where there is no index of its chunks at
     /// its end.
     ///
     /// # Errors
@@ -115,12 +115,12 @@ impl FourDgs {
         Clock::of_file(self.own(), seconds)
     }
 
-    /// What is this project's own, by name: how the scene is rendered; `None` in a file of another program.
+    /// How the scene is rendered, by name; `None` in a file of another program.
     pub fn own(&self) -> Option<&Own> {
         self.scene.metadata.iter().find(|record| record.name == RECORD).map(|record| &record.entries)
     }
 
-    /// What is in the file that is not read, a sentence each.
+    /// The parts of the file that are not read, a sentence each.
     pub fn notes(&self) -> Vec<String> {
         let records = self.scene.metadata.iter().map(|record| &record.name);
         let attachments = self.scene.attachments.iter().map(|attachment| &attachment.name);
@@ -217,7 +217,7 @@ fn others<'a>(all: impl Iterator<Item = &'a String>, known: &[&str]) -> Vec<Stri
     all.filter(|name| !known.contains(&name.as_str())).map(|name| format!("`{}`", name.escape_debug())).collect()
 }
 
-/// A first or last moment that is not shown is shorter than a frame can tell, where it is at most this; seconds.
+/// A Gaussian may be hidden for this long at the clip's ends, seconds: no frame falls there.
 pub(super) fn margin(seconds: f64, frames: u32) -> f64 {
     1e-3 * seconds / f64::from(frames)
 }
@@ -262,7 +262,7 @@ pub(super) struct Stored<'a> {
 }
 
 impl Stored<'_> {
-    /// Those that rest and are always there, and the others.
+    /// The static Gaussians, and the others.
     pub(super) fn populations(&self) -> (Vec<usize>, Vec<usize>) {
         let Stored { set, .. } = self;
         (0..set.count()).partition(|i| {
