@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::files::write_tensors;
 
-/// Everything one render gives, row-major, top first. None of the sums is normalised by alpha.
+/// A rendered picture, row-major, top row first. None of the sums is normalised by alpha.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
     /// Pixels.
