@@ -62,7 +62,7 @@
 //! let (frame, report) = renderer.render(&view, Outputs::All)?;
 //! assert_eq!(frame.color.len(), 1280 * 720);
 //! println!("{} of {} Gaussians are visible", report.visible, report.gaussians);
-//! frame.write_png("frame.png".as_ref())?; // colour; write_exr has all outputs
+//! frame.write_png("frame.png")?; // colour; write_exr has all outputs
 //! # Ok(())
 //! # }
 //! ```
@@ -104,7 +104,7 @@
 //! use ivv::Capture;
 //!
 //! # fn main() -> ivv::Result<()> {
-//! let capture = Capture::open("captures/fox".as_ref())?;
+//! let capture = Capture::open("captures/fox")?;
 //! println!("{} cameras, {} frames at {} per second", capture.cameras.len(), capture.n_frames, capture.fps);
 //! capture.notes.iter().for_each(|note| println!("{note}"));
 //! let (camera, frame) = capture.training_frames()[0];
@@ -127,7 +127,7 @@
 //!
 //! # fn main() -> ivv::Result<()> {
 //! let gpu = std::sync::Arc::new(Gpu::open(&GpuOptions::default())?);
-//! let capture = Capture::open("captures/fox".as_ref())?;
+//! let capture = Capture::open("captures/fox")?;
 //! // Training takes place in a frame where the cameras' extent is 3.
 //! let world = capture.normalisation();
 //! let capture = capture.transformed(&world);
@@ -155,11 +155,11 @@
 //! use ivv::sound::{Depth, HrtfSet, RenderConfig, SoundScene, read_path, render, write_wav};
 //!
 //! # fn main() -> ivv::Result<()> {
-//! let scene = SoundScene::read("sound/scene.json".as_ref())?;
-//! let head = read_path("head.csv".as_ref(), None)?.track;
-//! let ears = HrtfSet::open("ears.sofa".as_ref())?;
+//! let scene = SoundScene::read("sound/scene.json")?;
+//! let head = read_path("head.csv", None)?.track;
+//! let ears = HrtfSet::open("ears.sofa")?;
 //! let heard = render(&scene, &head, &ears, &RenderConfig::default())?;
-//! write_wav("heard.wav".as_ref(), &heard.samples, Depth::Int24)?; // left and right, 48 kHz
+//! write_wav("heard.wav", &heard.samples, Depth::Int24)?; // left and right, 48 kHz
 //! # Ok(())
 //! # }
 //! ```

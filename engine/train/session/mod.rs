@@ -46,7 +46,7 @@ use tracing::span::EnteredSpan;
 /// use ivv::train::{Config, Session, SessionOptions};
 ///
 /// let gpu = std::sync::Arc::new(ivv::gpu::Gpu::open(&Default::default())?);
-/// let capture = Capture::open("captures/demo".as_ref())?;
+/// let capture = Capture::open("captures/demo")?;
 /// // Training takes place in a frame where the cameras' extent is 3.
 /// let world = capture.normalisation();
 /// let capture = capture.transformed(&world);
