@@ -19,14 +19,19 @@ pub struct Options {
     /// Which device.
     pub device: DeviceChoice,
     /// Fill new buffers with 0xAB bytes, so that a read of something never written shows.
+    #[doc(hidden)]
     pub poison: bool,
     /// Other SPIR-V for the kernels.
+    #[doc(hidden)]
     pub rewrite: Option<Rewrite>,
     /// Run the passes between two barriers last to first, where they are not timed: so a barrier that is missing shows.
+    #[doc(hidden)]
     pub reversed: bool,
     /// Bind a buffer of words behind the buffers of every kernel, which rewritten kernels count in: see [`Gpu::counted`].
+    #[doc(hidden)]
     pub counts: bool,
     /// Record as for another device. What was recorded so is looked at, and not run: kernels are those that suit the other.
+    #[doc(hidden)]
     pub stands_in: Option<StandIn>,
 }
 

@@ -81,7 +81,8 @@ pub struct PathCamera {
 /// # Errors
 /// [`Error::Data`] with the line or the pose when the file cannot be read or parsed, has no pose, a number that is not
 /// finite, rows that are not a rotation, or times that do not increase.
-pub fn read_path(path: &Path, convention: Option<Convention>) -> Result<HeadPath> {
+pub fn read_path(path: impl AsRef<Path>, convention: Option<Convention>) -> Result<HeadPath> {
+    let path = path.as_ref();
     let text =
         read_text(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());

@@ -115,7 +115,8 @@ impl SoundScene {
     ///
     /// # Errors
     /// [`Error::Data`] where the file or a track cannot be read, or a value makes no sense.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         let fault = |place: &str, reason: String| {
             Error::data(path, place, reason, "see engine/sound/README.md for what a scene holds")
         };

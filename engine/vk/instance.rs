@@ -25,6 +25,7 @@ pub struct DeviceChoice {
     /// Let it check synchronisation as well.
     pub sync_validation: bool,
     /// Do without push descriptors even where they exist, to test the other path.
+    #[doc(hidden)]
     pub no_push_descriptors: bool,
     /// Note each pass as it begins, so that [`Error::DeviceLost`](crate::Error::DeviceLost) names the last one. A GPU may wait
     /// between passes for it.
@@ -34,6 +35,7 @@ pub struct DeviceChoice {
     /// Lanes of the subgroups that kernels run with; by default what suits the hardware.
     pub subgroup_size: Option<u32>,
     /// Instance extensions for the surfaces of windows; where there are any, the device can show pictures in them.
+    #[doc(hidden)]
     pub surface: Vec<&'static CStr>,
 }
 

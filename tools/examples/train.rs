@@ -1,9 +1,8 @@
 //! A scene of a capture: cargo run --release --example train -- CAPTURE scene.ply
 
-use ivv::formats::write_ply;
-use ivv::gpu::Gpu;
-use ivv::scene::capture::Capture;
+use ivv::formats::{self, Scene, WriteOptions};
 use ivv::train::{Config, Event, Session, SessionOptions};
+use ivv::{Capture, Gpu, GpuOptions};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -13,7 +12,7 @@ fn main() -> ivv::Result<()> {
         eprintln!("usage: train CAPTURE SCENE.ply");
         std::process::exit(2);
     };
-    let gpu = Arc::new(Gpu::open(&Default::default())?);
+    let gpu = Arc::new(Gpu::open(&GpuOptions::default())?);
     let capture = Capture::open(Path::new(capture))?;
     let config = Config { steps: 200, ..Config::default() };
     let mut session = Session::begin(gpu, &capture, config, SessionOptions::default())?;
@@ -24,5 +23,6 @@ fn main() -> ivv::Result<()> {
             }
         }
     }
-    write_ply(Path::new(scene), &session.finish()?)
+    formats::write(scene, &Scene::from(session.finish()?), &WriteOptions::default())?;
+    Ok(())
 }

@@ -25,7 +25,7 @@ pub struct FramePoint {
 }
 
 /// The points of a PLY: `x y z`, and `red green blue` as bytes or, from 0 to 1, as floats; grey where they are absent. Lists and
-/// other elements are passed over.
+/// other elements are skipped.
 ///
 /// # Errors
 /// [`Error::Data`] when the file is damaged, has no positions, or one that is not finite.
@@ -60,7 +60,7 @@ pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
     Ok(points)
 }
 
-/// Where the points of the frames are, and whom their CAMERA_IDs mean.
+/// The folder of the frames' points, and the cameras of their CAMERA_IDs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FramePoints {
     pub folder: PathBuf,
@@ -71,7 +71,7 @@ pub(crate) struct FramePoints {
 }
 
 impl FramePoints {
-    /// Whether a frame has a file.
+    /// True if a frame has a file.
     pub fn has(&self, frame: u32) -> bool {
         self.path(frame).exists()
     }

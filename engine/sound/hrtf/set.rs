@@ -65,7 +65,8 @@ impl HrtfSet {
     ///
     /// # Errors
     /// [`Error::Data`] where it cannot be read or is not a set of responses around the whole head; see [`HrtfSet::new`].
-    pub fn open(source: &Path) -> Result<Self> {
+    pub fn open(source: impl AsRef<Path>) -> Result<Self> {
+        let source = source.as_ref();
         if source == Path::new("sphere") {
             return HrtfSet::new(sphere::Sphere::default().measured(12), source);
         }

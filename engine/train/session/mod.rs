@@ -43,7 +43,7 @@ use tracing::span::EnteredSpan;
 /// use ivv::train::{Config, Session, SessionOptions};
 ///
 /// let gpu = std::sync::Arc::new(ivv::gpu::Gpu::open(&Default::default())?);
-/// let capture = Capture::open("captures/demo".as_ref())?;
+/// let capture = Capture::open("captures/demo")?;
 /// let mut session = Session::begin(gpu, &capture, Config::default(), SessionOptions::default())?;
 /// while session.step()? {}
 /// ivv::formats::write_ply("scene.ply".as_ref(), &session.finish()?)?;
