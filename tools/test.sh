@@ -6,7 +6,7 @@
 #                                  devices, accesses out of bounds, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
-#   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
+#   tools/test.sh --play           the window of `ivv-play` under Xvfb: pictures, resizes, faults of the surface, sound
 #   tools/test.sh --manual         every command of the README and the manual, on a small synthetic capture
 #   tools/test.sh --cluster        the jobs of a long clip under Snakemake and Slurm, with one that is killed, and on a full disk
 #   tools/test.sh --mpi            a training by several processes under mpirun: the same bytes, also where some are killed
@@ -32,7 +32,9 @@ fi
 if [ "${1:-}" = --play ]; then
     tools/setup.sh play
     own_the_target_folder
-    exec cargo test --locked --features play --test play
+    # Its tests compare with what `ivv render` writes.
+    cargo build --locked
+    exec cargo test --locked --package ivv-play
 fi
 if [ "${1:-}" = --manual ]; then
     tools/setup.sh manual

@@ -17,7 +17,7 @@ mod instance;
 mod pipeline;
 mod probe;
 mod statistics;
-#[cfg(feature = "play")]
+#[cfg(feature = "window")]
 mod swapchain;
 
 pub use buffer::{Buffer, Location};
@@ -28,7 +28,7 @@ pub use device::Device;
 pub use instance::{DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};
 pub use statistics::{Compiler, Executable};
-#[cfg(feature = "play")]
+#[cfg(feature = "window")]
 pub use swapchain::{Swapchain, WindowHandle, surface_extensions};
 
 use crate::error::Error;

@@ -1,6 +1,6 @@
-//! What keys do: one table, for the window and for `ivv play --help`.
+//! What keys do: one table, for the window and for `ivv-play --help`.
 
-use super::window::{OUTPUTS, Player};
+use crate::window::{OUTPUTS, Player};
 use ivv::profile::Lately;
 use winit::keyboard::KeyCode::{self, *};
 
@@ -44,7 +44,7 @@ const ROWS: &[Row] = &[
     ("Esc", "the end", &[Escape], |p, _| p.end(Ok(()))),
 ];
 
-/// For `ivv play --help`.
+/// For `ivv-play --help`.
 pub fn help() -> String {
     let rows = ROWS.iter().map(|(keys, what, ..)| format!("  {keys:<14}{what}\n")).collect::<String>();
     format!("Keys and mouse:\n{rows}The bar at the bottom is dragged to a time.")

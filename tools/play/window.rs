@@ -1,10 +1,10 @@
 //! The window: events, frames, and what is shown.
 
-use super::overlay::{bar_height, draw, track};
-use super::sound::{Heard, Sound};
-use super::{Args, keys};
 use crate::interrupt::{Interrupted, Stop};
+use crate::overlay::{bar_height, draw, track};
 use crate::screen::say;
+use crate::sound::{Heard, Sound};
+use crate::{Args, keys};
 use anyhow::Context;
 use glam::{DVec2, DVec3};
 use ivv::gpu::Window as Shown;

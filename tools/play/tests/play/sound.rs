@@ -43,8 +43,8 @@ fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
 fn play(bed: &Bed, display: &Display, scene: &Path, alsa: &str) -> Command {
     let config = bed.at("asound.conf");
     std::fs::write(&config, alsa).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.arg("play").arg(scene).args(["--size", "64x48", "--frames", "60", "--validation"]);
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv-play"));
+    command.arg(scene).args(["--size", "64x48", "--frames", "60", "--validation"]);
     command.env("DISPLAY", &display.name).env_remove("WAYLAND_DISPLAY").env("ALSA_CONFIG_PATH", config);
     command
 }

@@ -1,8 +1,8 @@
-//! `ivv play` on a display of its own: Xvfb, which keeps what is on its screen in a file. `tools/test.sh --play` runs this.
+//! `ivv-play` on a display of its own: Xvfb, which keeps what is on its screen in a file. `tools/test.sh --play` runs this.
 //!
 //! All runs are under the validation layer, which must be silent.
 
-#[path = "../faults/built.rs"]
+#[path = "../../../../tests/faults/built.rs"]
 mod built;
 mod display;
 mod sound;
@@ -19,6 +19,14 @@ const SAME: f64 = 40.0;
 /// Rows of the time bar, which lies over the picture.
 const BAR: usize = 22;
 const PATIENCE: Duration = Duration::from_secs(60);
+
+/// The program `ivv`, which the test script builds beside `ivv-play`.
+fn ivv() -> PathBuf {
+    let program =
+        Path::new(env!("CARGO_BIN_EXE_ivv-play")).with_file_name(format!("ivv{}", std::env::consts::EXE_SUFFIX));
+    assert!(program.is_file(), "{} is missing: tools/test.sh --play builds it", program.display());
+    program
+}
 
 /// A folder with a scene and its views, removed at the end.
 struct Bed {
@@ -46,16 +54,16 @@ impl Bed {
     fn rendered(&self, view: &View) -> Picture {
         let (cameras, output) = (self.at("one.json"), self.at("rendered"));
         write_views(&cameras, std::slice::from_ref(view)).unwrap();
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+        let mut command = Command::new(ivv());
         command.arg("render").arg(self.at("scene.ply")).arg("--cameras").arg(cameras).arg("-o").arg(&output);
         told(command.output().unwrap());
         Picture::read(&output.join(format!("{}.png", view.name)))
     }
 
-    /// `ivv play` of the scene at rest in the middle of a clip, on `display`.
+    /// `ivv-play` of the scene at rest in the middle of a clip, on `display`.
     fn play(&self, display: &Display) -> Command {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        command.arg("play").arg(self.at("scene.ply")).arg("--cameras").arg(self.at("cameras.json"));
+        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv-play"));
+        command.arg(self.at("scene.ply")).arg("--cameras").arg(self.at("cameras.json"));
         command.args(["--seconds", "2", "--at", "1", "--validation"]).env("DISPLAY", &display.name);
         command.env_remove("WAYLAND_DISPLAY").stdin(Stdio::null());
         command
@@ -273,8 +281,8 @@ fn no_display_a_wrong_view_and_a_wrong_time_are_told() {
         (&["--size", "0x5"], &display.name, "WxH"),
         (&["--screenshot", "x.png"], &display.name, "--frames"),
     ] {
-        let mut play = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        play.arg("play").arg(bed.at("scene.ply")).arg("--cameras").arg(bed.at("cameras.json")).args(["--seconds", "2"]);
+        let mut play = Command::new(env!("CARGO_BIN_EXE_ivv-play"));
+        play.arg(bed.at("scene.ply")).arg("--cameras").arg(bed.at("cameras.json")).args(["--seconds", "2"]);
         let output = play.args(arguments).env("DISPLAY", display).env_remove("WAYLAND_DISPLAY").output().unwrap();
         let told = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.code() == Some(2) && told.contains(word), "{arguments:?}: {told}");

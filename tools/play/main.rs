@@ -1,28 +1,52 @@
-//! `ivv play`: a window that shows the engine's own frames, with sound.
+//! `ivv-play`: a window that shows the engine's own frames, with sound.
 
+#[path = "../clip.rs"]
+mod clip;
+#[path = "../device.rs"]
+#[expect(dead_code, reason = "`ivv` uses the rest")]
+mod device;
+#[path = "../files.rs"]
+#[expect(dead_code, reason = "`ivv` uses the rest")]
+mod files;
+#[path = "../interrupt.rs"]
+#[expect(dead_code, reason = "`ivv` uses the rest")]
+mod interrupt;
 mod keys;
+#[path = "../look.rs"]
+#[expect(dead_code, reason = "`ivv` uses the rest")]
+mod look;
 mod overlay;
+mod screen;
+#[path = "../shown.rs"]
+#[expect(dead_code, reason = "`ivv` uses the rest")]
+mod shown;
 mod sound;
 mod window;
 
-use crate::device::DeviceArgs;
-use crate::export_clip::{ClipArgs, refuse_stretched};
-use crate::interrupt::Stop;
-use crate::screen::alert;
-use crate::shown::Source;
-use crate::verbs::synth::size;
-use anyhow::{Context, bail, ensure};
-use ivv::scene::{Navigator, Playhead};
+use anyhow::{Context, ensure};
+use clap::Parser;
+use clip::{refuse_stretched, setting};
+use device::DeviceArgs;
+use interrupt::{Interrupted, Stop};
+use ivv::scene::{Navigator, Playhead, Splats};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::vk;
+use screen::alert;
+use shown::{Gaussians, Source};
+use std::borrow::Cow;
+use std::io::IsTerminal;
 use std::path::PathBuf;
+use std::process::ExitCode;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
+use tracing_subscriber::prelude::*;
 use window::{Output, Player, State};
 use winit::event_loop::EventLoop;
 
-/// Options of `ivv play`.
-#[derive(clap::Args)]
-#[command(after_help = keys::help())]
+/// Shows a scene in a window, by the engine itself: where you look, with sound and the times of frames and passes.
+#[derive(Parser)]
+#[command(name = "ivv-play", version, after_help = keys::help())]
 pub struct Args {
     /// The folder of a run, or a scene file.
     #[arg(value_name = "RUN|SCENE")]
@@ -68,15 +92,59 @@ pub struct Args {
     validation: bool,
     #[command(flatten)]
     device: DeviceArgs,
+    /// Least severity of the log on standard error: error, warn, info, debug or trace.
+    #[arg(long, default_value = "warn")]
+    log_level: tracing::Level,
+    /// Leaves out messages: standard error has warnings and errors only.
+    #[arg(short, long)]
+    quiet: bool,
 }
 
-pub fn run(args: &Args) -> anyhow::Result<()> {
-    let is_fit = |side: u32| (1..=16_384).contains(&side);
-    if let Some((width, height)) = args.size.filter(|(width, height)| !(is_fit(*width) && is_fit(*height))) {
-        bail!("--size: expected WxH, pixels from 1 to 16384, found {width}x{height}");
+fn main() -> ExitCode {
+    let args = Args::parse();
+    if args.quiet {
+        screen::be_quiet();
     }
+    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error. Windows warn of odd displays.
+    let told = Targets::new()
+        .with_default(args.log_level)
+        .with_target("sofar", LevelFilter::OFF)
+        .with_target("winit", LevelFilter::ERROR);
+    let log = tracing_subscriber::fmt::layer()
+        .with_writer(std::io::stderr)
+        .with_ansi(std::io::stderr().is_terminal())
+        .log_internal_errors(false)
+        .with_filter(told);
+    tracing_subscriber::registry().with(log).init();
+    let Err(error) = run(&args) else { return ExitCode::SUCCESS };
+    alert!("ivv-play: {error:#}");
+    let interrupted = error.downcast_ref::<Interrupted>().map(|_| Interrupted::EXIT_CODE);
+    let code = error.downcast_ref().map(ivv::Error::exit_code).or(interrupted);
+    ExitCode::from(code.unwrap_or(2))
+}
+
+/// `WIDTHxHEIGHT` of a window.
+fn size(text: &str) -> Result<(u32, u32), String> {
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=16_384).contains(side));
+    let sides = text.split_once('x').and_then(|(width, height)| side(width).zip(side(height)));
+    sides.ok_or_else(|| "expected WxH, pixels from 1 to 16384".to_owned())
+}
+
+/// Some Gaussians, enough to tell where the scene is: all, those that rest, or, where those are few, such as a backdrop alone, those of
+/// the first part.
+fn some(gaussians: &mut Gaussians) -> ivv::Result<Cow<'_, Splats>> {
+    match gaussians {
+        Gaussians::Whole(splats) => Ok(Cow::Borrowed(splats)),
+        Gaussians::Parts(clip) => match clip.still()? {
+            still if clip.parts().first().is_some_and(|part| part.n > still.len()) => clip.part(0).map(Cow::Owned),
+            still => Ok(Cow::Owned(still)),
+        },
+    }
+}
+
+fn run(args: &Args) -> anyhow::Result<()> {
     let source = Source::open(&args.source)?;
-    let mut setting = ClipArgs::seen(args.seconds, args.cameras.clone()).setting(&source)?;
+    let mut setting = setting(&source, args.seconds, args.cameras.as_deref())?;
     let views = std::mem::take(&mut setting.views);
     let length = setting.clock.map_or(0.0, |clock| clock.seconds());
     if let Some(at) = args.at {
@@ -100,7 +168,7 @@ pub fn run(args: &Args) -> anyhow::Result<()> {
     let no_display = "expected a display, found none; set DISPLAY to that of an X server, or use `ivv serve`";
     let events = EventLoop::new().context(no_display)?;
     let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?, args.validation)?;
-    let navigator = Navigator::new(&views, &*shown.splats.some()?);
+    let navigator = Navigator::new(&views, &*some(&mut shown.splats)?);
     let is_still = shown.splats.are_static() && setting.sounds.is_empty();
     let renderer = shown.splats.renderer(gpu, setting.constants)?;
     let is_playing = args.at.is_none() && args.screenshot.is_none();
