@@ -8,7 +8,6 @@
 #![warn(missing_docs)]
 
 pub mod error;
-pub mod extremes;
 pub mod files;
 pub mod formats;
 pub mod gpu;

@@ -59,9 +59,7 @@ use verbs::{
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
 #[derive(Parser)]
 #[command(name = "ivv", version)]
-#[command(
-    after_help = "`ivv debug --help` lists commands for developers: a check of the device, gradients, completions, manual pages."
-)]
+#[command(after_help = "`ivv debug --help` lists commands for developers: gradients, completions, manual pages.")]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -113,7 +111,7 @@ enum Verb {
     Serve(serve::Args),
     /// Writes a synthetic capture of a room with moving things, with its ground truth.
     Synth(synth::Args),
-    /// Commands for developers: a check of the device, gradients, the demo scene, completions, manual pages.
+    /// Commands for developers: gradients, the demo scene, completions, manual pages.
     #[command(hide = true)]
     Debug(debug::Args),
 }

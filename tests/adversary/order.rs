@@ -6,7 +6,6 @@ use crate::common::device::{Watched, opened, options};
 use crate::common::notes::skip;
 use crate::common::random::{scene, view};
 use ivv::Constants;
-use ivv::extremes::adjoint::{bits, cotangents};
 use ivv::gpu::generated::gather;
 use ivv::gpu::kernel::{Access, BindingInfo};
 use ivv::gpu::{Buf, Grid, KernelInfo, Options, Recording, Rewrite};
@@ -14,6 +13,7 @@ use ivv::scene::capture::Capture;
 use ivv::stage::{Outputs, Renderer, Sums};
 use ivv::synth::{Options as Synthesis, Preset, write_capture};
 use ivv::train::{Config, Priors, Session, SessionOptions};
+use ivv_conformance::adjoint::{bits, cotangents};
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{BuiltIn, Op, StorageClass, Word};
 

@@ -49,4 +49,4 @@ pub fn python_with(module: &str) -> Option<std::path::PathBuf> {
     found
 }
 
-pub use ivv::extremes::{one, random};
+pub use ivv_conformance::{one, random};

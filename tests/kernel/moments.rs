@@ -1,5 +1,5 @@
 //! Adam's moments in 16 bits: what is stored against the twin's rounding of what 32 bits store. Extreme numbers: row N25 of
-//! `engine/extremes`.
+//! `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
@@ -7,7 +7,6 @@ use crate::common::random::{Random, scene, view};
 use crate::common::twins::tested;
 use crate::kernel::batch::{borrowed, two};
 use ivv::Constants;
-use ivv::extremes::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
 use ivv::scene::Splats;
@@ -15,6 +14,7 @@ use ivv::stage::{
     AdamMode, Purpose, Rates, SceneBuffers, StepSettings, adam_params, lazy_sums, moment_word, moments_of,
 };
 use ivv::twin::{random_bits, rounded_moment};
+use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 
 tested! {
     "adam/adam_idle.comp" by rounded_moment in moments_fade_to_the_twins_bits_in_groups_of_any_size;

@@ -6,11 +6,11 @@ use super::frames::{Tolerance, bits, compare};
 use super::one::{One, ball, camera, scene_of};
 use super::random::Random;
 use super::row::{Bench, Tally};
-use crate::scene::{Motion, Splats};
-use crate::settings::Constants;
-use crate::twin::render_f64;
-use crate::vk::DeviceKind;
 use anyhow::{Result, ensure};
+use ivv::Constants;
+use ivv::scene::{Motion, Splats};
+use ivv::twin::render_f64;
+use ivv::vk::DeviceKind;
 
 /// Entries that one round of blending walks, `SEGMENT` of the engine.
 const SEGMENT: u64 = 32_768;

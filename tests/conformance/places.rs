@@ -6,12 +6,12 @@ use super::frames::{Tolerance, compare};
 use super::one::{One, at_pixel, ball, camera, scene_of, with};
 use super::random::Random;
 use super::row::{Bench, Tally};
-use crate::error::Error;
-use crate::scene::{Motion, View};
-use crate::settings::Constants;
-use crate::stage::{Outputs, Renderer};
-use crate::twin::render_f64;
 use anyhow::{Result, bail, ensure};
+use ivv::Constants;
+use ivv::Error;
+use ivv::scene::{Motion, View};
+use ivv::stage::{Outputs, Renderer};
+use ivv::twin::render_f64;
 use std::sync::Arc;
 
 pub(super) fn depths(bench: &Bench, tally: &mut Tally) -> Result<()> {

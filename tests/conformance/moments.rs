@@ -3,8 +3,8 @@
 use super::fixtures::adam::{Scene, rates};
 use super::random::scene;
 use super::row::{Bench, Tally};
-use crate::stage::{StepSettings, adam_params, moment_word, moments_of};
 use anyhow::{Result, ensure};
+use ivv::stage::{StepSettings, adam_params, moment_word, moments_of};
 use std::num::FpCategory;
 
 /// Moments of 0 to infinity as a step without a gradient stores them.

@@ -1,15 +1,15 @@
-//! `ivv debug extremes`.
+//! `ivv-conformance`: runs numerical extremes on a device and reports, row by row, whether it passes.
 
-use crate::device::cache_folder;
-use crate::fault;
-use crate::screen::out;
 use anyhow::{Context, bail, ensure};
-use ivv::extremes::{Bench, ROWS, Row, Tally, Verdict};
+use clap::Parser;
 use ivv::files::write_atomic;
 use ivv::gpu::{Gpu, Options};
 use ivv::vk::{Caps, DeviceChoice};
 use ivv::words::count;
+use ivv_conformance::{Bench, ROWS, Row, Tally, Verdict};
+use std::io::Write;
 use std::path::PathBuf;
+use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -19,9 +19,10 @@ const REVISION: &str = match option_env!("IVV_REVISION") {
     None => "of an unknown revision",
 };
 
-/// Options of `ivv debug extremes`.
-#[derive(clap::Args)]
-pub struct Args {
+/// Runs numerical extremes on a device and reports, row by row, whether it passes.
+#[derive(Parser)]
+#[command(name = "ivv-conformance", version)]
+struct Args {
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]
     device: Option<String>,
@@ -37,11 +38,14 @@ pub struct Args {
     /// Also writes the report to this file, .md or .html.
     #[arg(short, long)]
     output: Option<PathBuf>,
+    /// Writes results, and errors too, as JSON on standard output.
+    #[arg(long)]
+    json: bool,
 }
 
 /// Rows failed: the device or its driver is not fit, which is exit code 4.
 #[derive(Debug)]
-pub struct Failed(usize);
+struct Failed(usize);
 
 impl std::fmt::Display for Failed {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -68,7 +72,26 @@ struct Done {
     tally: Tally,
 }
 
-pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+fn main() -> ExitCode {
+    let args = Args::parse();
+    let Err(error) = run(&args) else { return ExitCode::SUCCESS };
+    eprintln!("ivv-conformance: {error:#}");
+    let failed = error.downcast_ref::<Failed>().map(|_| 4);
+    ExitCode::from(error.downcast_ref().map(ivv::Error::exit_code).or(failed).unwrap_or(2))
+}
+
+/// Where Vulkan keeps compiled kernels: `$XDG_CACHE_HOME/ivv` or `~/.cache/ivv`.
+fn cache_folder() -> Option<PathBuf> {
+    let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
+    cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache"))).map(|cache| cache.join("ivv"))
+}
+
+/// A line of results.
+fn out(line: &str) -> anyhow::Result<()> {
+    writeln!(std::io::stdout(), "{line}").context("standard output cannot be written")
+}
+
+fn run(args: &Args) -> anyhow::Result<()> {
     let format = args.output.as_ref().map(|path| path.extension().and_then(|e| e.to_str()).unwrap_or_default());
     ensure!(matches!(format, None | Some("md" | "html")), "unsupported report type; use .md or .html");
     if let Some(name) = args.rows.iter().find(|name| !ROWS.iter().any(|row| row.name == name.as_str())) {
@@ -84,16 +107,16 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let open = || Gpu::open(&Options { device: choice.clone(), poison: true, ..Options::default() }).map(Arc::new);
     let mut gpu = open()?;
     let caps = gpu.caps().clone();
-    if !json {
-        head(&caps, args).iter().for_each(|line| out!("{line}"));
+    if !args.json {
+        head(&caps, args).iter().try_for_each(|line| out(line))?;
     }
     let mut all = Vec::new();
     for row in ROWS.iter().filter(|row| args.rows.is_empty() || args.rows.iter().any(|name| name == row.name)) {
         let begun = Instant::now();
         let tally = row.run(&Bench { lend: &|| Box::new(&gpu), slow: args.slow });
         let done = Done::new(row, tally, begun.elapsed().as_secs_f64());
-        if !json {
-            done.print();
+        if !args.json {
+            done.print()?;
         }
         // What a row did to the device is not the next one's affair.
         if done.verdict == Verdict::Failed {
@@ -105,11 +128,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let n_failed = all.iter().filter(|done| done.verdict == Verdict::Failed).count();
     let failed = (n_failed > 0).then(|| anyhow::Error::from(Failed(n_failed)));
-    if json {
-        let report = serde_json::json!({ "revision": REVISION, "device": caps, "slow": args.slow, "rows": all });
-        fault::results(&report, failed.as_ref())?;
+    if args.json {
+        let mut report = serde_json::json!({ "revision": REVISION, "device": caps, "slow": args.slow, "rows": all });
+        if let Some(fault) = &failed {
+            report["error"] = serde_json::json!({ "kind": "failed_row", "exit_code": 4, "message": fault.to_string() });
+        }
+        out(&serde_json::to_string_pretty(&report)?)?;
     } else {
-        out!("\n{}", total(&all));
+        out(&format!("\n{}", total(&all)))?;
     }
     if let Some(path) = &args.output {
         let lines = head(&caps, args);
@@ -144,10 +170,10 @@ impl Done {
         faults.chain(self.tally.not_run.iter().map(|reason| format!("not run: {reason}")))
     }
 
-    fn print(&self) {
+    fn print(&self) -> anyhow::Result<()> {
         let (cases, verdict, worst) = (self.tally.cases, self.verdict(), self.worst());
-        out!("{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}", self.row, self.seconds, self.what);
-        self.notes().for_each(|note| out!("       {note}"));
+        out(&format!("{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}", self.row, self.seconds, self.what))?;
+        self.notes().try_for_each(|note| out(&format!("       {note}")))
     }
 }
 

@@ -4,9 +4,9 @@ use super::fixtures::lpips::{self, TRUNKS, narrow};
 use super::fixtures::photometric::{Pair, word};
 use super::fixtures::{grids, priors};
 use super::row::{Bench, Tally};
-use crate::stage::{DepthSpace, GRID_SIZE, GridState, GridStep, Grids};
-use crate::twin::BilateralGrid;
 use anyhow::{Result, ensure};
+use ivv::stage::{DepthSpace, GRID_SIZE, GridState, GridStep, Grids};
+use ivv::twin::BilateralGrid;
 
 pub(super) fn no_error(bench: &Bench, tally: &mut Tally) -> Result<()> {
     type Level = fn(u32, u32) -> u8;

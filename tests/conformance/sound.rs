@@ -1,17 +1,17 @@
 //! N29: what a head hears where places meet, of silence, and of files of a sample. All of it is worked out on the CPU.
 
 use super::row::{Bench, Tally};
-use crate::error::Error;
-use crate::sound::geometry::{Mode, SoundPlane, bearing};
-use crate::sound::hrtf::HrtfSet;
-use crate::sound::pose::{HeadPose, PoseTrack};
-use crate::sound::render::{RenderConfig, Rendered, render_signals};
-use crate::sound::scene_file::{Mic, SoundScene, Source};
-use crate::sound::source_track::{Flag, SourceSample, SourceTrack};
-use crate::sound::sphere::Sphere;
-use crate::sound::wav::{self, Channel, Depth};
 use anyhow::{Context, Result, bail, ensure};
 use glam::{DQuat, DVec3};
+use ivv::Error;
+use ivv::sound::geometry::{Mode, SoundPlane, bearing};
+use ivv::sound::hrtf::HrtfSet;
+use ivv::sound::pose::{HeadPose, PoseTrack};
+use ivv::sound::render::{RenderConfig, Rendered, render_signals};
+use ivv::sound::scene_file::{Mic, SoundScene, Source};
+use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::sound::sphere::Sphere;
+use ivv::sound::wav::{self, Channel, Depth};
 use std::f64::consts::PI;
 use std::path::{Path, PathBuf};
 

@@ -3,10 +3,10 @@
 use super::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
-use crate::scene::Splats;
-use crate::stage::Rates;
-use crate::twin::{batch_gradient, batch_sum};
 use anyhow::{Result, ensure};
+use ivv::scene::Splats;
+use ivv::stage::Rates;
+use ivv::twin::{batch_gradient, batch_sum};
 use std::collections::BTreeSet;
 
 pub(super) fn gradients_of_any_size(bench: &Bench, tally: &mut Tally) -> Result<()> {

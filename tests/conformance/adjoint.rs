@@ -2,11 +2,11 @@
 
 use super::random::Random;
 use super::row::Bench;
-use crate::scene::{Frame, Motion, Splats, View};
-use crate::settings::Constants;
-use crate::stage::Gradients;
-use crate::twin::{Outputs, Params, Temporal, jvp};
 use anyhow::{Result, ensure};
+use ivv::Constants;
+use ivv::scene::{Frame, Motion, Splats, View};
+use ivv::stage::Gradients;
+use ivv::twin::{Outputs, Params, Temporal, jvp};
 
 /// All groups that [`Gradients`] has; the last four exist for dynamic Gaussians only.
 pub const GROUPS: [&str; 9] =

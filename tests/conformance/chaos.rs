@@ -4,12 +4,12 @@ use super::adjoint::{GROUPS, cotangents, flat, is_finite};
 use super::frames::check_finite;
 use super::random::{Random, noise, poison, scene, small_view, view};
 use super::row::{Bench, Tally};
-use crate::scene::capture::Extent;
-use crate::scene::{Splats, View};
-use crate::settings::Constants;
-use crate::train::{Config, Setup, StepReport, Strategy, Trainer};
-use crate::twin::{Camera, Params, Rules, project};
 use anyhow::{Result, ensure};
+use ivv::Constants;
+use ivv::scene::capture::Extent;
+use ivv::scene::{Splats, View};
+use ivv::train::{Config, Setup, StepReport, Strategy, Trainer};
+use ivv::twin::{Camera, Params, Rules, project};
 use std::sync::Arc;
 
 pub(super) fn poisoned_scenes(bench: &Bench, tally: &mut Tally) -> Result<()> {

@@ -4,10 +4,10 @@ use super::frames::{Tolerance, bits, check_finite, compare};
 use super::one::{One, camera, ones, scene_of};
 use super::random::scene;
 use super::row::{Bench, Tally};
-use crate::scene::{Frame, Motion, Splats, View};
-use crate::settings::Constants;
-use crate::twin::{Camera, Params, Rules, project, render_f64};
 use anyhow::{Result, bail, ensure};
+use ivv::Constants;
+use ivv::scene::{Frame, Motion, Splats, View};
+use ivv::twin::{Camera, Params, Rules, project, render_f64};
 
 const NOT_FINITE: [f32; 3] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
 /// Zeros, the least and the greatest denormal, 1e38 and half of the greatest number, both signs.

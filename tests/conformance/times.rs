@@ -6,11 +6,11 @@ use super::frames::{Tolerance, bits, rms};
 use super::one::{One, backdrop, ball, camera, scene_of};
 use super::random::{self, Random, noise};
 use super::row::{Bench, Tally};
-use crate::scene::capture::Extent;
-use crate::scene::{Frame, Motion, Splats, View};
-use crate::settings::Constants;
-use crate::train::{Config, LearningRates, Setup, Trainer};
 use anyhow::{Result, ensure};
+use ivv::Constants;
+use ivv::scene::capture::Extent;
+use ivv::scene::{Frame, Motion, Splats, View};
+use ivv::train::{Config, LearningRates, Setup, Trainer};
 use std::sync::Arc;
 
 /// A Gaussian of base opacity 0.99, visible for u = |t - t_center| / tau up to 2.352.

@@ -3,12 +3,12 @@
 use super::frames::bits;
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
-use crate::gpu::generated::Status;
-use crate::gpu::{Grid, Recording};
-use crate::settings::Constants;
-use crate::stage::{Outputs, PairGrids, Renderer, Scan};
-use crate::twin::exclusive_scan;
 use anyhow::{Result, anyhow, ensure};
+use ivv::Constants;
+use ivv::gpu::generated::Status;
+use ivv::gpu::{Grid, Recording};
+use ivv::stage::{Outputs, PairGrids, Renderer, Scan};
+use ivv::twin::exclusive_scan;
 use std::sync::Arc;
 
 pub(super) fn counts(bench: &Bench, tally: &mut Tally) -> Result<()> {

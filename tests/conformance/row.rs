@@ -1,10 +1,10 @@
 //! A row of the table, where it runs, and what comes of it.
 
-use crate::gpu::Gpu;
-use crate::scene::{Frame, Splats, View};
-use crate::settings::Constants;
-use crate::stage::{FrameReport, Gradients, Outputs, Renderer};
 use anyhow::{Result, ensure};
+use ivv::Constants;
+use ivv::gpu::Gpu;
+use ivv::scene::{Frame, Splats, View};
+use ivv::stage::{FrameReport, Gradients, Outputs, Renderer};
 use std::fmt::Display;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -32,7 +32,7 @@ impl Bench<'_> {
     ///
     /// # Errors
     /// Those of [`Renderer::render`].
-    pub fn render(&self, splats: &Splats, view: &View) -> crate::Result<(Frame, FrameReport)> {
+    pub fn render(&self, splats: &Splats, view: &View) -> ivv::Result<(Frame, FrameReport)> {
         self.render_with(splats, view, Constants::default())
     }
 
@@ -40,12 +40,7 @@ impl Bench<'_> {
     ///
     /// # Errors
     /// Those of [`Renderer::render`].
-    pub fn render_with(
-        &self,
-        splats: &Splats,
-        view: &View,
-        constants: Constants,
-    ) -> crate::Result<(Frame, FrameReport)> {
+    pub fn render_with(&self, splats: &Splats, view: &View, constants: Constants) -> ivv::Result<(Frame, FrameReport)> {
         let gpu = self.gpu();
         Renderer::new(Arc::clone(&gpu), splats, constants)?.render(view, Outputs::All)
     }
@@ -54,7 +49,7 @@ impl Bench<'_> {
     ///
     /// # Errors
     /// Those of [`Renderer::vjp`].
-    pub fn vjp(&self, splats: &Splats, view: &View, cotangents: &Frame) -> crate::Result<(Gradients, FrameReport)> {
+    pub fn vjp(&self, splats: &Splats, view: &View, cotangents: &Frame) -> ivv::Result<(Gradients, FrameReport)> {
         let gpu = self.gpu();
         Renderer::new(Arc::clone(&gpu), splats, Constants::default())?.vjp(view, cotangents)
     }

@@ -5,10 +5,10 @@ use super::frames::{Tolerance, rms};
 use super::one::{One, ball, camera, ones, scene_of};
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
-use crate::scene::{Splats, View, rotation_of_rows};
-use crate::settings::Constants;
 use anyhow::{Result, ensure};
 use glam::DVec3;
+use ivv::Constants;
+use ivv::scene::{Splats, View, rotation_of_rows};
 
 /// Largest RMS against the same scene at the origin or in its own unit: a PSNR of 80 dB.
 const LARGEST_RMS: f64 = 1e-4;

@@ -2,11 +2,11 @@
 
 use super::frames::{Tolerance, compare};
 use super::row::{Bench, Tally};
-use crate::scene::{Frame, Splats, View};
-use crate::settings::Constants;
-use crate::stage::FrameReport;
-use crate::twin::render_f64;
 use anyhow::{Result, ensure};
+use ivv::Constants;
+use ivv::scene::{Frame, Splats, View};
+use ivv::stage::FrameReport;
+use ivv::twin::render_f64;
 
 /// A scene, a view, and what to expect.
 pub(super) struct Case<'a> {

@@ -6,8 +6,8 @@ use super::frames::Tolerance;
 use super::one::{One, ball, camera, logit, scene_of};
 use super::random::Random;
 use super::row::{Bench, Tally};
-use crate::scene::View;
 use anyhow::{Result, ensure};
+use ivv::scene::View;
 
 /// `x` moved by `n` units in the last place.
 fn moved(x: f32, n: i32) -> f32 {
