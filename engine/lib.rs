@@ -4,8 +4,6 @@
 //! read a [`scene::Splats`] and [`scene::View`]s, open a [`gpu::Gpu`], upload with [`stage::Renderer::new`],
 //! and call [`stage::Renderer::render`]. A training is a [`train::Session`] on a [`scene::capture::Capture`]. Both, and how a
 //! kernel is timed, are in `tools/examples`, in some thirty lines each.
-#![deny(unsafe_code)]
-#![warn(missing_docs)]
 
 pub mod error;
 pub mod files;
