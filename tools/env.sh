@@ -13,7 +13,7 @@ export IVV_REVISION
 own_the_target_folder() {
     local stamp=$CARGO_TARGET_DIR/checkout
     if [ -d "$CARGO_TARGET_DIR" ] && [ "$(cat "$stamp" 2>/dev/null)" != "$PWD" ]; then
-        local own=(--package ivv --package ivv-play --package ivv-conformance)
+        local own=(--package ivv --package ivv-play --package ivv-conformance --package ivv-gpu-model)
         cargo clean --quiet "${own[@]}"
         cargo clean --quiet "${own[@]}" --release
     fi

@@ -4,11 +4,12 @@
 mod apart;
 mod behind;
 mod capture;
+#[expect(dead_code, reason = "tools/gpu uses the rest")]
+mod cards;
 mod clip;
 mod date;
 mod device;
 mod due;
-mod estimate;
 mod export_clip;
 mod fault;
 mod files;

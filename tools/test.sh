@@ -53,8 +53,8 @@ if [ "${1:-}" = --mpi ]; then
 fi
 if [ "${1:-}" = --budgets ]; then
     tools/setup.sh test
-    build_ivv
-    if ! tools/gpu/statistics.sh "$ivv" "$CARGO_TARGET_DIR/tmp/gpu"; then
+    build_ivv --package ivv-gpu-model
+    if ! tools/gpu/statistics.sh "$CARGO_TARGET_DIR/release/ivv-gpu-model" "$CARGO_TARGET_DIR/tmp/gpu"; then
         echo "test.sh: skipped: the drivers cannot be had, as told above"
         exit 0
     fi
@@ -92,6 +92,9 @@ skip() {
     printf '\n=== skipped: %s: %s\n' "$1" "$2"
 }
 
+# Crates with tests that need no display.
+packages=(--package ivv --package ivv-gpu-model)
+
 # tests VARIABLE=VALUE... [ARGS]
 tests() {
     local variables=()
@@ -99,7 +102,7 @@ tests() {
         variables+=("$1")
         shift
     done
-    env "${variables[@]}" cargo test --locked "${arguments[@]}" "$@"
+    env "${variables[@]}" cargo test --locked "${packages[@]}" "${arguments[@]}" "$@"
 }
 
 # Modules that run kernels. Other lanes repeat these alone: readers, pages and sound know no device.
@@ -122,8 +125,8 @@ kernels() {
 # The tests marked #[ignore = "slow: ..."], and no others.
 long_tests() {
     case " ${arguments[*]} " in
-        *" -- "*) cargo test --locked "${arguments[@]}" --ignored ;;
-        *) cargo test --locked "${arguments[@]}" -- --ignored ;;
+        *" -- "*) cargo test --locked "${packages[@]}" "${arguments[@]}" --ignored ;;
+        *) cargo test --locked "${packages[@]}" "${arguments[@]}" -- --ignored ;;
     esac
 }
 
@@ -183,7 +186,7 @@ told() {
 
 tools/setup.sh test
 own_the_target_folder
-cargo test --locked --no-run
+cargo test --locked "${packages[@]}" --no-run
 mkdir -p "${notes%/*}" && : >"$notes"
 if [ $slow = no ]; then
     lane "default device" tests

@@ -1,15 +1,17 @@
-//! `ivv profile --estimate`: a step on a card that is not here.
+//! `ivv-gpu-model estimate`: a step on a card that is not here.
 
-use crate::device::DeviceArgs;
-use crate::screen::{out, say};
+use crate::out;
+use crate::settings::SettingArgs;
 use anyhow::Context;
 use ivv::Constants;
 use ivv::gpu::{Gpu, Options, Recording, StandIn, shaders_hash};
-use ivv::profile::{Budgets, CARDS, Card, Estimate, Recorded, side_by_side};
+use ivv::profile::Recorded;
 use ivv::scene::capture::{Extent, Picture};
 use ivv::scene::{FlowModel, Intrinsics, Motion, Pose, Splats, View};
 use ivv::stage::Counters;
 use ivv::train::{Config, Setup, TermData, Trainer};
+use ivv::vk::DeviceChoice;
+use ivv_gpu_model::{Budgets, CARDS, Card, Estimate, side_by_side};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -29,31 +31,32 @@ const MOST_SIDE: u32 = 8192;
 const MOST_GAUSSIANS: u32 = 4_000_000;
 const MOST_PAIRS: u32 = 80_000_000;
 
-/// Options of an estimate.
+/// Options of `ivv-gpu-model estimate`.
 #[derive(clap::Args)]
-pub struct EstimateArgs {
-    /// Estimates what a step would take on cards that are not here: H200, RTX4090, RX7900XTX, A770, or `all`. The device only
-    /// holds the buffers of a recording; nothing runs on it.
-    #[arg(long, num_args = 1.., value_name = "CARD", conflicts_with_all = ["subject", "output", "replay", "disassemble", "list", "compare", "statistics", "feed"])]
-    estimate: Vec<String>,
+pub struct Args {
+    /// H200, RTX4090, RX7900XTX, A770, or `all`.
+    #[arg(required = true, value_name = "CARD")]
+    cards: Vec<String>,
     /// The work of the step: the counters of a profile.json, or the folder that holds it. Without it, a picture of N3V.
-    #[arg(long, value_name = "PROFILE", requires = "estimate", conflicts_with_all = ["gaussians", "pairs", "size"])]
+    #[arg(long, value_name = "PROFILE", conflicts_with_all = ["gaussians", "pairs", "size"])]
     work: Option<PathBuf>,
     /// Gaussians, all of them in view.
-    #[arg(long, requires = "estimate", default_value_t = 300_000, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_GAUSSIANS)))]
+    #[arg(long, default_value_t = 300_000, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_GAUSSIANS)))]
     gaussians: u32,
     /// Pairs of a Gaussian and a tile.
-    #[arg(long, requires = "estimate", default_value_t = 3_000_000, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_PAIRS)))]
+    #[arg(long, default_value_t = 3_000_000, value_parser = clap::value_parser!(u32).range(1..=i64::from(MOST_PAIRS)))]
     pairs: u32,
     /// Pixels of the picture.
-    #[arg(long, requires = "estimate", default_value = "1352x1014", value_parser = size)]
+    #[arg(long, default_value = "1352x1014", value_parser = size)]
     size: [u32; 2],
     /// A folder that tools/gpu/statistics.sh wrote, in place of assets/gpu/budgets.tsv: what compilers made of the kernels.
-    #[arg(long, requires = "estimate", value_name = "FOLDER")]
+    #[arg(long, value_name = "FOLDER")]
     compiled: Option<PathBuf>,
     /// Writes Markdown, as assets/gpu/estimate.md has it.
-    #[arg(long, requires = "estimate")]
+    #[arg(long)]
     markdown: bool,
+    #[command(flatten)]
+    settings: SettingArgs,
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -72,17 +75,12 @@ struct Work {
     size: [u32; 2],
 }
 
-impl EstimateArgs {
-    /// Whether an estimate is asked for.
-    pub fn is_some(&self) -> bool {
-        !self.estimate.is_empty()
-    }
-
+impl Args {
     fn cards(&self) -> anyhow::Result<Vec<&'static Card>> {
-        if self.estimate.iter().any(|name| name == "all") {
+        if self.cards.iter().any(|name| name == "all") {
             return Ok(CARDS.iter().collect());
         }
-        self.estimate.iter().map(|name| Card::named(name).map_err(anyhow::Error::msg)).collect()
+        self.cards.iter().map(|name| Card::named(name).map_err(anyhow::Error::msg)).collect()
     }
 
     fn work(&self) -> anyhow::Result<Work> {
@@ -119,41 +117,37 @@ impl EstimateArgs {
     fn compiled(&self) -> ivv::Result<Budgets> {
         match &self.compiled {
             Some(folder) => Budgets::read_folder(folder),
-            None => Budgets::parse(Path::new("assets/gpu/budgets.tsv"), include_str!("../assets/gpu/budgets.tsv")),
+            None => Budgets::parse(Path::new("assets/gpu/budgets.tsv"), include_str!("../../assets/gpu/budgets.tsv")),
         }
     }
 }
 
-pub fn run(args: &EstimateArgs, config: &Config, device: &DeviceArgs, json: bool) -> anyhow::Result<()> {
+pub fn run(args: &Args, device: &DeviceChoice, json: bool) -> anyhow::Result<()> {
     let (cards, work, compiled) = (args.cards()?, args.work()?, args.compiled()?);
+    let config = args.settings.resolve()?;
     let mut estimates = Vec::with_capacity(cards.len());
     for card in cards {
-        say!("recording a step for {}", card.name);
-        let recording = recorded(card, config, device, &work)?;
+        eprintln!("recording a step for {}", card.name);
+        let recording = recorded(card, &config, device, &work)?;
         estimates.push(Estimate::new(card, &recording, &work.counters, &compiled));
     }
     if json {
-        out!("{}", serde_json::to_string_pretty(&estimates)?);
-    } else if args.markdown {
-        out!("{}", side_by_side(&estimates));
-        out!("Microseconds. Kernels: {}.\n", shaders_hash());
-        estimates.iter().for_each(|estimate| out!("{}", estimate.markdown()));
-    } else {
-        estimates.iter().for_each(|estimate| out!("{}", estimate.terminal()));
+        return out(&serde_json::to_string_pretty(&estimates)?);
     }
-    Ok(())
-}
-
-/// A device that stands in for the card: it holds buffers, and nothing runs on it.
-pub fn card_gpu(card: &Card, device: &DeviceArgs) -> ivv::Result<Arc<Gpu>> {
-    let stands_in = StandIn { subgroup_size: card.lanes };
-    let options = Options { device: device.choice(), stands_in: Some(stands_in), ..Options::default() };
-    Ok(Arc::new(Gpu::open(&options)?))
+    if args.markdown {
+        out(&side_by_side(&estimates))?;
+        out(&format!("Microseconds. Kernels: {}.\n", shaders_hash()))?;
+        return estimates.iter().try_for_each(|estimate| out(&estimate.markdown()));
+    }
+    estimates.iter().try_for_each(|estimate| out(&estimate.terminal()))
 }
 
 /// A step as the engine records it for the card. What the Gaussians are does not matter: the recording has what the work may need.
-fn recorded(card: &Card, config: &Config, device: &DeviceArgs, work: &Work) -> anyhow::Result<Recording> {
-    let gpu = card_gpu(card, device)?;
+fn recorded(card: &Card, config: &Config, device: &DeviceChoice, work: &Work) -> anyhow::Result<Recording> {
+    // It holds buffers, and nothing runs on it.
+    let stands_in = StandIn { subgroup_size: card.lanes };
+    let options = Options { device: device.clone(), stands_in: Some(stands_in), ..Options::default() };
+    let gpu = Arc::new(Gpu::open(&options)?);
     let [width, height] = work.size;
     let focal = f64::from(width);
     let [cx, cy] = [width, height].map(|side| f64::from(side) / 2.0);

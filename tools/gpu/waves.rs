@@ -67,7 +67,7 @@ impl Chip {
         } else if has(&["TU10", "TU11", "GEFORCE RTX 20"]) {
             only(32, nvidia(32, 64, 0, 16))
         } else {
-            return Err("the chip is not in the table of engine/profile/waves.rs".to_owned());
+            return Err("the chip is not in the table of tools/gpu/waves.rs".to_owned());
         };
         chip.ok_or_else(|| format!("the chip has no subgroups of {width} lanes"))
     }

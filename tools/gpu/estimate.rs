@@ -4,12 +4,12 @@
 use super::budget::Budgets;
 use super::cards::Card;
 use super::loops::Loops;
-use crate::gpu::generated::constants::types::TILE;
-use crate::gpu::table::{self, Cost, Spec};
-use crate::gpu::{KernelInfo, Pass, Recording, Work};
-use crate::report::Table;
-use crate::report::statistics::median;
-use crate::stage::Counters;
+use ivv::gpu::generated::constants::types::TILE;
+use ivv::gpu::table::{self, Cost, Spec};
+use ivv::gpu::{KernelInfo, Pass, Recording, Work};
+use ivv::report::Table;
+use ivv::report::statistics::median;
+use ivv::stage::Counters;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,11 +1,11 @@
 //! What a driver's compiler made of the kernels: registers, spills, instructions, and the waves that follow.
 
 use super::waves::Chip;
-use crate::error::Result;
-use crate::gpu::KernelInfo;
-use crate::gpu::table;
-use crate::report::Table;
-use crate::vk::{Compiler, Executable, PipelineDesc};
+use ivv::Result;
+use ivv::gpu::KernelInfo;
+use ivv::gpu::table;
+use ivv::report::Table;
+use ivv::vk::{Compiler, Executable, PipelineDesc};
 use serde::{Deserialize, Serialize};
 
 /// One compiled kernel. What the driver does not tell is `None`.
@@ -240,7 +240,7 @@ fn workgroup_bytes(spirv: &[u8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::gpu::kernel_named;
+    use ivv::gpu::kernel_named;
 
     fn kernel(name: &str) -> &'static KernelInfo {
         kernel_named(name).unwrap()

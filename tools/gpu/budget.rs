@@ -1,8 +1,8 @@
 //! Budgets: what the compilers of chips made of the kernels when it was last looked at, and what has changed since.
 
 use super::statistics::{Statistics, gpu_runs};
-use crate::error::{Error, Result};
-use crate::files::read_bytes;
+use ivv::files::read_bytes;
+use ivv::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::path::Path;
