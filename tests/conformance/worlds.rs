@@ -6,9 +6,9 @@ use super::one::{One, ball, camera, ones, scene_of};
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 use ivv::Constants;
-use ivv::scene::{Splats, View, rotation_of_rows};
+use ivv::scene::{Splats, View};
 
 /// Largest RMS against the same scene at the origin or in its own unit: a PSNR of 80 dB.
 const LARGEST_RMS: f64 = 1e-4;
@@ -25,7 +25,7 @@ fn moved_view(offset: [f64; 3]) -> View {
     let ((sin_a, cos_a), (sin_b, cos_b)) = (0.35f64.sin_cos(), 0.2f64.sin_cos());
     let turn = [[cos_a, 0.0, sin_a], [sin_a * sin_b, cos_b, -cos_a * sin_b], [-sin_a * cos_b, sin_b, cos_a * cos_b]];
     let mut view = view();
-    view.pose.rotation = rotation_of_rows(turn.map(DVec3::from));
+    view.pose.rotation = DMat3::from_cols_array_2d(&turn).transpose();
     view.pose.translation -= DVec3::from(turn.map(|row| (0..3).map(|k| row[k] * offset[k]).sum::<f64>()));
     view
 }

@@ -1,7 +1,7 @@
 //! Budgets: what the compilers of chips made of the kernels when it was last looked at, and what has changed since.
 
 use super::statistics::{Statistics, gpu_runs};
-use ivv::files::read_bytes;
+use ivv::files::{cannot_read, read_file};
 use ivv::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};
@@ -111,7 +111,8 @@ impl Budgets {
             listed.flatten().map(|entry| entry.path()).filter(|path| path.extension().is_some_and(|e| e == "json"))
         {
             let chip = path.file_stem().unwrap_or_default().to_string_lossy().replacen('-', "/", 1);
-            let read = serde_json::from_slice::<Statistics>(&read_bytes(&path)?);
+            let bytes = read_file(&path).map_err(|e| cannot_read(&path, &e))?;
+            let read = serde_json::from_slice::<Statistics>(&bytes);
             compiled.push((chip, read.map_err(|e| fault(&path, format!("expected statistics: {e}")))?));
         }
         if compiled.is_empty() {
