@@ -68,12 +68,12 @@ fn out(line: &str) -> anyhow::Result<()> {
     writeln!(std::io::stdout(), "{line}").context("standard output cannot be written")
 }
 
-fn named(name: &String) -> anyhow::Result<&'static KernelInfo> {
+fn named(name: &str) -> anyhow::Result<&'static KernelInfo> {
     kernel_named(name).with_context(|| format!("{name}: there is no such kernel (`ivv profile --list` lists all)"))
 }
 
 fn statistics(args: &StatisticsArgs, cli: &Cli) -> anyhow::Result<()> {
-    let mut kernels = args.kernels.iter().map(named).collect::<anyhow::Result<Vec<_>>>()?;
+    let mut kernels = args.kernels.iter().map(|name| named(name)).collect::<anyhow::Result<Vec<_>>>()?;
     if kernels.is_empty() {
         kernels = generated::ALL.to_vec();
     }

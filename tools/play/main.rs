@@ -1,6 +1,7 @@
 //! `ivv-play`: a window that shows the engine's own frames, with sound.
 
 #[path = "../clip.rs"]
+#[expect(dead_code, reason = "`ivv` uses the rest")]
 mod clip;
 #[path = "../device.rs"]
 #[expect(dead_code, reason = "`ivv` uses the rest")]
