@@ -128,9 +128,6 @@
 //! # fn main() -> ivv::Result<()> {
 //! let gpu = std::sync::Arc::new(Gpu::open(&GpuOptions::default())?);
 //! let capture = Capture::open("captures/fox")?;
-//! // Training takes place in a frame where the cameras' extent is 3.
-//! let world = capture.normalisation();
-//! let capture = capture.transformed(&world);
 //! let config = Config { steps: 7_000, ..Config::default() };
 //! let mut session = Session::begin(gpu, &capture, config, SessionOptions::default())?;
 //! while session.step()? {
@@ -140,8 +137,7 @@
 //!         }
 //!     }
 //! }
-//! let splats = world.inverse().splats(&session.finish()?);
-//! formats::write("fox.ply", &Scene::from(splats), &WriteOptions::default())?;
+//! formats::write("fox.ply", &Scene::from(session.finish()?), &WriteOptions::default())?;
 //! # Ok(())
 //! # }
 //! ```
@@ -173,7 +169,6 @@
 #![warn(missing_docs)]
 
 pub mod error;
-pub mod extremes;
 pub mod files;
 pub mod formats;
 pub mod gpu;

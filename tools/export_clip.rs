@@ -1,25 +1,22 @@
 //! `ivv export` to files in which time passes.
 
+use crate::clip::{Setting, refuse_stretched, setting};
 use crate::device::DeviceArgs;
-use crate::files::read_json;
-use crate::look::Look;
+use crate::look::own;
 use crate::progress::Progress;
 use crate::screen::say;
-use crate::shown::{Source, is_run};
+use crate::shown::Source;
 use anyhow::ensure;
 use glam::DVec3;
 use ivv::Constants;
 use ivv::formats::{Clip, Clock, Contents, Encoded, FourDgs, Scene, Sounds, World, WriteOptions, Written};
-use ivv::scene::{Splats, View, read_views, upright};
+use ivv::scene::{Splats, View, upright};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::stage::{Goal, Subject, compact};
-use ivv::train::{Config, Run};
 use ivv::words::count;
 use std::path::{Path, PathBuf};
 
-/// Frames per second of a clip of which only the length is known.
-const FPS: f64 = 30.0;
 /// Views that files are compared in, and their longest side, pixels.
 const MOST_VIEWS: usize = 8;
 const LONGEST_SIDE: u32 = 640;
@@ -63,30 +60,8 @@ pub struct ClipArgs {
     device: DeviceArgs,
 }
 
-/// How a scene is rendered and seen, and when.
-pub struct Setting {
-    /// The clock of the clip, where something tells it.
-    pub clock: Option<Clock>,
-    /// When the clip begins, seconds of the capture that it was trained on; 0 where nothing tells. A run tells it of its scene too, if
-    /// the clip is as long as the run's.
-    pub start: f64,
-    /// Views to start from.
-    pub views: Vec<View>,
-    /// What is heard.
-    pub sounds: Sounds,
-    /// How it is rendered.
-    pub constants: Constants,
-    background: [f32; 3],
-}
-
 impl ClipArgs {
-    /// Those of a clip that is looked at: its length where nothing says it, and a cameras file to start from.
-    #[cfg(feature = "play")]
-    pub fn seen(seconds: Option<f64>, cameras: Option<PathBuf>) -> Self {
-        ClipArgs { seconds, cameras, ..ClipArgs::default() }
-    }
-
-    /// The same for files that nobody asked for by name: nothing is said of them, and what they cannot hold is cut.
+    /// These options for files that nobody asked for by name: nothing is said of them, and what they cannot hold is cut.
     pub fn unasked(&self) -> Self {
         ClipArgs { is_silent: true, ..self.clone() }
     }
@@ -180,7 +155,7 @@ impl ClipArgs {
 
     /// What a `.4dgs` of the scene of `source` holds beside its Gaussians.
     pub fn clip(&self, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
-        let Setting { clock, start, views, mut sounds, constants, background } = self.setting(source)?;
+        let Setting { clock, start, views, mut sounds, constants, background } = setting(source, self.seconds, self.cameras.as_deref())?;
         let clock = match clock {
             Some(clock) => clock,
             None if is_still => Clock::STILL,
@@ -238,83 +213,6 @@ impl ClipArgs {
         }
     }
 
-    /// What is known of the scene of `source`.
-    pub fn setting(&self, source: &Source) -> anyhow::Result<Setting> {
-        let given = self.cameras.as_deref().map(read_views).transpose()?;
-        if is_run(source.path) {
-            ensure!(self.seconds.is_none(), "--seconds: the run knows how long its clip is; leave it out");
-            let run = Run::read(source.path)?;
-            let views = given.map_or_else(|| of_training_cameras(source.path, &run), Ok)?;
-            let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
-            let background = views.first().map_or([0.0; 3], |view| view.background);
-            let (sounds, constants) = (Sounds::default(), source.look.constants);
-            return Ok(Setting { clock, start: start_of(&run), views, sounds, constants, background });
-        }
-        let file = source.clip.as_ref();
-        let clock = match self.seconds {
-            Some(seconds) => {
-                ensure!(seconds.is_finite() && seconds > 0.0, "--seconds: expected a positive number, found {seconds}");
-                let frames = (seconds * FPS).round().clamp(1.0, f64::from(u32::MAX));
-                Some(Clock { fps: frames / seconds, frames: frames as u32 })
-            }
-            None => file.map(FourDgs::clock),
-        };
-        let kept = match file {
-            Some(file) if given.is_none() => file.views()?,
-            _ => Vec::new(),
-        };
-        let views = given.unwrap_or(kept);
-        let Look { constants, background } = source.look;
-        let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
-        let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
-        let is_as_long = |run: &Run| {
-            clock.is_some_and(|clock| (clock.seconds() * run.held.fps - f64::from(run.held.frames)).abs() < 0.5)
-        };
-        let start = start_in_run(source.path, is_as_long);
-        Ok(Setting { clock, start, views, sounds, constants, background })
-    }
-}
-
-/// Refuses to show in other `seconds` what comes with `sounds` of its own, which stay as long as they are.
-pub fn refuse_stretched(seconds: Option<f64>, sounds: &Sounds) -> anyhow::Result<()> {
-    ensure!(
-        seconds.is_none() || sounds.is_empty(),
-        "--seconds: the file knows how long its clip is, and its sound cannot be stretched; leave it out, or give --sound"
-    );
-    Ok(())
-}
-
-/// When the clip of `run` begins, seconds of its capture: the run may have taken only some of the frames.
-fn start_of(run: &Run) -> f64 {
-    let frames = run.capture_settings.frames;
-    f64::from(frames.from) / (run.held.fps * f64::from(frames.every))
-}
-
-/// When the clip of the scene in `file` begins, seconds of its capture: that of the run which the file lies in, where that
-/// `is_its`; else 0.
-pub fn start_in_run(file: &Path, is_its: impl Fn(&Run) -> bool) -> f64 {
-    let run = file.ancestors().find_map(|folder| Run::read(folder).ok().filter(&is_its));
-    run.map_or(0.0, |run| start_of(&run))
-}
-
-/// The first view of each training camera of the run in `folder` that films; none where its capture is gone, which is said.
-fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
-    if !run.capture.exists() {
-        let gone = run.capture.display();
-        say!(
-            "no views to start from: the run's capture, {gone}, is not there any more; --cameras takes a cameras file"
-        );
-        return Ok(Vec::new());
-    }
-    let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
-    let capture = run.open_capture(None)?;
-    let mut views = Vec::new();
-    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| camera.films()) {
-        if let Some(shot) = camera.shots.first() {
-            views.push(View { background: config.background, ..capture.view(index, shot.frame)? });
-        }
-    }
-    Ok(views)
 }
 
 /// Views to look from: at most some of those given, at times all over the clip.

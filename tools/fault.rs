@@ -1,7 +1,6 @@
 //! How `ivv` ends: the message of a fault, for people and as JSON, and the exit code.
 
 use crate::screen::{self, alert, out};
-use crate::verbs::debug::extremes;
 use crate::{check, interrupt};
 use clap::error::ErrorKind;
 use serde_json::{Value, json};
@@ -80,9 +79,6 @@ fn kind(error: &anyhow::Error) -> (&'static str, u8) {
     }
     if error.downcast_ref::<check::Faulty>().is_some() {
         return ("data", 3);
-    }
-    if error.downcast_ref::<extremes::Failed>().is_some() {
-        return ("failed_row", 4);
     }
     let Some(error) = error.downcast_ref::<ivv::Error>() else { return ("usage", 2) };
     let kind = match error {

@@ -1,7 +1,7 @@
 //! `ivv render --path` and `--orbit`: a video of the way of a head, with what it hears, or around a scene.
 
+use crate::clip::start_in_run;
 use crate::device::DeviceArgs;
-use crate::export_clip::start_in_run;
 use crate::files::make_folder;
 use crate::interrupt::{Interrupted, Stop};
 use crate::progress::Progress;

@@ -4,10 +4,12 @@
 mod apart;
 mod behind;
 mod capture;
+#[expect(dead_code, reason = "tools/gpu uses the rest")]
+mod cards;
+mod clip;
 mod date;
 mod device;
 mod due;
-mod estimate;
 mod export_clip;
 mod fault;
 mod files;
@@ -52,16 +54,13 @@ use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
 use verbs::{
-    bench, check, debug, devices, eval, export, inspect, play, prepare, profile, render, segments, serve, sound, synth,
-    train,
+    bench, check, debug, devices, eval, export, inspect, prepare, profile, render, segments, serve, sound, synth, train,
 };
 
 /// Immersive volumetric video: spatio-temporal 3D Gaussians, rendered in Vulkan compute.
 #[derive(Parser)]
 #[command(name = "ivv", version)]
-#[command(
-    after_help = "`ivv debug --help` lists commands for developers: a check of the device, gradients, completions, manual pages."
-)]
+#[command(after_help = "`ivv debug --help` lists commands for developers: gradients, completions, manual pages.")]
 struct Cli {
     #[command(subcommand)]
     verb: Verb,
@@ -111,12 +110,9 @@ enum Verb {
     Export(export::Args),
     /// Serves a scene with the browser player on this machine.
     Serve(serve::Args),
-    /// Shows a scene in a window, by the engine itself: where you look, with sound and the times of frames and passes. Of programs
-    /// built with `--features play`.
-    Play(play::Args),
     /// Writes a synthetic capture of a room with moving things, with its ground truth.
     Synth(synth::Args),
-    /// Commands for developers: a check of the device, gradients, the demo scene, completions, manual pages.
+    /// Commands for developers: gradients, the demo scene, completions, manual pages.
     #[command(hide = true)]
     Debug(debug::Args),
 }
@@ -129,11 +125,8 @@ fn main() -> ExitCode {
     if cli.quiet {
         screen::be_quiet();
     }
-    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error. Windows warn of odd displays.
-    let told = Targets::new()
-        .with_default(cli.log_level)
-        .with_target("sofar", LevelFilter::OFF)
-        .with_target("winit", LevelFilter::ERROR);
+    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error.
+    let told = Targets::new().with_default(cli.log_level).with_target("sofar", LevelFilter::OFF);
     let log = tracing_subscriber::fmt::layer()
         .with_writer(|| screen::Log)
         .with_ansi(screen::has_colours())
@@ -164,7 +157,6 @@ fn run(cli: &Cli) -> anyhow::Result<()> {
         Verb::Profile(args) => profile::run(args, cli.json),
         Verb::Export(args) => export::run(args, cli.json),
         Verb::Serve(args) => serve::run(args, cli.json),
-        Verb::Play(args) => play::run(args),
         Verb::Synth(args) => synth::run(args, cli.json),
         Verb::Debug(args) => debug::run(args, cli.json),
     }

@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Puts known faults back, one at a time, and demands that a row of `ivv debug extremes` turns red, or that a test does where no row
+# Puts known faults back, one at a time, and demands that a row of `ivv-conformance` turns red, or that a test does where no row
 # can. A fault in a shader is compiled into a folder, out of which the tests, built once, take their kernels: seconds a fault. One in
 # the engine rebuilds it, in a copy below the cache folder. Needs the shader compiler (tools/setup.sh shaders).
 #   tools/mutants.sh [WORD...]     all, or those of which the name or the row holds one of the words
@@ -10,7 +10,7 @@ copy=$cache/mutant
 spirv=$cache/mutant-spirv
 log=$cache/mutant.log
 
-# name | file | sed expression | row or tests that must notice. "Row" in a name is one of `ivv debug extremes`.
+# name | file | sed expression | row or tests that must notice. "Row" in a name is one of `ivv-conformance`.
 mutants='
 a record that is not finite is drawn|shaders-glsl/project/project.comp|s/if (!bad \&\& splat.z > view.near/if (splat.z > view.near/|n01
 row 8, covariance without its scaling|shaders-glsl/include/conic.glsl|s/const float m = max(.*1e-18);/const float m = 1.0;/|n02

@@ -1,17 +1,18 @@
 //! What a training would take, without one: `ivv train --plan`.
 
 use crate::capture;
-use crate::estimate::card_gpu;
+use crate::cards::Card;
+use crate::device::DeviceArgs;
 use crate::screen::out;
 use crate::verbs::train::Args;
 use anyhow::Context;
-use ivv::gpu::Gpu;
-use ivv::profile::Card;
+use ivv::gpu::{Gpu, Options, StandIn};
 use ivv::scene::capture::{Capture, share_of_memory};
 use ivv::train::{Checkpoint, Config, ImageMemory, Limits, Plan, Setup, Workload};
 use ivv::vk::DeviceKind;
 use ivv::words::count;
 use serde_json::json;
+use std::sync::Arc;
 
 /// Prints what the training that `args` ask for would take, as if the clip had `frames` frames where that is given. Writes nothing.
 pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> {
@@ -80,6 +81,13 @@ pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> 
     out!("read     {} of image files, in {}", gigabytes(read), count(reads, "image"));
     out!("time     {steps} times what a step takes: `ivv profile` measures one");
     Ok(())
+}
+
+/// A device that stands in for the card: it holds buffers, and nothing runs on it.
+fn card_gpu(card: &Card, device: &DeviceArgs) -> ivv::Result<Arc<Gpu>> {
+    let stands_in = StandIn { subgroup_size: card.lanes };
+    let options = Options { device: device.choice(), stands_in: Some(stands_in), ..Options::default() };
+    Ok(Arc::new(Gpu::open(&options)?))
 }
 
 /// A training on `capture` with as many Gaussians as are allowed, which all move where it is a clip, and with so many bytes of decoded

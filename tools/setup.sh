@@ -6,7 +6,7 @@
 #     shaders  run, and what shaderc's C++ needs to build (only for `cargo build --features shaders`)
 #     prepare  run, and the programs that `ivv prepare` calls: ffmpeg, COLMAP, OpenCV for Python
 #     player   run, and what the tests of the browser player need: Chromium, node, packages of npm, the .4dgs package for Python
-#     play     run, and what `ivv play` needs to build and to open windows, and its tests: a display in memory, keys and pointer
+#     play     run, and what `ivv-play` needs to build and to open windows, and its tests: a display in memory, keys and pointer
 #     manual   run, and what builds the manual and its commands need: mdBook, ffmpeg, Python
 #     cluster  run, and what the jobs of a long clip are tested with: Snakemake, Slurm
 #     mpi      run, and what `cargo build --features mpi` and `mpirun` need: Open MPI, libclang

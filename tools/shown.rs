@@ -34,23 +34,6 @@ impl Gaussians {
         }
     }
 
-    /// Some of them, enough to tell where the scene is: all, those that rest, or, where those are few, such as a backdrop alone, those of
-    /// the first part.
-    ///
-    /// # Errors
-    /// Those of the file.
-    #[cfg(feature = "play")]
-    pub fn some(&mut self) -> ivv::Result<std::borrow::Cow<'_, Splats>> {
-        use std::borrow::Cow;
-        match self {
-            Gaussians::Whole(splats) => Ok(Cow::Borrowed(splats)),
-            Gaussians::Parts(clip) => match clip.still()? {
-                still if clip.parts().first().is_some_and(|part| part.n > still.len()) => clip.part(0).map(Cow::Owned),
-                still => Ok(Cow::Owned(still)),
-            },
-        }
-    }
-
     /// Whether all of them are static.
     pub fn are_static(&self) -> bool {
         match self {

@@ -6,7 +6,7 @@
 #                                  devices, accesses out of bounds, the long tests (with faults of the device at many
 #                                  calls), SwiftShader, mutations
 #   tools/test.sh --player         the browser player in Chromium: files, pictures against the engine's, page, sound, headset
-#   tools/test.sh --play           the window of `ivv play` under Xvfb: pictures, resizes, faults of the surface, sound
+#   tools/test.sh --play           the window of `ivv-play` under Xvfb: pictures, resizes, faults of the surface, sound
 #   tools/test.sh --manual         every command of the README and the manual, on a small synthetic capture
 #   tools/test.sh --cluster        the jobs of a long clip under Snakemake and Slurm, with one that is killed, and on a full disk
 #   tools/test.sh --mpi            a training by several processes under mpirun: the same bytes, also where some are killed
@@ -32,7 +32,9 @@ fi
 if [ "${1:-}" = --play ]; then
     tools/setup.sh play
     own_the_target_folder
-    exec cargo test --locked --features play --test play
+    # Its tests compare with what `ivv render` writes.
+    cargo build --locked
+    exec cargo test --locked --package ivv-play
 fi
 if [ "${1:-}" = --manual ]; then
     tools/setup.sh manual
@@ -51,8 +53,8 @@ if [ "${1:-}" = --mpi ]; then
 fi
 if [ "${1:-}" = --budgets ]; then
     tools/setup.sh test
-    build_ivv
-    if ! tools/gpu/statistics.sh "$ivv" "$CARGO_TARGET_DIR/tmp/gpu"; then
+    build_ivv --package ivv-gpu-model
+    if ! tools/gpu/statistics.sh "$CARGO_TARGET_DIR/release/ivv-gpu-model" "$CARGO_TARGET_DIR/tmp/gpu"; then
         echo "test.sh: skipped: the drivers cannot be had, as told above"
         exit 0
     fi
@@ -90,6 +92,9 @@ skip() {
     printf '\n=== skipped: %s: %s\n' "$1" "$2"
 }
 
+# Crates with tests that need no display.
+packages=(--package ivv --package ivv-gpu-model)
+
 # tests VARIABLE=VALUE... [ARGS]
 tests() {
     local variables=()
@@ -97,7 +102,7 @@ tests() {
         variables+=("$1")
         shift
     done
-    env "${variables[@]}" cargo test --locked "${arguments[@]}" "$@"
+    env "${variables[@]}" cargo test --locked "${packages[@]}" "${arguments[@]}" "$@"
 }
 
 # Modules that run kernels. Other lanes repeat these alone: readers, pages and sound know no device.
@@ -120,8 +125,8 @@ kernels() {
 # The tests marked #[ignore = "slow: ..."], and no others.
 long_tests() {
     case " ${arguments[*]} " in
-        *" -- "*) cargo test --locked "${arguments[@]}" --ignored ;;
-        *) cargo test --locked "${arguments[@]}" -- --ignored ;;
+        *" -- "*) cargo test --locked "${packages[@]}" "${arguments[@]}" --ignored ;;
+        *) cargo test --locked "${packages[@]}" "${arguments[@]}" -- --ignored ;;
     esac
 }
 
@@ -181,7 +186,7 @@ told() {
 
 tools/setup.sh test
 own_the_target_folder
-cargo test --locked --no-run
+cargo test --locked "${packages[@]}" --no-run
 mkdir -p "${notes%/*}" && : >"$notes"
 if [ $slow = no ]; then
     lane "default device" tests

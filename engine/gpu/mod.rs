@@ -11,7 +11,7 @@ mod staging;
 /// The table of kernels, shared with the build.
 #[path = "../../shaders-glsl/table.rs"]
 pub mod table;
-#[cfg(feature = "play")]
+#[cfg(feature = "window")]
 mod window;
 
 pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
@@ -21,7 +21,7 @@ pub use record::{Grid, Pass, Recording, Work};
 pub use run::{COUNTS, Gpu, Options, PassTime, Rewrite, Running, StandIn};
 pub(crate) use staging::Staging;
 use std::collections::BTreeMap;
-#[cfg(feature = "play")]
+#[cfg(feature = "window")]
 pub use window::Window;
 
 /// Hashes of the kernels' SPIR-V as it is committed, by kernel: what a measurement was made with. Kernels that only fill a

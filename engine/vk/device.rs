@@ -28,7 +28,7 @@ pub struct Device {
     pub(super) timeline: vk::Semaphore,
     pub(super) submitted: Mutex<u64>,
     pub(super) retired: Mutex<Vec<(vk::CommandPool, vk::CommandBuffer)>>,
-    #[cfg(feature = "play")]
+    #[cfg(feature = "window")]
     pub(super) physical: vk::PhysicalDevice,
     cache_file: Option<PathBuf>,
     pub(super) breadcrumbs: bool,
@@ -155,7 +155,7 @@ impl Device {
             timeline,
             submitted: Mutex::new(0),
             retired: Mutex::default(),
-            #[cfg(feature = "play")]
+            #[cfg(feature = "window")]
             physical,
             cache_file,
             breadcrumbs: choice.breadcrumbs,

@@ -17,7 +17,7 @@ mod instance;
 mod pipeline;
 mod probe;
 mod statistics;
-#[cfg(feature = "play")]
+#[cfg(feature = "window")]
 mod swapchain;
 
 pub use buffer::{Buffer, Location};
@@ -27,11 +27,10 @@ pub use command::{Binding, Commands, Done};
 pub use device::Device;
 pub use instance::{DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};
-pub use statistics::Compiler;
-pub(crate) use statistics::Executable;
-#[cfg(feature = "play")]
+pub use statistics::{Compiler, Executable};
+#[cfg(feature = "window")]
 pub use swapchain::surface_extensions;
-#[cfg(feature = "play")]
+#[cfg(feature = "window")]
 pub(crate) use swapchain::{Swapchain, WindowHandle};
 
 use crate::error::Error;

@@ -8,7 +8,6 @@ use crate::common::notes::skip;
 use crate::common::random::{scene, view};
 use crate::common::same::{assert_same_frame, assert_same_gradients, assert_same_splats};
 use ivv::Constants;
-use ivv::extremes::adjoint::cotangents;
 use ivv::gpu::generated::gather;
 use ivv::gpu::kernel::{Access, BindingInfo};
 use ivv::gpu::{Buf, Grid, KernelInfo, Options, Recording, Rewrite};
@@ -18,6 +17,7 @@ use ivv::scene::capture::Capture;
 use ivv::stage::{Gradients, Outputs, Renderer, Sums};
 use ivv::synth::{Options as Synthesis, Preset, write_capture};
 use ivv::train::{Config, Priors, Session, SessionOptions};
+use ivv_conformance::adjoint::cotangents;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{BuiltIn, Op, StorageClass, Word};
 

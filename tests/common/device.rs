@@ -3,9 +3,9 @@
 //! variables.
 
 use crate::adversary;
-use ivv::extremes::Bench;
 use ivv::gpu::{COUNTS, Gpu, Options, Rewrite};
 use ivv::vk::{DeviceChoice, DeviceKind};
+use ivv_conformance::Bench;
 use std::cell::RefCell;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};
 

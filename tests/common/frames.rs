@@ -2,10 +2,10 @@
 
 use super::device::gpu;
 use ivv::Constants;
-pub use ivv::extremes::frames::*;
 use ivv::scene::{Frame, Splats, View};
 use ivv::stage::{FrameReport, Outputs, Renderer};
 use ivv::twin::Outputs as Truth;
+pub use ivv_conformance::frames::*;
 
 /// All outputs of `splats` seen by `view`, by a fresh renderer with the default constants.
 pub fn render(splats: &Splats, view: &View) -> (Frame, FrameReport) {

@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-pub use ivv::extremes::adjoint::group;
 use ivv::scene::{Motion, Splats, View};
 use ivv::twin::Params;
+pub use ivv_conformance::adjoint::group;
 
 /// The golden cases; the first is shipped.
 pub const CASES: [&str; 5] = ["room", "static-small", "dynamic-small", "dynamic-offcentre", "occluders"];

@@ -59,4 +59,4 @@ pub fn python_with(module: &str) -> Option<std::path::PathBuf> {
     found
 }
 
-pub use ivv::extremes::{one, random};
+pub use ivv_conformance::{one, random};

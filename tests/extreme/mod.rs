@@ -1,9 +1,9 @@
-//! Numerical extremes: a test for each row of `ivv::extremes`, where the cases are.
+//! Numerical extremes: a test for each row of `ivv_conformance`, where the cases are.
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::bench;
 use crate::common::notes::skip;
-use ivv::extremes::ROWS;
+use ivv_conformance::ROWS;
 
 /// Rows that no test runs, and why.
 pub const ELSEWHERE: &[(&str, &str)] =

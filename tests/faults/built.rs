@@ -23,7 +23,8 @@ fn library() -> PathBuf {
         let name = profile.file_name().unwrap().to_str().unwrap();
         let name = if name == "debug" { "dev" } else { name };
         let mut cargo = Command::new(env!("CARGO"));
-        cargo.args(["build", "--quiet", "--locked", "--offline", "--example", "ivv_faults", "--profile", name]);
+        cargo.args(["build", "--quiet", "--locked", "--offline", "--package", "ivv", "--example", "ivv_faults"]);
+        cargo.args(["--profile", name]);
         cargo.current_dir(env!("CARGO_MANIFEST_DIR")).env("CARGO_TARGET_DIR", profile.parent().unwrap());
         assert!(cargo.status().unwrap().success(), "the layer cannot be built");
         let file = format!("{}ivv_faults{}", std::env::consts::DLL_PREFIX, std::env::consts::DLL_SUFFIX);

@@ -9,12 +9,12 @@ use crate::common::random::{scene, view};
 use crate::common::same::assert_same_gradients;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::extremes::adjoint::group_error;
-use ivv::extremes::fixtures::adam::{Scene, Step};
 use ivv::scene::{Frame, SH_C0, Splats, View};
 use ivv::stage::{Accumulation, FrameReport, Gradients, Outputs, Purpose, Renderer, Room, Sums};
 use ivv::twin::{pull, render_f64};
 use ivv::vk::{Caps, DeviceKind};
+use ivv_conformance::adjoint::group_error;
+use ivv_conformance::fixtures::adam::{Scene, Step};
 
 tested! {
     "blend/fixed_sums.comp" by jvp in all_ways_agree_with_each_other_and_with_dual_numbers;

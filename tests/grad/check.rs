@@ -2,11 +2,11 @@
 
 use crate::common::device::{bench, gpu};
 use ivv::Constants;
-use ivv::extremes::adjoint;
-pub use ivv::extremes::adjoint::{cotangents, dot, flat, is_finite};
 use ivv::scene::{Frame, Splats, View};
 use ivv::stage::{FrameReport, Gradients, Renderer};
 use ivv::twin::render_f64;
+use ivv_conformance::adjoint;
+pub use ivv_conformance::adjoint::{cotangents, dot, flat, is_finite};
 
 /// Gradients of a fresh renderer with the default constants.
 pub fn vjp(splats: &Splats, view: &View, cotangents: &Frame) -> (Gradients, FrameReport) {

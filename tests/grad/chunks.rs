@@ -8,12 +8,12 @@ use crate::common::frames::{Tolerance, compare, pixels};
 use crate::common::one::camera;
 use crate::common::same::assert_same_gradients;
 use crate::common::twins::tested;
-use ivv::extremes::adjoint::group_error;
 use ivv::gpu::generated::constants::chunk::CHUNK;
 use ivv::scene::{Frame, Splats};
 use ivv::stage::{FrameReport, Outputs, Renderer, Sums};
 use ivv::twin::render_f64;
 use ivv::{Constants, Knobs};
+use ivv_conformance::adjoint::group_error;
 use std::collections::BTreeSet;
 
 tested! {

@@ -1,4 +1,4 @@
-//! Adam on the device against its twin in double precision. Gradients of any size: row N24 of `engine/extremes`.
+//! Adam on the device against its twin in double precision. Gradients of any size: row N24 of `tests/conformance`.
 
 use crate::adversary::{rounds_otherwise, slack};
 use crate::common::device::gpu;
@@ -6,10 +6,10 @@ use crate::common::random::{scene, view};
 use crate::common::twins::tested;
 use crate::kernel::assert_same_scene;
 use ivv::Constants;
-use ivv::extremes::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
 use ivv::stage::{AdamMode, Rates, StepSettings, Strip, Sums, adam_params, lazy_sums, view_params};
+use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 
 tested! {
     "adam/adam_idle.comp" by Adam in a_step_of_every_parameter_seen_or_not_is_the_twins;

@@ -1,5 +1,5 @@
 //! Steps on several images: sums of gradients against the exact twin's, and a step along them against Adam's. Gradients of any
-//! size: row N24 of `engine/extremes`.
+//! size: row N24 of `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
@@ -7,7 +7,6 @@ use crate::common::random::{Random, scene, view};
 use crate::common::twins::tested;
 use crate::kernel::assert_same_scene;
 use ivv::Constants;
-use ivv::extremes::fixtures::adam::{Step, cotangents, gradients, half_seen, numbers, rates};
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
 use ivv::scene::{Splats, View};
@@ -15,6 +14,7 @@ use ivv::stage::{
     Batch, Cull, Planes, Purpose, Rates, Rows, SceneBuffers, StepSettings, Strip, adam_params, view_params,
 };
 use ivv::twin::{batch_gradient, batch_place, batch_pulls, batch_sum};
+use ivv_conformance::fixtures::adam::{Step, cotangents, gradients, half_seen, numbers, rates};
 
 tested! {
     "batch/batch_add.comp" by batch_sum in sums_of_three_images_have_the_twins_bits;

@@ -1,14 +1,14 @@
 //! Bilateral grids on the device against their twin and dual numbers. No cotangent, and colours of any kind: the rows N20
-//! and N23 of `engine/extremes`.
+//! and N23 of `tests/conformance`.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::same::assert_same;
 use crate::common::twins::tested;
-use ivv::extremes::fixtures::grids::{Case, Found, random_grid, step};
 use ivv::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 use ivv::twin::{Adam, BilateralGrid, Dual, centred, pooled};
 use std::fmt::Display;
+use ivv_conformance::fixtures::grids::{Case, Found, random_grid, step};
 
 tested! {
     "bilateral/bilateral_slice.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;

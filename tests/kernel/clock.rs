@@ -1,13 +1,13 @@
-//! The cameras' time offsets on the device, against their twin. Their gauge and bound: row N27 of `engine/extremes`.
+//! The cameras' time offsets on the device, against their twin. Their gauge and bound: row N27 of `tests/conformance`.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::extremes::fixtures::clocks::on_device;
 use ivv::gpu::Recording;
 use ivv::stage::{OFFSET_BOUND, Strip, TimeOffsets, view_params};
 use ivv::twin::{Camera, Clock, ClockRule, clock_step};
+use ivv_conformance::fixtures::clocks::on_device;
 
 tested! {
     "clock/clock_apply.comp" by Camera in a_clock_shifts_the_view_by_its_offset_in_frames;

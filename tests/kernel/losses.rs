@@ -1,13 +1,13 @@
 //! The photometric loss and its cotangent on the device, against dual numbers. Equal and flat pictures: the rows N20 and
-//! N21 of `engine/extremes`.
+//! N21 of `tests/conformance`.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
-use ivv::extremes::fixtures::photometric::Pair;
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
 use ivv::stage::{MOST_TERMS, Report, SSIM_WEIGHT, record_report};
+use ivv_conformance::fixtures::photometric::Pair;
 
 tested! {
     "loss/ssim.comp" by photometric in loss_and_cotangent_of_noise_are_those_of_dual_numbers_at_any_size_and_mask;

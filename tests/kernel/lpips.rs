@@ -1,5 +1,5 @@
 //! LPIPS and its cotangent on the device, against dual numbers; the loader of its weights; the published numbers. Equal
-//! pictures and dead features: the rows N20 and N22 of `engine/extremes`.
+//! pictures and dead features: the rows N20 and N22 of `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
@@ -8,9 +8,9 @@ use crate::common::random::Random;
 use crate::common::twins::tested;
 use crate::scene::{Folder, fault};
 use ivv::Error;
-use ivv::extremes::fixtures::lpips::{self as fixtures, Pair, TRUNKS, Weights, narrow};
 use ivv::gpu::{Gpu, Recording};
 use ivv::stage::{Compared, Cotangent, Lpips, Shown, Trunk, record_totals};
+use ivv_conformance::fixtures::lpips::{self as fixtures, Pair, TRUNKS, Weights, narrow};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 

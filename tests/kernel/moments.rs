@@ -1,5 +1,5 @@
 //! Adam's moments in 16 bits: what is stored against the twin's rounding of what 32 bits store. Extreme numbers: row N25 of
-//! `engine/extremes`.
+//! `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
@@ -9,7 +9,6 @@ use crate::common::twins::tested;
 use crate::kernel::assert_same_scene;
 use crate::kernel::batch::{borrowed, two};
 use ivv::Constants;
-use ivv::extremes::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 use ivv::gpu::Recording;
 use ivv::gpu::generated::Status;
 use ivv::scene::Splats;
@@ -18,6 +17,7 @@ use ivv::stage::{
 };
 use ivv::twin::{random_bits, rounded_moment};
 use std::fmt::Display;
+use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 
 tested! {
     "adam/adam_idle.comp" by rounded_moment in moments_fade_to_the_twins_bits_in_groups_of_any_size;

@@ -1,11 +1,11 @@
 //! The losses against priors of depth and flow on the device, against dual numbers. No error at all: row N20 of
-//! `engine/extremes`.
+//! `tests/conformance`.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
-use ivv::extremes::fixtures::priors::Case;
 use ivv::stage::DepthSpace;
+use ivv_conformance::fixtures::priors::Case;
 
 tested! {
     "loss/prior_loss.comp" by depth_loss in values_and_cotangents_are_those_of_dual_numbers;

@@ -2,7 +2,7 @@
 
 use super::{root, text};
 use crate::common::notes;
-use ivv::profile::Budgets;
+use ivv_gpu_model::Budgets;
 use std::path::Path;
 
 const TABLE: &str = "assets/gpu/budgets.tsv";

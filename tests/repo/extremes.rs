@@ -2,7 +2,7 @@
 
 use super::{files, text};
 use crate::extreme::ELSEWHERE;
-use ivv::extremes::ROWS;
+use ivv_conformance::ROWS;
 use std::collections::BTreeSet;
 use std::process::Command;
 
@@ -41,7 +41,7 @@ fn every_row_has_a_mutant_and_every_mutant_changes_its_file() {
         let begin = format!("row {row}, ");
         assert!(
             mutants.iter().any(|[name, ..]| name.starts_with(&begin)),
-            "row {row} of `ivv debug extremes` has no mutant"
+            "row {row} of `ivv-conformance` has no mutant"
         );
     }
 }
@@ -100,7 +100,10 @@ fn the_shipped_reports_are_of_this_table_and_every_row_ran_and_passed() {
         let lane = of("- subgroups: ").split_whitespace().next().unwrap_or_default();
         lanes.insert(format!("{driver} {lane}"));
         let faults = faults_of(&report);
-        assert!(faults.is_empty(), "{file}: {faults:#?}\nmake it anew with: ivv debug extremes -o {file}");
+        assert!(
+            faults.is_empty(),
+            "{file}: {faults:#?}\nmake it anew with: cargo run --release -p ivv-conformance -- --validation -o {file}"
+        );
     }
     assert_eq!(lanes, BTreeSet::from(["SwiftShader 4", "llvmpipe 16", "llvmpipe 4", "llvmpipe 8"].map(str::to_owned)));
     // A bar would end a cell.

@@ -92,16 +92,16 @@ const WITHOUT_TWIN: [(&str, &str); 2] = [
     ("probe_dispatch", "it counts dispatches: kernel::probe reads the count"),
 ];
 
-/// What a test's file says besides its list of twins, with the fixtures of `engine/extremes` that it runs its cases by.
+/// What a test's file says besides its list of twins, with the fixtures of `tests/conformance` that it runs its cases by.
 fn of_test(file: &str) -> String {
     let own = text(file);
     let (before, rest) = own.split_once("tested! {").unwrap_or_else(|| panic!("{file}: no list of twins"));
     let mut all = [before, rest.split_once("\n}\n").unwrap().1].concat();
-    for fixture in own.split("extremes::fixtures::").skip(1).filter_map(|rest| words(rest).next()) {
-        all += &text(&format!("engine/extremes/fixtures/{fixture}.rs"));
+    for fixture in own.split("ivv_conformance::fixtures::").skip(1).filter_map(|rest| words(rest).next()) {
+        all += &text(&format!("tests/conformance/fixtures/{fixture}.rs"));
     }
     if own.contains("check_adjoint") || own.contains("adjoint::group_error") {
-        all += &text("engine/extremes/adjoint.rs");
+        all += &text("tests/conformance/adjoint.rs");
     }
     without_comments(&all)
 }

@@ -28,7 +28,7 @@ const SETTINGS: &str = "assets/manual/src/settings.md";
 const METHOD: &str = "assets/manual/src/method.md";
 const CITED: &str = "SPEC ";
 /// Verbs that other builds give other options, and where these are.
-const OF_OTHER_BUILDS: [(&str, &str); 2] = [("play", "tools/verbs/play/"), ("profile", "tools/replay.rs")];
+const OF_OTHER_BUILDS: [(&str, &str); 1] = [("profile", "tools/replay.rs")];
 const FOLDERS: [&str; 6] = [".ci/", "assets/", "engine/", "shaders-glsl/", "tests/", "tools/"];
 
 /// The targets of the links of a document.
@@ -330,7 +330,7 @@ fn every_option_that_the_manual_names_alone_is_one_of_some_verb_or_script() {
     let verbs: BTreeSet<String> = manual().iter().flat_map(|(_, text)| commands(text)).map(|c| c[0].clone()).collect();
     let of_sound = ["localize", "render", "synth", "bench", "inspect-hrtf"].map(|verb| format!("sound {verb}"));
     let of_segments = ["plan", "run", "join"].map(|verb| format!("segments {verb}"));
-    let of_debug = ["extremes", "vjp", "demo", "completions", "man"].map(|verb| format!("debug {verb}"));
+    let of_debug = ["vjp", "demo", "completions", "man"].map(|verb| format!("debug {verb}"));
     let verbs: Vec<String> = verbs.into_iter().chain(of_sound).chain(of_segments).chain(of_debug).collect();
     let tools = files("tools");
     let scripts = tools.iter().filter(|file| [".sh", ".py"].iter().any(|ending| file.ends_with(ending)));

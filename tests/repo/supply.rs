@@ -17,10 +17,12 @@ fn list(policy: &toml::Table, part: &str, name: &str) -> BTreeSet<String> {
     policy[part][name].as_array().unwrap().iter().map(|word| word.as_str().unwrap().to_owned()).collect()
 }
 
-/// Name, version and source of every package of Cargo.lock but our own.
+/// Name, version and source of every package of Cargo.lock but those of the workspace.
 fn locked() -> Vec<(String, String, String)> {
     let lock: toml::Table = text("Cargo.lock").parse().unwrap();
-    let packages = lock["package"].as_array().unwrap().iter().filter(|package| package["name"].as_str() != Some("ivv"));
+    let is_own =
+        |package: &&toml::Value| package["name"].as_str().is_some_and(|name| name == "ivv" || name.starts_with("ivv-"));
+    let packages = lock["package"].as_array().unwrap().iter().filter(|package| !is_own(package));
     let field = |package: &toml::Value, name: &str| {
         package.get(name).and_then(toml::Value::as_str).unwrap_or_default().to_owned()
     };

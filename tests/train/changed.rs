@@ -90,9 +90,9 @@ fn weights_of_lpips_are_opened_before_the_first_step_if_they_are_for_scores_alon
     let missing = fails(&[&train[..], &lpips].concat(), 3);
     assert!(missing.contains("narrow.safetensors") && !run.join("checkpoints").exists(), "{missing}");
     fails(&["train", capture, "-o", path, "--plan", "--set", &setting], 3);
-    ivv::extremes::fixtures::lpips::save(
+    ivv_conformance::fixtures::lpips::save(
         &weights,
-        &ivv::extremes::fixtures::lpips::narrow(1, ivv::stage::Trunk::SqueezeNet),
+        &ivv_conformance::fixtures::lpips::narrow(1, ivv::stage::Trunk::SqueezeNet),
     )
     .unwrap();
     let plan = |crop: &str| -> Value {

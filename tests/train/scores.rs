@@ -3,7 +3,6 @@
 use super::{Tiny, scores_of};
 use crate::common::device::gpu;
 use ivv::Constants;
-use ivv::extremes::fixtures::lpips::{narrow, save};
 use ivv::scene::Frame;
 use ivv::scene::capture::{Capture, Picture};
 use ivv::stage::{Renderer, Trunk};
@@ -11,6 +10,7 @@ use ivv::train::{
     Checkpoint, Config, Evaluation, Kind, Log, Meter, Setup, Sight, Trainer, ViewScores, evaluate, from_points, psnr,
     spread,
 };
+use ivv_conformance::fixtures::lpips::{narrow, save};
 use serde_json::json;
 
 fn view(name: &str, psnr: f64) -> ViewScores {

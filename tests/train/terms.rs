@@ -5,7 +5,6 @@ use crate::common::device::gpu;
 use crate::common::one::{One, ball, camera, scene_of};
 use crate::scene::Folder;
 use ivv::Constants;
-use ivv::extremes::fixtures::lpips::{TRUNKS, narrow, save};
 use ivv::scene::capture::{Capture, Extent, Picture, PriorPlan};
 use ivv::scene::{Motion, Splats, View};
 use ivv::stage::{Outputs, Renderer};
@@ -13,6 +12,7 @@ use ivv::train::{
     Agreement, Config, Event, GridKind, LearningRates, Loss, Pace, PoseKind, Rate, Required, Session, SessionOptions,
     Setup, TermData, Trainer, fit_offset, from_points, logged,
 };
+use ivv_conformance::fixtures::lpips::{TRUNKS, narrow, save};
 use std::collections::BTreeSet;
 
 /// What a step dispatches, by section, and how often.

@@ -1,4 +1,4 @@
-//! The factored covariance in f32: needles and extreme scales, rows n03 and n02 of `ivv debug extremes`.
+//! The factored covariance in f32: needles and extreme scales, rows n03 and n02 of `ivv-conformance`.
 
 use ivv::twin::{Footprint, footprint, power};
 

@@ -1,10 +1,10 @@
 #!/usr/bin/env bash
-# What the compilers of AMD's and NVIDIA's GPUs make of every kernel, without a GPU: a file of `ivv profile --statistics --json` for
+# What the compilers of AMD's and NVIDIA's GPUs make of every kernel, without a GPU: a file of `ivv-gpu-model statistics --json` for
 # each chip and width of subgroups, OUT/CHIP-LANES.json.
-#   statistics.sh IVV OUT
+#   statistics.sh IVV-GPU-MODEL OUT
 set -euo pipefail
 here=$(cd "$(dirname "${BASH_SOURCE[0]}")" && pwd)
-ivv=$(realpath "$1")
+model=$(realpath "$1")
 mkdir -p "$2" && out=$(realpath "$2")
 rm -f "$out"/*.json
 drivers=$("$here/drivers.sh")
@@ -18,7 +18,7 @@ left_out() {
 for chip in navi21-32 navi21-64 navi31-32 navi31-64 gfx1200-32 gfx1200-64 vega10-64 mi200-64; do
     VK_DRIVER_FILES=$drivers/radeon.json VK_ICD_FILENAMES=$drivers/radeon.json RADV_FORCE_FAMILY=${chip%-*} \
         LD_LIBRARY_PATH=$drivers/backports/root/usr/lib/x86_64-linux-gnu \
-        "$ivv" profile --statistics --subgroup-size "${chip#*-}" --json >"$out/$chip.json" || left_out "$chip"
+        "$model" statistics --subgroup-size "${chip#*-}" --json >"$out/$chip.json" || left_out "$chip"
 done
 # NVK's compiler is not NVIDIA's. It knows Turing and Ampere, of which GA100 is nearest to Hopper.
 lib=$drivers/trixie/root/usr/lib/x86_64-linux-gnu
@@ -26,5 +26,5 @@ for chip in 162:TU102 170:GA100 172:GA102; do
     VK_DRIVER_FILES=$drivers/nouveau.json VK_ICD_FILENAMES=$drivers/nouveau.json NVK_I_WANT_A_BROKEN_VULKAN_DRIVER=1 \
         NOUVEAU_CHIPSET=${chip%:*} "$lib/ld-linux-x86-64.so.2" --library-path "$lib" \
         --preload "$lib/libnouveau_noop_drm_shim.so" \
-        "$ivv" profile --statistics --chip "${chip#*:}" --json >"$out/${chip#*:}-32.json" 2> >(grep -v DRM_IOCTL >&2) || left_out "${chip#*:}-32"
+        "$model" statistics --chip "${chip#*:}" --json >"$out/${chip#*:}-32.json" 2> >(grep -v DRM_IOCTL >&2) || left_out "${chip#*:}-32"
 done

@@ -7,11 +7,6 @@ pub mod devices;
 pub mod eval;
 pub mod export;
 pub mod inspect;
-#[cfg(feature = "play")]
-pub mod play;
-#[cfg(not(feature = "play"))]
-#[path = "play/absent.rs"]
-pub mod play;
 pub mod prepare;
 pub mod profile;
 pub mod render;

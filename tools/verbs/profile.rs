@@ -1,7 +1,6 @@
 //! `ivv profile`.
 
 use crate::device::DeviceArgs;
-use crate::estimate::{self, EstimateArgs};
 use crate::files::{make_folder, write_json};
 use crate::kernels;
 use crate::progress::{Progress, watch};
@@ -13,14 +12,12 @@ use anyhow::Context;
 use ivv::files::write_atomic;
 use ivv::gpu::{Dispatch, Gpu};
 use ivv::profile::{
-    Comparison, Heat, Moment, Overhead, Peaks, Profile, Recorded, Sample, Statistics, Sweep, SweepOptions, trace,
-    write_dispatch,
+    Comparison, Heat, Moment, Overhead, Peaks, Profile, Recorded, Sample, Sweep, SweepOptions, trace, write_dispatch,
 };
 use ivv::scene::capture::{Capture, FrameCache, PriorPlan, share_of_memory};
 use ivv::scene::read_views;
 use ivv::stage::{Outputs, Renderer};
 use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions, Setup, TermData, reduced_order, training_order};
-use ivv::vk::Compiler;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -30,10 +27,10 @@ use std::time::Instant;
 pub struct Args {
     /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
     /// with --cameras, a scene.
-    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "estimate", "sweep"])]
+    #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "sweep"])]
     subject: Option<PathBuf>,
     /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
-    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "feed", "estimate"])]
+    #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "feed"])]
     output: Option<PathBuf>,
     /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
@@ -56,19 +53,10 @@ pub struct Args {
     /// Compares two profiles, pass by pass: each a profile.json, or the folder that holds it. Needs no device.
     #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["subject", "output", "replay", "disassemble", "list"])]
     compare: Vec<PathBuf>,
-    /// Prints what the compiler of the device makes of these kernels, or of all: registers, spills, instructions, waves. Runs
-    /// nothing.
-    #[arg(long, num_args = 0.., value_name = "KERNEL", conflicts_with_all = ["subject", "output", "replay", "disassemble", "list", "compare"])]
-    statistics: Option<Vec<String>>,
-    /// The chip that --statistics counts waves for, such as GA100, where the device's name does not tell it.
-    #[arg(long, requires = "statistics")]
-    chip: Option<String>,
     /// Only decodes the training images of a capture, in the order of a run and as far ahead, for a device that takes no time:
     /// what the feed alone can do. Needs no device.
     #[arg(long, conflicts_with_all = ["cameras", "dump", "replay", "output"])]
     feed: bool,
-    #[command(flatten)]
-    estimate: EstimateArgs,
     /// Times a step and a frame of made-up scenes against the length of the clip, cameras, pixels and Gaussians, up to so many
     /// Gaussians, and writes sweep.md, sweep.json and sweep.svg to OUTPUT.
     #[arg(long, num_args = 0..=1, default_missing_value = "300000", value_name = "GAUSSIANS",
@@ -97,12 +85,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     if let [a, b] = args.compare.as_slice() {
         return compare(a, b, json);
-    }
-    if let Some(names) = &args.statistics {
-        return statistics(args, names, json);
-    }
-    if args.estimate.is_some() {
-        return estimate::run(&args.estimate, &args.settings.resolve()?, &args.device, json);
     }
     if args.replay.file().is_some() {
         let gpu = args.device.open()?;
@@ -212,22 +194,6 @@ fn sweep(args: &Args, most_gaussians: usize, output: &Path, json: bool) -> anyho
     }
     out!("{}", sweep.terminal().trim_end());
     out!("{}", output.join("sweep.svg").display());
-    Ok(())
-}
-
-fn statistics(args: &Args, names: &[String], json: bool) -> anyhow::Result<()> {
-    let named = names.iter().map(|name| kernels::named("--statistics", name));
-    let mut kernels = named.collect::<anyhow::Result<Vec<_>>>()?;
-    if kernels.is_empty() {
-        kernels = ivv::gpu::generated::ALL.to_vec();
-    }
-    let compiler = Compiler::open(&args.device.choice())?;
-    let statistics = Statistics::of(&compiler, args.chip.as_deref(), &kernels)?;
-    if json {
-        out!("{}", serde_json::to_string_pretty(&statistics)?);
-    } else {
-        out!("{}", statistics.terminal().trim_end());
-    }
     Ok(())
 }
 

@@ -1,7 +1,6 @@
 //! `ivv debug`: what developers and packagers need. One file per verb; `manual` has two.
 
 mod demo;
-pub mod extremes;
 mod manual;
 mod vjp;
 
@@ -14,8 +13,6 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Verb {
-    /// Runs numerical extremes on a device and reports, row by row, whether it passes.
-    Extremes(extremes::Args),
     /// Gradients of sum(cotangent * output) of a view, by parameter group.
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
@@ -28,7 +25,6 @@ enum Verb {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     match &args.verb {
-        Verb::Extremes(args) => extremes::run(args, json),
         Verb::Vjp(args) => vjp::run(args, json),
         Verb::Demo(args) => demo::run(args, json),
         Verb::Completions(args) => {

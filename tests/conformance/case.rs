@@ -1,0 +1,55 @@
+//! A scene and a view beside what the twin makes of them.
+
+use super::frames::{Tolerance, compare};
+use super::row::{Bench, Tally};
+use anyhow::{Result, ensure};
+use ivv::Constants;
+use ivv::scene::{Frame, Splats, View};
+use ivv::stage::FrameReport;
+use ivv::twin::render_f64;
+
+/// A scene, a view, and what to expect.
+pub(super) struct Case<'a> {
+    pub name: String,
+    pub splats: Splats,
+    pub view: View,
+    pub constants: Constants,
+    /// What the truth is made from, where it is not the scene itself.
+    pub truth: Option<Splats>,
+    pub tolerance: Tolerance,
+    /// Gaussians that must be counted as bad.
+    pub n_bad: u64,
+    /// Whatever else must hold.
+    pub check: Check<'a>,
+}
+
+/// A check of its own on a frame.
+type Check<'a> = Box<dyn Fn(&Frame, &FrameReport) -> Result<()> + 'a>;
+
+impl<'a> Case<'a> {
+    /// A case that must look like the truth, with the default constants and tolerance.
+    pub fn new(name: impl Into<String>, splats: Splats, view: View) -> Case<'a> {
+        Case {
+            name: name.into(),
+            splats,
+            view,
+            constants: Constants::default(),
+            truth: None,
+            tolerance: Tolerance::default(),
+            n_bad: 0,
+            check: Box::new(|_, _| Ok(())),
+        }
+    }
+
+    pub fn run(&self, bench: &Bench, tally: &mut Tally) {
+        tally.case(&self.name, |tally| {
+            let (frame, report) = bench.render_with(&self.splats, &self.view, self.constants)?;
+            let truth = render_f64(self.truth.as_ref().unwrap_or(&self.splats), &self.view, &self.constants);
+            ensure!(truth.alpha.iter().any(|alpha| *alpha > 0.0), "the truth shows nothing");
+            ensure!(report.bad_gaussians == self.n_bad, "{} bad Gaussians, not {}", report.bad_gaussians, self.n_bad);
+            let worst = compare(&frame, &truth, &self.tolerance)?;
+            tally.within("a frame", worst.error, worst.allowed)?;
+            (self.check)(&frame, &report)
+        });
+    }
+}

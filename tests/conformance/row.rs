@@ -1,0 +1,173 @@
+//! A row of the table, where it runs, and what comes of it.
+
+use anyhow::{Result, ensure};
+use ivv::Constants;
+use ivv::gpu::Gpu;
+use ivv::scene::{Frame, Splats, View};
+use ivv::stage::{FrameReport, Gradients, Outputs, Renderer};
+use std::fmt::Display;
+use std::ops::Deref;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+/// The device, for as long as this lives.
+pub type Lent<'a> = Box<dyn Deref<Target = Arc<Gpu>> + 'a>;
+
+/// Where rows run.
+pub struct Bench<'a> {
+    /// Gives the device. Cases take it for as short as they can: another thread may have it while this one works out the
+    /// truth.
+    pub lend: &'a dyn Fn() -> Lent<'a>,
+    /// Whether cases run that take minutes on a CPU.
+    pub slow: bool,
+}
+
+impl Bench<'_> {
+    /// The device.
+    pub fn gpu(&self) -> Lent<'_> {
+        (self.lend)()
+    }
+
+    /// All outputs of `splats` seen by `view`, by a fresh renderer with the default constants.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::render`].
+    pub fn render(&self, splats: &Splats, view: &View) -> ivv::Result<(Frame, FrameReport)> {
+        self.render_with(splats, view, Constants::default())
+    }
+
+    /// As [`Bench::render`], with other constants.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::render`].
+    pub fn render_with(&self, splats: &Splats, view: &View, constants: Constants) -> ivv::Result<(Frame, FrameReport)> {
+        let gpu = self.gpu();
+        Renderer::new(Arc::clone(&gpu), splats, constants)?.render(view, Outputs::All)
+    }
+
+    /// Gradients of the sum of `cotangents` times outputs, by a fresh renderer with the default constants.
+    ///
+    /// # Errors
+    /// Those of [`Renderer::vjp`].
+    pub fn vjp(&self, splats: &Splats, view: &View, cotangents: &Frame) -> ivv::Result<(Gradients, FrameReport)> {
+        let gpu = self.gpu();
+        Renderer::new(Arc::clone(&gpu), splats, Constants::default())?.vjp(view, cotangents)
+    }
+}
+
+/// The error of a case that is nearest to its bound.
+#[derive(Clone, Debug, serde::Serialize)]
+pub struct Worst {
+    /// The case.
+    pub case: String,
+    /// Its error.
+    pub error: f64,
+    /// What is allowed, in the same unit.
+    pub bound: f64,
+}
+
+/// What comes of a row.
+#[derive(Clone, Debug, Default, serde::Serialize)]
+pub struct Tally {
+    /// Cases that ran.
+    pub cases: usize,
+    /// The worst error, of those that are measured and not only compared.
+    pub worst: Option<Worst>,
+    /// What went wrong, each with its case.
+    pub faults: Vec<String>,
+    /// What did not run, and why.
+    pub not_run: Vec<String>,
+    #[serde(skip)]
+    case: String,
+}
+
+/// The judgement of a row.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Verdict {
+    /// All cases that ran are right.
+    Passed,
+    /// One is not.
+    Failed,
+    /// None ran.
+    NotRun,
+}
+
+impl Tally {
+    /// Runs a case; what it returns as an error is a fault, and the next case runs all the same.
+    pub fn case(&mut self, name: impl Display, check: impl FnOnce(&mut Tally) -> Result<()>) {
+        self.case = name.to_string();
+        self.cases += 1;
+        if let Err(fault) = check(self) {
+            self.faults.push(format!("{}: {fault:#}", self.case));
+        }
+    }
+
+    /// Notes an error of the case, which has to be within `bound`. NaN never is.
+    ///
+    /// # Errors
+    /// Where it is not.
+    pub fn within(&mut self, what: &str, error: f64, bound: f64) -> Result<()> {
+        let is_worse = |worst: &Worst| error * worst.bound > worst.error * bound;
+        if self.worst.as_ref().is_none_or(is_worse) {
+            self.worst = Some(Worst { case: self.case.clone(), error, bound });
+        }
+        ensure!(error <= bound, "{what} is off by {error:.1e}, {bound:.1e} is allowed");
+        Ok(())
+    }
+
+    /// Says what is left out, and why.
+    pub fn leave_out(&mut self, what: impl Display) {
+        self.not_run.push(what.to_string());
+    }
+
+    /// The judgement.
+    pub fn verdict(&self) -> Verdict {
+        match (self.faults.is_empty(), self.cases) {
+            (false, _) => Verdict::Failed,
+            (true, 0) => Verdict::NotRun,
+            (true, _) => Verdict::Passed,
+        }
+    }
+}
+
+/// A row of the table.
+#[derive(Clone, Copy)]
+pub struct Row {
+    /// `n` and its number, two digits.
+    pub name: &'static str,
+    /// What takes extreme values, and which.
+    pub what: &'static str,
+    /// What must hold.
+    pub expected: &'static str,
+    /// The bounds, and why where they are not the study's.
+    pub bound: &'static str,
+    /// Runs the cases. An error is a fault of the row as a whole.
+    pub(super) cases: fn(&Bench, &mut Tally) -> Result<()>,
+}
+
+impl Row {
+    /// Runs the row's cases. A panic, an error of the device and a message of the validation layer are faults like any
+    /// other.
+    pub fn run(&self, bench: &Bench) -> Tally {
+        let mut tally = Tally::default();
+        let spoken = |bench: &Bench| bench.gpu().device().validation().messages();
+        let before = spoken(bench).len();
+        let done = catch_unwind(AssertUnwindSafe(|| (self.cases)(bench, &mut tally)));
+        match done {
+            Ok(Ok(())) => {}
+            Ok(Err(fault)) => tally.faults.push(format!("{fault:#}")),
+            Err(panic) => {
+                let text = panic.downcast_ref::<String>().map(String::as_str);
+                let text = text.or_else(|| panic.downcast_ref::<&str>().copied()).unwrap_or("of unknown cause");
+                tally.faults.push(format!("{}: a panic: {text}", tally.case));
+            }
+        }
+        let messages = spoken(bench).into_iter().skip(before);
+        tally.faults.extend(messages.map(|message| format!("the validation layer: {message}")));
+        if tally.cases == 0 && tally.not_run.is_empty() && tally.faults.is_empty() {
+            tally.faults.push("no case ran".into());
+        }
+        tally
+    }
+}
