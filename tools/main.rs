@@ -1,56 +1,22 @@
-//! `ivv`: the command line. `verbs` has one file per verb, what they share lies beside this file; the manual's page
-//! `errors.md` lists the exit codes.
+//! `ivv`: the command line. `verbs` has a file or folder per verb, `run` what they share about scenes and runs, `ui` the
+//! terminal and how the program ends. The manual's page `errors.md` lists the exit codes.
 
-mod apart;
-mod behind;
-mod capture;
-mod date;
-mod device;
-mod due;
 mod estimate;
 mod export_clip;
-mod fault;
-mod files;
-mod film;
-mod first;
-mod frame_rate;
-mod instead;
-mod interrupt;
-mod kept;
-mod kernels;
-mod line;
-mod list_settings;
-mod look;
-#[cfg(feature = "mpi")]
-mod message;
-mod offsets;
-mod outline;
-mod page;
-mod passes;
-mod poses;
-mod progress;
-mod ranks;
-mod replace;
-mod replay;
-mod require;
-mod screen;
-mod settings;
-mod shown;
-mod start;
-mod stderr;
-mod totals;
-mod trace;
+mod run;
+mod ui;
 mod verbs;
-mod views;
-#[cfg(feature = "shaders")]
-mod watch;
 
 use clap::{Parser, Subcommand};
+use run::{appearance as look, device, files, player as page, source as shown, views};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
+#[cfg(feature = "play")]
+use ui::interrupt;
+use ui::{fault, progress, screen, trace};
 use verbs::{
     bench, check, debug, devices, eval, export, inspect, play, prepare, profile, render, segments, serve, sound, synth,
     train,

@@ -1,8 +1,8 @@
 //! `ivv check`.
 
-use crate::capture::{self, CaptureArgs};
-use crate::fault;
-use crate::screen::out;
+use crate::run::capture::{self, CaptureArgs};
+use crate::ui::fault;
+use crate::ui::screen::out;
 use ivv::scene::capture::{Fault, Report};
 use ivv::words::count;
 use std::path::PathBuf;

@@ -1,6 +1,6 @@
 //! `ivv devices`.
 
-use crate::screen::out;
+use crate::ui::screen::out;
 use ivv::vk::{Device, DeviceChoice, list_devices};
 
 /// Options of `ivv devices`.

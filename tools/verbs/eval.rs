@@ -2,12 +2,12 @@
 
 use anyhow::Context;
 
-use crate::behind::both;
-use crate::device::DeviceArgs;
-use crate::files::{make_folder, read_json, write_json};
-use crate::progress::Progress;
-use crate::screen::{alert, out};
-use crate::shown::{Gaussians, Source};
+use crate::run::background::both;
+use crate::run::device::DeviceArgs;
+use crate::run::files::{make_folder, read_json, write_json};
+use crate::run::source::{Gaussians, Source};
+use crate::ui::progress::Progress;
+use crate::ui::screen::{alert, out};
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
 use ivv::scene::{Frame, Mapped, Splats};

@@ -1,9 +1,9 @@
 //! `ivv inspect`.
 
-use crate::require;
-use crate::screen::{out, say};
-use crate::shown::{self, Shown, is_run};
-use crate::views::ViewArgs;
+use crate::run::review;
+use crate::run::source::{self, Shown, is_run};
+use crate::run::views::ViewArgs;
+use crate::ui::screen::{out, say};
 use ivv::formats::FourDgs;
 use ivv::scene::{Quantiles, Summary, write_views};
 use ivv::train::Review;
@@ -41,7 +41,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if FourDgs::is(&args.scene) {
         return clip(&args.scene, json);
     }
-    let Shown { file: scene, splats, unfinished, notes } = shown::open(&args.scene)?;
+    let Shown { file: scene, splats, unfinished, notes } = source::open(&args.scene)?;
     let reviews = reviews(&scene);
     let summary = splats.by_degree().summary();
     if json {
@@ -56,7 +56,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     print(&scene, &summary);
     for review in &reviews {
-        out!("{}", require::told(review));
+        out!("{}", review::told(review));
     }
     Ok(())
 }

@@ -1,9 +1,9 @@
 //! `ivv prepare`.
 
-use crate::capture::CaptureArgs;
-use crate::fault;
-use crate::progress::Pieces;
-use crate::screen::{out, say};
+use crate::run::capture::CaptureArgs;
+use crate::ui::fault;
+use crate::ui::progress::Pieces;
+use crate::ui::screen::{out, say};
 use crate::verbs::check::{self, Faulty};
 use anyhow::Context;
 use ivv::prepare::{

@@ -1,7 +1,7 @@
 //! `ivv synth`.
 
-use crate::progress::Progress;
-use crate::screen::out;
+use crate::ui::progress::Progress;
+use crate::ui::screen::out;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use ivv::synth::{Noise, Options, Preset, Rig, write_capture};

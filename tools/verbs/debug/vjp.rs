@@ -1,8 +1,8 @@
 //! `ivv debug vjp`.
 
-use crate::device::DeviceArgs;
-use crate::screen::out;
-use crate::shown::Source;
+use crate::run::device::DeviceArgs;
+use crate::run::source::Source;
+use crate::ui::screen::out;
 use anyhow::ensure;
 use ivv::files::{Tensor, read_tensors, write_tensors};
 use ivv::scene::{Frame, Splats, View, read_views};

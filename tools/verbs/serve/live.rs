@@ -2,7 +2,7 @@
 
 use super::held::Scene;
 use crate::export_clip::ClipArgs;
-use crate::shown::{Source, changed, scene_of_end, total};
+use crate::run::source::{Source, changed, scene_of_end, total};
 use bytes::Bytes;
 use hyper::body::{Body, Frame};
 use ivv::files::read_file;

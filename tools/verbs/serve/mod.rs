@@ -7,9 +7,9 @@ mod site;
 pub use live::Said;
 
 use crate::export_clip::ClipArgs;
-use crate::interrupt::Stop;
-use crate::screen::{alert, out, say};
-use crate::shown::{Source, is_run, scene_of_end};
+use crate::run::source::{Source, is_run, scene_of_end};
+use crate::ui::interrupt::Stop;
+use crate::ui::screen::{alert, out, say};
 use anyhow::Context;
 use held::{Removed, Scene};
 use hyper::Request;

@@ -2,7 +2,7 @@
 
 use super::held::{FilePart, Scene};
 use super::live::{Events, Live};
-use crate::page::{LIVE, PARTS, POLICY, Part, SCENE};
+use crate::run::player::{LIVE, PARTS, POLICY, Part, SCENE};
 use bytes::Bytes;
 use http_body_util::{Either, Full};
 use hyper::header::{self, HeaderValue};

@@ -1,7 +1,7 @@
 //! `ivv sound localize`.
 
-use crate::files::{make_folder, write_json};
-use crate::screen::out;
+use crate::run::files::{make_folder, write_json};
+use crate::ui::screen::out;
 use crate::verbs::synth::size;
 use anyhow::Context;
 use glam::DVec3;

@@ -1,0 +1,23 @@
+//! What the verbs share about scenes, captures and training runs.
+
+pub mod appearance;
+pub mod background;
+pub mod camera_poses;
+pub mod capture;
+pub mod device;
+pub mod files;
+#[cfg(feature = "mpi")]
+mod mpi;
+pub mod overwrite;
+pub mod pass_times;
+pub mod player;
+pub mod ranks;
+pub mod rescue;
+pub mod review;
+pub mod schedule;
+pub mod settings;
+pub mod source;
+pub mod subprocess;
+pub mod time_offsets;
+pub mod totals;
+pub mod views;

@@ -1,0 +1,73 @@
+//! Times of passes, by their labels.
+
+use crate::ui::screen::out;
+use ivv::stage::PassReport;
+
+/// All passes with the same label.
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
+pub struct TimedPass {
+    /// Section and kernel.
+    pub label: String,
+    /// Passes with this label.
+    pub dispatches: f64,
+    /// What the time grows with, in all.
+    pub units: f64,
+    /// Milliseconds in all.
+    pub ms: f64,
+}
+
+impl From<&PassReport> for TimedPass {
+    fn from(report: &PassReport) -> Self {
+        let (dispatches, ms) = (report.dispatches as f64, report.ns / 1e6);
+        TimedPass { label: report.label.clone(), dispatches, units: report.units, ms }
+    }
+}
+
+impl TimedPass {
+    /// The same `factor` times.
+    fn times(mut self, factor: f64) -> Self {
+        self.dispatches *= factor;
+        self.units *= factor;
+        self.ms *= factor;
+        self
+    }
+
+    /// Adds `other` but for its label.
+    fn add(&mut self, other: &TimedPass) {
+        self.dispatches += other.dispatches;
+        self.units += other.units;
+        self.ms += other.ms;
+    }
+}
+
+/// The mean of `n` profiles, by label in the order of their appearance.
+pub fn mean(passes: impl IntoIterator<Item = TimedPass>, n: usize) -> Vec<TimedPass> {
+    let mut sum: Vec<TimedPass> = Vec::new();
+    for pass in passes {
+        match sum.iter_mut().find(|line| line.label == pass.label) {
+            Some(line) => line.add(&pass),
+            None => sum.push(pass),
+        }
+    }
+    sum.into_iter().map(|line| line.times(1.0 / n.max(1) as f64)).collect()
+}
+
+/// All passes as one line called `label`; none when there is no pass.
+pub fn total(passes: &[TimedPass], label: &str) -> Option<TimedPass> {
+    let (first, rest) = passes.split_first()?;
+    let mut sum = TimedPass { label: label.to_owned(), ..first.clone() };
+    rest.iter().for_each(|pass| sum.add(pass));
+    Some(TimedPass { units: 0.0, ..sum })
+}
+
+/// Prints the passes of one `what`, and their sum.
+pub fn print(passes: &[TimedPass], what: &str) {
+    let Some(total) = total(passes, what) else { return };
+    let (ms, units) = (format!("ms/{what}"), format!("units/{what}"));
+    out!("{:<40} {:>6} {ms:>10} {:>7} {units:>12}", "pass", "calls", "share");
+    for line in passes.iter().chain([&total]) {
+        let share = 100.0 * line.ms / total.ms;
+        let TimedPass { label, dispatches, units, ms } = line;
+        out!("{label:<40} {dispatches:>6.0} {ms:>10.3} {share:>6.1}% {units:>12.0}");
+    }
+}

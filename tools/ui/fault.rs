@@ -1,0 +1,99 @@
+//! How `ivv` ends: the message of a fault, for people and as JSON, and the exit code.
+
+use crate::ui::interrupt;
+use crate::ui::screen::{self, alert, out};
+use crate::verbs::check;
+use crate::verbs::debug::extremes;
+use clap::error::ErrorKind;
+use serde_json::{Value, json};
+
+/// A wrong command line, or help that was asked for; gives the exit code.
+pub fn usage(told: &clap::Error) -> u8 {
+    let text = told.render();
+    if !told.use_stderr() {
+        out!("{}", text.to_string().trim_end());
+        return end(0);
+    }
+    // What cannot be parsed cannot say whether JSON is wanted.
+    if std::env::args_os().any(|argument| argument == "--json") {
+        let text = text.to_string();
+        let message = text.trim().strip_prefix("error: ").unwrap_or(text.trim());
+        out!("{}", json!({ "error": { "kind": "usage", "exit_code": 2, "message": message } }));
+    }
+    match screen::has_colours() && told.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+        true => alert!("{}", text.ansi().to_string().trim_end()),
+        false => alert!("{}", text.to_string().trim_end()),
+    }
+    end(2)
+}
+
+/// Tells what came of the verb, and gives the exit code.
+pub fn exit(done: anyhow::Result<()>, as_json: bool) -> u8 {
+    let Err(error) = done else { return end(0) };
+    // A verb that has told its results has told its fault with them.
+    if as_json && !screen::has_results() {
+        out!("{}", json!({ "error": told(&error) }));
+    }
+    screen::leave_bar();
+    alert!("ivv: {error:#}");
+    end(kind(&error).1)
+}
+
+/// The exit code of a verb whose own is `code`, once its output has ended.
+fn end(code: u8) -> u8 {
+    match screen::finish() {
+        Err(fault) if code == 0 => {
+            alert!("ivv: {fault}");
+            screen::flush();
+            fault.exit_code()
+        }
+        _ => code,
+    }
+}
+
+/// Writes a verb's results as JSON, with the fault that it will end with.
+pub fn results(of: &impl serde::Serialize, fault: Option<&anyhow::Error>) -> anyhow::Result<()> {
+    let mut value = serde_json::to_value(of)?;
+    if let Some(fault) = fault {
+        value["error"] = told(fault);
+    }
+    out!("{}", serde_json::to_string_pretty(&value)?);
+    Ok(())
+}
+
+/// The `error` of JSON output.
+fn told(error: &anyhow::Error) -> Value {
+    let (kind, exit_code) = kind(error);
+    let mut told = json!({ "kind": kind, "exit_code": exit_code, "message": format!("{error:#}") });
+    if let Some(ivv::Error::Data { file, place, reason, remedy }) = error.downcast_ref() {
+        told["file"] = file.to_string_lossy().into();
+        told["place"] = place.as_str().into();
+        told["reason"] = reason.as_str().into();
+        told["remedy"] = remedy.as_str().into();
+    }
+    told
+}
+
+/// What kind of fault it is, and its exit code. What has no kind of its own is the fault of what was asked.
+fn kind(error: &anyhow::Error) -> (&'static str, u8) {
+    if error.downcast_ref::<interrupt::Interrupted>().is_some() {
+        return ("interrupted", interrupt::Interrupted::EXIT_CODE);
+    }
+    if error.downcast_ref::<check::Faulty>().is_some() {
+        return ("data", 3);
+    }
+    if error.downcast_ref::<extremes::Failed>().is_some() {
+        return ("failed_row", 4);
+    }
+    let Some(error) = error.downcast_ref::<ivv::Error>() else { return ("usage", 2) };
+    let kind = match error {
+        ivv::Error::Data { .. } => "data",
+        ivv::Error::NoDevice { .. } => "no_device",
+        ivv::Error::OutOfMemory { .. } | ivv::Error::DriverOutOfMemory { .. } => "out_of_memory",
+        ivv::Error::DeviceLost { .. } => "device_lost",
+        ivv::Error::RanksLost { .. } => "ranks_lost",
+        ivv::Error::Vulkan { .. } => "vulkan",
+        ivv::Error::NonFinite { .. } => "non_finite",
+    };
+    (kind, error.exit_code())
+}

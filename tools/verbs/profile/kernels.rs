@@ -1,0 +1,46 @@
+//! Kernels by name: `ivv profile --list`, and the message for a wrong name.
+
+use crate::ui::screen::out;
+use ivv::gpu::table::{KERNELS, kernel};
+use ivv::gpu::{KernelInfo, kernel_named};
+use ivv::words::nearest;
+
+/// The kernel that an option names.
+pub fn named(option: &str, name: &str) -> anyhow::Result<&'static KernelInfo> {
+    let told = || anyhow::anyhow!("{option} {name}: there is no such kernel{}", like(name));
+    kernel_named(name).ok_or_else(told)
+}
+
+/// What to try in the place of `name`, as the end of a message: the other kernels of its shader, or the nearest names.
+pub fn like(name: &str) -> String {
+    let shader = kernel(name).map(|spec| spec.file);
+    let others = KERNELS.iter().filter(|spec| Some(spec.file) == shader && spec.name != name);
+    let others: Vec<&str> = others.map(|spec| &*spec.name).collect();
+    let near = nearest(name, KERNELS.iter().map(|spec| &*spec.name));
+    let meant = match shader {
+        Some(shader) if !others.is_empty() => format!("; others of {shader} are {}", others.join(", ")),
+        None if !near.is_empty() => format!("; did you mean {}?", near.join(" or ")),
+        _ => String::new(),
+    };
+    format!("{meant} (`ivv profile --list` lists all)")
+}
+
+/// Prints each shader with the kernels that are made of it.
+pub fn list(json: bool) -> anyhow::Result<()> {
+    let mut shaders: Vec<(&str, Vec<&str>)> = Vec::new();
+    for spec in KERNELS.iter() {
+        match shaders.iter_mut().find(|(file, _)| *file == spec.file) {
+            Some((_, names)) => names.push(&spec.name),
+            None => shaders.push((spec.file, vec![&spec.name])),
+        }
+    }
+    if json {
+        let line = |(file, names): &(&str, Vec<&str>)| serde_json::json!({ "shader": file, "kernels": names });
+        out!("{}", serde_json::to_string_pretty(&shaders.iter().map(line).collect::<Vec<_>>())?);
+        return Ok(());
+    }
+    for (file, names) in shaders {
+        out!("{file}: {}", names.join(", "));
+    }
+    Ok(())
+}

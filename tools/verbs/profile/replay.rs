@@ -1,0 +1,112 @@
+//! `ivv profile --replay` and `--disassemble`: single kernels.
+
+use crate::ui::screen::out;
+use crate::verbs::profile::kernels;
+use anyhow::Context;
+use ivv::gpu::{Gpu, KernelInfo};
+use ivv::profile::{Replay, Replayed, read_dispatch};
+use ivv::words::count;
+use rspirv::binary::Disassemble;
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+/// Options of a replay.
+#[derive(clap::Args)]
+pub struct ReplayArgs {
+    /// Runs a dumped dispatch again and again.
+    #[arg(long, conflicts_with_all = ["subject", "dump", "capture", "cameras", "list"])]
+    replay: Option<PathBuf>,
+    /// Kernels to run beside the dumped one, separated by commas: variants of its shader.
+    #[arg(long, value_delimiter = ',', requires = "replay")]
+    variant: Vec<String>,
+    /// How often each kernel runs.
+    #[arg(short, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
+    n: u32,
+    /// Stays, compiles the kernel again whenever a shader changes, and runs it beside the dumped one.
+    #[cfg(feature = "shaders")]
+    #[arg(long, requires = "replay")]
+    watch: bool,
+}
+
+impl ReplayArgs {
+    /// The dumped dispatch.
+    pub fn file(&self) -> Option<&Path> {
+        self.replay.as_deref()
+    }
+}
+
+pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
+    let (dispatch, dumped) = read_dispatch(args.file().context("--replay names no file")?)?;
+    let mut variants = vec![dumped];
+    for name in &args.variant {
+        let kernel = kernels::named("--variant", name)?;
+        if variants.iter().all(|other| other.name != kernel.name) {
+            variants.push(kernel);
+        }
+    }
+    let replay = Replay::new(gpu, &dispatch)?;
+    let show = |kernels: &[&'static KernelInfo]| -> anyhow::Result<()> {
+        let lines = replay.run(kernels, args.n as usize)?;
+        if json {
+            out!("{}", serde_json::to_string_pretty(&lines)?);
+        } else {
+            print(&lines, args.n);
+        }
+        Ok(())
+    };
+    show(&variants)?;
+    #[cfg(feature = "shaders")]
+    if args.watch {
+        crate::verbs::profile::shader_watch::watch(dumped, |edited| show(&[dumped, edited]))?;
+    }
+    Ok(())
+}
+
+fn print(lines: &[Replayed], n: u32) {
+    out!(
+        "{:<28} {:>11} {:>9} {:>24} {:>10} {:>11} {:>11} {:>11}",
+        format!("{} each, in turns", count(n, "run")),
+        "median, ms",
+        "MAD, ms",
+        "ratio (95 %)",
+        "words off",
+        "max abs",
+        "max rel",
+        "of dumped"
+    );
+    for line in lines {
+        let Replayed { kernel, median_ns, mad_ns, ratio, from_first, from_dumped } = line;
+        out!(
+            "{kernel:<28} {:>11.4} {:>9.4} {:>24} {:>10} {:>11.3e} {:>11.3e} {:>11.3e}",
+            median_ns / 1e6,
+            mad_ns / 1e6,
+            ratio.to_string(),
+            from_first.words,
+            from_first.max_abs,
+            from_first.max_rel,
+            from_dumped.max_rel
+        );
+    }
+}
+
+/// Prints a kernel's SPIR-V, and how often it has which instruction.
+pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
+    let kernel = kernels::named("--disassemble", name)?;
+    let module = rspirv::dr::load_bytes(kernel.spirv).map_err(|e| anyhow::anyhow!("{name}: {e}"))?;
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    for instruction in module.all_inst_iter() {
+        *counts.entry(instruction.class.opname).or_default() += 1;
+    }
+    if json {
+        out!("{}", serde_json::to_string_pretty(&counts)?);
+        return Ok(());
+    }
+    out!("{}", module.disassemble());
+    let mut counts: Vec<_> = counts.into_iter().collect();
+    counts.sort_by_key(|(_, n)| std::cmp::Reverse(*n));
+    out!("; {} instructions of {}, {} bytes", counts.iter().map(|c| c.1).sum::<usize>(), name, kernel.spirv.len());
+    for (name, n) in counts {
+        out!("; {n:>6} Op{name}");
+    }
+    Ok(())
+}

@@ -1,0 +1,427 @@
+//! `ivv render`.
+
+mod frame_rate;
+pub mod video;
+
+use crate::run::device::DeviceArgs;
+use crate::run::files::make_folder;
+use crate::run::pass_times::{self, TimedPass};
+use crate::run::settings::contradiction;
+use crate::run::source::{Gaussians, Shown, Source, is_run};
+use crate::run::views::{ViewArgs, clip_time};
+use crate::ui::interrupt::{Interrupted, Stop};
+use crate::ui::progress::Progress;
+use crate::ui::screen::{alert, out};
+use crate::verbs::render::frame_rate::Bench;
+use crate::verbs::render::video::{Film, PathArgs, Studio};
+use anyhow::Context;
+use ivv::formats::FourDgs;
+use ivv::gpu::Gpu;
+use ivv::scene::{Frame, Splats, View};
+use ivv::sound::rig::Rig;
+use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
+use ivv::train::Run;
+use ivv::words::count;
+use ivv::{Constants, Knobs};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Options of `ivv render`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder of a run, which gives its scene (if it has not ended, its newest checkpoint), the views of its capture and its
+    /// rendering constants; or a scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a
+    /// SOG.
+    #[arg(value_name = "RUN|SCENE", required_unless_present = "scene", conflicts_with = "scene")]
+    source: Option<PathBuf>,
+    /// The same as RUN|SCENE.
+    #[arg(long, value_name = "RUN|SCENE")]
+    scene: Option<PathBuf>,
+    /// Views to render: a cameras file (JSON, as of `ivv inspect --cameras`), a transforms.json, or a capture, as a COLMAP project.
+    #[arg(long, conflicts_with_all = ["path", "capture"])]
+    cameras: Option<PathBuf>,
+    /// The capture of the scene: its views are rendered. Of a run, where its capture is now. With --path its frame rate and
+    /// length map seconds to scene time, which a dynamic scene needs.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    views: ViewArgs,
+    /// Shows a dynamic scene at this normalised time, 0 to 1, from every view. A camera that rests is rendered once.
+    #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
+    time: Option<f64>,
+    /// The folder for the pictures; with --path or --orbit the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
+    #[arg(short, long, required_unless_present = "bench")]
+    output: Option<PathBuf>,
+    /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
+    #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
+    format: Vec<Format>,
+    /// Print the time of every pass and its share.
+    #[arg(long, conflicts_with = "film")]
+    profile: bool,
+    /// Writes nothing: renders the views in turn for so many seconds, each while the host is busy with the one before, and tells
+    /// frames per second and percentiles of their times: of frames that stay on the device and of such that are read back.
+    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
+    bench: Option<f64>,
+    #[command(flatten)]
+    film: PathArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
+    constants: ConstantArgs,
+    #[command(flatten)]
+    knobs: KnobArgs,
+}
+
+/// How frames are computed: what may be traded for time, see `ivv bench trade`. The defaults are exact.
+#[derive(clap::Args)]
+pub struct KnobArgs {
+    /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver, or with
+    /// --near below 2.33e-5.
+    #[arg(long, default_value_t = Knobs::default().depth_bits)]
+    depth_bits: u32,
+    /// Leave out Gaussians whose opacity is below this at a view's time.
+    #[arg(long, default_value_t = Knobs::default().temporal_cut)]
+    temporal_cut: f32,
+    /// Finish a pixel when its transmittance has fallen below this.
+    #[arg(long, default_value_t = Knobs::default().t_cut)]
+    t_cut: f32,
+}
+
+impl KnobArgs {
+    /// `constants` with the knobs; alpha_min is itself a constant on the command line.
+    pub fn on(&self, constants: Constants) -> anyhow::Result<Constants> {
+        let Self { depth_bits, temporal_cut, t_cut } = *self;
+        let knobs = Knobs { depth_bits, temporal_cut, t_cut, ..Knobs::default() };
+        knobs.check().map_err(|fault| anyhow::anyhow!("--{}", fault.replacen('_', "-", 1)))?;
+        Ok(knobs.on(constants))
+    }
+}
+
+/// The rendering constants as options.
+#[derive(clap::Args)]
+pub struct ConstantArgs {
+    #[arg(long, help = help("Least alpha with which a Gaussian contributes to a pixel", Constants::default().alpha_min))]
+    alpha_min: Option<f32>,
+    #[arg(long, help = help("Largest alpha of a Gaussian at a pixel", Constants::default().alpha_max))]
+    alpha_max: Option<f32>,
+    #[arg(long, help = help("Transmittance below which no further Gaussian is blended", Constants::default().t_min))]
+    t_min: Option<f32>,
+    #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
+    blur: Option<f32>,
+    /// Gaussians up to this far before the camera are dropped, scene units. By default that of the run, else 0.01. `ivv train`
+    /// measures it in a frame where the rig's extent is 3.
+    #[arg(long)]
+    near: Option<f32>,
+}
+
+fn help(what: &str, default: f32) -> String {
+    format!("{what} [default: {default}]")
+}
+
+impl ConstantArgs {
+    /// The constants.
+    ///
+    /// # Errors
+    /// The first that is out of its range.
+    pub fn checked(&self) -> anyhow::Result<Constants> {
+        self.checked_over(Constants::default())
+    }
+
+    /// The constants, `d` where the options do not say.
+    ///
+    /// # Errors
+    /// As [`ConstantArgs::checked`].
+    pub fn checked_over(&self, d: Constants) -> anyhow::Result<Constants> {
+        let constants = Constants {
+            alpha_min: self.alpha_min.unwrap_or(d.alpha_min),
+            alpha_max: self.alpha_max.unwrap_or(d.alpha_max),
+            t_min: self.t_min.unwrap_or(d.t_min),
+            blur: self.blur.unwrap_or(d.blur),
+            near: self.near.unwrap_or(d.near),
+            ..d
+        };
+        let Constants { alpha_min, alpha_max, t_min, blur, near, .. } = constants;
+        let checks = [
+            (alpha_min > 0.0 && alpha_min < 1.0, "alpha-min", "a number above 0 and below 1", alpha_min),
+            (alpha_max >= alpha_min && alpha_max < 1.0, "alpha-max", "at least --alpha-min, and below 1", alpha_max),
+            ((0.0..1.0).contains(&t_min), "t-min", "a number of at least 0 and below 1", t_min),
+            (blur > 0.0 && blur.is_finite(), "blur", "a positive number", blur),
+            (near > 0.0 && near.is_finite(), "near", "a positive number", near),
+        ];
+        for (holds, name, expected, found) in checks {
+            anyhow::ensure!(holds, "--{name}: expected {expected}, found {found}");
+        }
+        Ok(constants)
+    }
+
+    /// What the options ask for that a run with the constants `run` does not have.
+    pub fn contradictions(&self, run: &Constants) -> Vec<String> {
+        let all = [
+            ("alpha-min", self.alpha_min, run.alpha_min),
+            ("alpha-max", self.alpha_max, run.alpha_max),
+            ("t-min", self.t_min, run.t_min),
+            ("blur", self.blur, run.blur),
+            ("near", self.near, run.near),
+        ];
+        let differ = |(name, asked, has): (&str, Option<f32>, f32)| {
+            let asked = asked.filter(|asked| *asked != has)?;
+            Some(contradiction(format_args!("--{name}"), has, asked))
+        };
+        all.into_iter().filter_map(differ).collect()
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
+enum Format {
+    Png,
+    Exr,
+    Safetensors,
+}
+
+impl Format {
+    fn write(self, frame: &Frame, folder: &Path, view: &View) -> ivv::Result<()> {
+        match self {
+            Format::Png => frame.write_png(&folder.join(format!("{}.png", view.name))),
+            Format::Exr => frame.write_exr(&folder.join(format!("{}.exr", view.name))),
+            Format::Safetensors => frame.write_safetensors(&folder.join(format!("{}.safetensors", view.name))),
+        }
+    }
+}
+
+#[derive(serde::Serialize)]
+struct ViewReport {
+    name: String,
+    width: u32,
+    height: u32,
+    seconds: f64,
+    #[serde(flatten)]
+    frame: FrameReport,
+}
+
+impl Args {
+    /// Frames per second of the clip that the scene is of, and how many, where something says.
+    fn clip(&self, source: &Source, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
+        match (run, &self.capture) {
+            (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
+            (None, Some(capture)) => {
+                Rig::open_with(capture, &self.views.settings()).map(|rig| Some((rig.fps, rig.n_frames)))
+            }
+            (None, None) => Ok(source.clip.as_ref().map(FourDgs::clock).map(|clock| (clock.fps, clock.frames))),
+        }
+    }
+
+    /// From the first to the last frame of the clip, normalised time, where the views are those in the scene's file: they are places to
+    /// start from, whatever their times.
+    fn span_of_file(&self, source: &Source, run: Option<&Run>) -> Option<[f64; 2]> {
+        let is_of_file = run.is_none() && self.capture.is_none() && self.cameras.is_none();
+        let frames = source.clip.as_ref().filter(|_| is_of_file)?.clock().frames.max(1);
+        Some([0.0, f64::from(frames - 1) / f64::from(frames)])
+    }
+
+    /// The video that is asked for; none where views are.
+    fn film(&self, source: &Source, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
+        let Some(path) = self.film.path() else {
+            let span = self.span_of_file(source, run);
+            let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, (span, self.time));
+            return self.film.orbit().map(orbit).transpose();
+        };
+        let remedy = "leave them out, or use --orbit";
+        anyhow::ensure!(!self.views.choose(), "--camera and --frames choose views, and --path has its own; {remedy}");
+        match run {
+            Some(run) => self.views.agree_with(run)?,
+            None if self.capture.is_none() => self.views.need_no_capture("--capture is not given")?,
+            None => {}
+        }
+        let background = source.look.background.unwrap_or_default();
+        Ok(Some(Film::along(&self.film, path, (self.clip(source, run)?, self.time), background)?))
+    }
+
+    /// The views that are asked for.
+    fn views(&self, source: &Source) -> anyhow::Result<Vec<View>> {
+        let mut views = match (&self.cameras, &self.capture) {
+            (Some(cameras), _) => self.views.of_cameras(cameras, self.time)?,
+            (None, capture) if is_run(source.path) => self.views.of_run(source.path, capture.as_deref(), self.time)?,
+            (None, Some(capture)) => self.views.of_capture(capture, self.time)?,
+            (None, None) => {
+                let views = source.clip.as_ref().map_or(Ok(Vec::new()), FourDgs::views)?;
+                anyhow::ensure!(
+                    !views.is_empty(),
+                    "{} is a scene without cameras; give --capture or --cameras, or --path for a video, or the folder of \
+                     its run",
+                    source.path.display()
+                );
+                self.views.need_no_capture("the views are those of the file")?;
+                views
+            }
+        };
+        if let Some(time) = self.time {
+            views.iter_mut().for_each(|view| (view.time, view.time_offset) = (time, 0.0));
+        }
+        Ok(views)
+    }
+
+    /// Times frames of `views`, and prints what they take.
+    fn bench(
+        &self,
+        gpu: &Arc<Gpu>,
+        splats: Splats,
+        constants: Constants,
+        (views, outputs): (&[View], Outputs),
+        stop: &Stop,
+        json: bool,
+    ) -> anyhow::Result<()> {
+        anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
+        let seconds = self.bench.unwrap_or_default();
+        let splats = Arc::new(splats);
+        let mut renderer = Renderer::of_clip(gpu.clone(), splats, constants)?;
+        let bench = Bench::new(&mut renderer, views, outputs, seconds, stop)?;
+        if json {
+            let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
+            out!("{}", serde_json::to_string_pretty(&report)?);
+        } else {
+            bench.print();
+        }
+        Ok(())
+    }
+}
+
+/// Refuses views of a dynamic scene at times that nothing was seen at.
+fn within_clip(cameras: &Path, shown: &Shown<Gaussians>, views: &[View]) -> ivv::Result<()> {
+    let outside = |view: &&View| !shown.splats.are_static() && !(0.0..=1.0).contains(&view.time);
+    views.iter().find(outside).map_or(Ok(()), |view| {
+        let reason = format!("expected a time within the clip, 0 to 1, found {}", view.time);
+        let remedy = "correct `time` of this view, or give --time for all views";
+        Err(ivv::Error::data(cameras, format!("view `{}`", view.name.escape_debug()), reason, remedy))
+    })
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let path = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
+    let run = if is_run(path) { Some(Run::read(path)?) } else { None };
+    // Faults of options are reported before a scene is read.
+    args.knobs.on(args.constants.checked()?)?;
+    let stop = Stop::listen()?;
+    let source = Source::open(path)?;
+    let constants = args.knobs.on(args.constants.checked_over(source.look.constants)?)?;
+    if let Some(film) = args.film(&source, run.as_ref())? {
+        let shown = source.seen()?;
+        let output = args.output.as_deref().context("give the video, -o FILE")?;
+        let studio = Studio { output, device: &args.device, constants, stop: &stop };
+        return video::run(&film, &args.film, shown, &studio, json);
+    }
+    let views = args.views(&source)?;
+    // What is measured is in memory, all of it.
+    let shown = if args.output.is_some() { source.seen()? } else { source.scene()?.into() };
+    within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
+    args.output.as_deref().map_or(Ok(()), make_folder)?;
+    let gpu = args.device.open()?;
+    let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
+    let (output, mut renderer) = match (&args.output, shown.splats) {
+        (Some(output), gaussians) => (output, gaussians.renderer(gpu.clone(), constants)?),
+        (None, Gaussians::Whole(splats)) => {
+            return args.bench(&gpu, splats.by_degree(), constants, (&views, outputs), &stop, json);
+        }
+        (None, Gaussians::Parts(_)) => anyhow::bail!("--bench: expected a scene in memory, found a clip in parts"),
+    };
+    let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
+    let reports = write_views(&mut renderer, &views, outputs, (output, &args.format), &profiled, &stop)?;
+    let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
+    if bad > 0 {
+        alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
+    }
+    let caps = gpu.caps();
+    let passes = reports.iter().flat_map(|r| &r.frame.passes).map(TimedPass::from);
+    let profile = args.profile.then(|| pass_times::mean(passes, reports.len()));
+    let peak_bytes = gpu.device().memory().1;
+    if json {
+        let report = serde_json::json!({
+            "device": caps, "constants": constants, "views": reports, "profile": profile, "peak_bytes": peak_bytes,
+        });
+        out!("{}", serde_json::to_string_pretty(&report)?);
+    } else if let Some(passes) = &profile {
+        print_counts(&reports);
+        pass_times::print(passes, "view");
+        out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
+    }
+    Ok(())
+}
+
+/// Renders `views` into files of the folder in these formats, and tells of each. Reports of views that were `profiled` before
+/// stand in for those of this time.
+fn write_views(
+    renderer: &mut Renderer,
+    views: &[View],
+    outputs: Outputs,
+    (folder, formats): (&Path, &[Format]),
+    profiled: &[FrameReport],
+    stop: &Stop,
+) -> anyhow::Result<Vec<ViewReport>> {
+    let mut progress = Progress::new("view", views.len());
+    let mut reports = Vec::new();
+    let mut begun = Instant::now();
+    renderer.stream(views.iter().cloned(), outputs, Destination::Host, |view, frame, report| {
+        let seconds = begun.elapsed().as_secs_f64();
+        check_finite(&frame, view)?;
+        for format in formats {
+            format.write(&frame, folder, view)?;
+        }
+        progress.step(&format!(
+            "{}, {} Gaussians, {} intersections, {:.1} ms",
+            view.name,
+            report.gaussians,
+            report.intersections,
+            1e3 * seconds
+        ));
+        reports.push(ViewReport {
+            name: view.name.clone(),
+            width: view.intrinsics.width,
+            height: view.intrinsics.height,
+            seconds,
+            frame: profiled.get(reports.len()).cloned().unwrap_or(report),
+        });
+        begun = Instant::now();
+        if stop.is_asked() && reports.len() < views.len() { Err(interrupted()) } else { Ok(true) }
+    })?;
+    Ok(reports)
+}
+
+/// What the passes of every view take.
+fn profile(renderer: &mut Renderer, views: &[View], outputs: Outputs, stop: &Stop) -> anyhow::Result<Vec<FrameReport>> {
+    // Kernels are compiled at their first dispatch, and lists grow to their size.
+    views.first().map(|view| renderer.draw(view, outputs)).transpose()?;
+    let profiled = views
+        .iter()
+        .map(|view| if stop.is_asked() { Err(interrupted()) } else { Ok(renderer.profile(view, outputs)?) });
+    profiled.collect()
+}
+
+fn interrupted() -> anyhow::Error {
+    Interrupted("the files written so far are complete").into()
+}
+
+/// Prints what the views had to do, on average.
+fn print_counts(reports: &[ViewReport]) {
+    let mean = |f: fn(&FrameReport) -> u64| {
+        reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
+    };
+    out!(
+        "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
+        mean(|f| f.active),
+        mean(|f| f.visible),
+        mean(|f| f.intersections),
+        mean(|f| f.tiles)
+    );
+}
+
+/// A picture with a value that is not finite is an error, not a picture.
+pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
+    let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
+    let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());
+    let count = values.filter(|v| !v.is_finite()).count() as u64;
+    if count > 0 {
+        let remedy = "run `ivv inspect` on the scene, which tells how large its numbers are";
+        return Err(ivv::Error::NonFinite { what: format!("view `{}`", view.name), count, remedy });
+    }
+    Ok(())
+}

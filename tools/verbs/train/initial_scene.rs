@@ -1,0 +1,36 @@
+//! The first Gaussians of a run alone: `ivv train --only-init`.
+
+use crate::run::files::write_scene;
+use crate::ui::progress::Progress;
+use crate::ui::screen::out;
+use crate::verbs::train::Args;
+use crate::verbs::train::setup;
+use ivv::formats::Own;
+use ivv::train::{Config, initialise};
+use std::path::Path;
+
+/// Writes what the training that `args` ask for would begin with to `file`.
+pub fn write(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
+    // Higher degrees are 0 at first, and make the file larger.
+    let config = Config { sh_degree: 0, ..args.settings.resolve()? };
+    let capture = setup::shown(setup::capture(args, &config)?, &config);
+    let world = capture.normalisation();
+    let capture = capture.transformed(&world);
+    let mut progress = Progress::new("initialisation", 0);
+    let initial =
+        initialise(&capture, &config, &mut |done, total| progress.reach(done, total, "frames, pictures or depths"))?;
+    drop(progress);
+    write_scene(file, &initial.splats, &world, &Own::new())?;
+    let bytes = std::fs::metadata(file).map_or(0, |file| file.len());
+    if json {
+        let line = serde_json::json!({
+            "path": file.to_string_lossy(), "from": initial.from, "gaussians": initial.splats.len(),
+            "dynamic_gaussians": initial.splats.motion.len(), "bytes": bytes, "counts": initial.counts,
+            "ratio": initial.counts.map(|counts| counts.ratio()),
+        });
+        out!("{line}");
+    } else {
+        out!("{}: {initial}; {bytes} bytes", file.display());
+    }
+    Ok(())
+}
