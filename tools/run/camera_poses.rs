@@ -1,7 +1,7 @@
 //! The cameras' learnt poses, told and written.
 
+use crate::run::scoring::Scorer;
 use crate::ui::screen::out;
-use crate::verbs::eval::Scorer;
 use ivv::report::statistics::median_high;
 use ivv::scene::{View, write_views};
 use ivv::train::Trainer;

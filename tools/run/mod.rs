@@ -1,9 +1,12 @@
 //! What the verbs share about scenes, captures and training runs.
 
 pub mod appearance;
+pub mod axes;
 pub mod background;
 pub mod camera_poses;
 pub mod capture;
+pub mod capture_report;
+pub mod constants;
 pub mod device;
 pub mod files;
 #[cfg(feature = "mpi")]
@@ -15,9 +18,11 @@ pub mod ranks;
 pub mod rescue;
 pub mod review;
 pub mod schedule;
+pub mod scoring;
 pub mod settings;
 pub mod source;
 pub mod subprocess;
 pub mod time_offsets;
 pub mod totals;
 pub mod views;
+pub mod workload;

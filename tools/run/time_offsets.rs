@@ -1,9 +1,9 @@
 //! The table of the cameras' time offsets: what was learnt, how sure it is, and the truth where the capture knows it.
 
 use crate::run::files::write_json;
+use crate::run::scoring::Scorer;
 use crate::ui::progress::watch;
 use crate::ui::screen::{alert, out};
-use crate::verbs::eval::Scorer;
 use ivv::report::statistics::mean;
 use ivv::scene::capture::{Camera, Capture};
 use ivv::stage::OFFSET_BOUND;

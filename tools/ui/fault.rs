@@ -2,10 +2,31 @@
 
 use crate::ui::interrupt;
 use crate::ui::screen::{self, alert, out};
-use crate::verbs::check;
 use crate::verbs::debug::extremes;
 use clap::error::ErrorKind;
+use ivv::words::count;
 use serde_json::{Value, json};
+
+/// What a verb returns for a capture with faults, which it has printed.
+#[derive(Debug)]
+pub struct FaultyCapture {
+    n_faults: u64,
+}
+
+impl FaultyCapture {
+    /// None where there is no fault.
+    pub fn of(n_faults: u64) -> Option<anyhow::Error> {
+        (n_faults > 0).then(|| FaultyCapture { n_faults }.into())
+    }
+}
+
+impl std::fmt::Display for FaultyCapture {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "the capture has {}", count(self.n_faults, "fault"))
+    }
+}
+
+impl std::error::Error for FaultyCapture {}
 
 /// A wrong command line, or help that was asked for; gives the exit code.
 pub fn usage(told: &clap::Error) -> u8 {
@@ -79,7 +100,7 @@ fn kind(error: &anyhow::Error) -> (&'static str, u8) {
     if error.downcast_ref::<interrupt::Interrupted>().is_some() {
         return ("interrupted", interrupt::Interrupted::EXIT_CODE);
     }
-    if error.downcast_ref::<check::Faulty>().is_some() {
+    if error.downcast_ref::<FaultyCapture>().is_some() {
         return ("data", 3);
     }
     if error.downcast_ref::<extremes::Failed>().is_some() {

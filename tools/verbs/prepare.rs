@@ -1,10 +1,10 @@
 //! `ivv prepare`.
 
 use crate::run::capture::CaptureArgs;
-use crate::ui::fault;
+use crate::run::capture_report;
+use crate::ui::fault::{self, FaultyCapture};
 use crate::ui::progress::Pieces;
 use crate::ui::screen::{out, say};
-use crate::verbs::check::{self, Faulty};
 use anyhow::Context;
 use ivv::prepare::{
     Estimate, ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate, estimate, forecast, prepare,
@@ -116,7 +116,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let prepared = prepare(&settings, &tell)?;
     drop(pieces);
-    let faulty = (prepared.report.n_faults > 0).then(|| anyhow::Error::from(Faulty(prepared.report.n_faults)));
+    let faulty = FaultyCapture::of(prepared.report.n_faults);
     if json {
         fault::results(&prepared, faulty.as_ref())?;
     } else {
@@ -131,7 +131,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             let mean = counts.sum::<usize>() as f64 / prepared.points.len() as f64;
             out!("points:  {mean:.0} a frame, {least} to {most}, of {}", count(prepared.points.len(), "frame"));
         }
-        check::print(&prepared.report);
+        capture_report::print(&prepared.report);
     }
     faulty.map_or(Ok(()), Err)
 }

@@ -5,9 +5,9 @@ use crate::run::capture::{self, CaptureArgs};
 use crate::run::device::DeviceArgs;
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::run::settings::SettingArgs;
+use crate::run::workload::work;
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::screen::{self, out, say};
-use crate::verbs::train::plan;
 use anyhow::{Context, ensure};
 use ivv::files::write_atomic;
 use ivv::formats::{PlyParts, read_ply, write_parts};
@@ -151,7 +151,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
 
 /// Frames of the longest segment that can be trained in `memory` bytes, and the bytes of its images.
 fn within(memory: u64, args: &PlanArgs, capture: &Capture, config: &Config) -> anyhow::Result<(u32, Option<u64>)> {
-    let (work, limits) = plan::work(capture, config, &*args.device.open()?, 0)?;
+    let (work, limits) = work(capture, config, &*args.device.open()?, 0)?;
     let of_scene = TrainingPlan::new(&work, &limits).full;
     let of_frame = work.image_bytes.div_ceil(u64::from(capture.n_frames.max(1))).max(1);
     let frames = memory.saturating_sub(of_scene.bytes()) / of_frame;

@@ -31,7 +31,7 @@ pub struct Args {
     #[arg(long, value_enum, default_value = "slots")]
     accumulation: Mode,
     #[command(flatten)]
-    constants: crate::verbs::render::ConstantArgs,
+    constants: crate::run::constants::ConstantArgs,
     #[command(flatten)]
     device: DeviceArgs,
 }

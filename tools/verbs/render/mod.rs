@@ -1,28 +1,30 @@
 //! `ivv render`.
 
 mod frame_rate;
+mod picture;
 pub mod video;
 
+use crate::run::constants::{ConstantArgs, KnobArgs};
 use crate::run::device::DeviceArgs;
 use crate::run::files::make_folder;
 use crate::run::pass_times::{self, TimedPass};
-use crate::run::settings::contradiction;
 use crate::run::source::{Gaussians, Shown, Source, is_run};
 use crate::run::views::{ViewArgs, clip_time};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
 use crate::ui::screen::{alert, out};
 use crate::verbs::render::frame_rate::Bench;
+use crate::verbs::render::picture::{Format, check_finite};
 use crate::verbs::render::video::{Film, PathArgs, Studio};
 use anyhow::Context;
+use ivv::Constants;
 use ivv::formats::FourDgs;
 use ivv::gpu::Gpu;
-use ivv::scene::{Frame, Splats, View};
+use ivv::scene::{Splats, View};
 use ivv::sound::rig::Rig;
 use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
 use ivv::train::Run;
 use ivv::words::count;
-use ivv::{Constants, Knobs};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -71,122 +73,6 @@ pub struct Args {
     constants: ConstantArgs,
     #[command(flatten)]
     knobs: KnobArgs,
-}
-
-/// How frames are computed: what may be traded for time, see `ivv bench trade`. The defaults are exact.
-#[derive(clap::Args)]
-pub struct KnobArgs {
-    /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver, or with
-    /// --near below 2.33e-5.
-    #[arg(long, default_value_t = Knobs::default().depth_bits)]
-    depth_bits: u32,
-    /// Leave out Gaussians whose opacity is below this at a view's time.
-    #[arg(long, default_value_t = Knobs::default().temporal_cut)]
-    temporal_cut: f32,
-    /// Finish a pixel when its transmittance has fallen below this.
-    #[arg(long, default_value_t = Knobs::default().t_cut)]
-    t_cut: f32,
-}
-
-impl KnobArgs {
-    /// `constants` with the knobs; alpha_min is itself a constant on the command line.
-    pub fn on(&self, constants: Constants) -> anyhow::Result<Constants> {
-        let Self { depth_bits, temporal_cut, t_cut } = *self;
-        let knobs = Knobs { depth_bits, temporal_cut, t_cut, ..Knobs::default() };
-        knobs.check().map_err(|fault| anyhow::anyhow!("--{}", fault.replacen('_', "-", 1)))?;
-        Ok(knobs.on(constants))
-    }
-}
-
-/// The rendering constants as options.
-#[derive(clap::Args)]
-pub struct ConstantArgs {
-    #[arg(long, help = help("Least alpha with which a Gaussian contributes to a pixel", Constants::default().alpha_min))]
-    alpha_min: Option<f32>,
-    #[arg(long, help = help("Largest alpha of a Gaussian at a pixel", Constants::default().alpha_max))]
-    alpha_max: Option<f32>,
-    #[arg(long, help = help("Transmittance below which no further Gaussian is blended", Constants::default().t_min))]
-    t_min: Option<f32>,
-    #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
-    blur: Option<f32>,
-    /// Gaussians up to this far before the camera are dropped, scene units. By default that of the run, else 0.01. `ivv train`
-    /// measures it in a frame where the rig's extent is 3.
-    #[arg(long)]
-    near: Option<f32>,
-}
-
-fn help(what: &str, default: f32) -> String {
-    format!("{what} [default: {default}]")
-}
-
-impl ConstantArgs {
-    /// The constants.
-    ///
-    /// # Errors
-    /// The first that is out of its range.
-    pub fn checked(&self) -> anyhow::Result<Constants> {
-        self.checked_over(Constants::default())
-    }
-
-    /// The constants, `d` where the options do not say.
-    ///
-    /// # Errors
-    /// As [`ConstantArgs::checked`].
-    pub fn checked_over(&self, d: Constants) -> anyhow::Result<Constants> {
-        let constants = Constants {
-            alpha_min: self.alpha_min.unwrap_or(d.alpha_min),
-            alpha_max: self.alpha_max.unwrap_or(d.alpha_max),
-            t_min: self.t_min.unwrap_or(d.t_min),
-            blur: self.blur.unwrap_or(d.blur),
-            near: self.near.unwrap_or(d.near),
-            ..d
-        };
-        let Constants { alpha_min, alpha_max, t_min, blur, near, .. } = constants;
-        let checks = [
-            (alpha_min > 0.0 && alpha_min < 1.0, "alpha-min", "a number above 0 and below 1", alpha_min),
-            (alpha_max >= alpha_min && alpha_max < 1.0, "alpha-max", "at least --alpha-min, and below 1", alpha_max),
-            ((0.0..1.0).contains(&t_min), "t-min", "a number of at least 0 and below 1", t_min),
-            (blur > 0.0 && blur.is_finite(), "blur", "a positive number", blur),
-            (near > 0.0 && near.is_finite(), "near", "a positive number", near),
-        ];
-        for (holds, name, expected, found) in checks {
-            anyhow::ensure!(holds, "--{name}: expected {expected}, found {found}");
-        }
-        Ok(constants)
-    }
-
-    /// What the options ask for that a run with the constants `run` does not have.
-    pub fn contradictions(&self, run: &Constants) -> Vec<String> {
-        let all = [
-            ("alpha-min", self.alpha_min, run.alpha_min),
-            ("alpha-max", self.alpha_max, run.alpha_max),
-            ("t-min", self.t_min, run.t_min),
-            ("blur", self.blur, run.blur),
-            ("near", self.near, run.near),
-        ];
-        let differ = |(name, asked, has): (&str, Option<f32>, f32)| {
-            let asked = asked.filter(|asked| *asked != has)?;
-            Some(contradiction(format_args!("--{name}"), has, asked))
-        };
-        all.into_iter().filter_map(differ).collect()
-    }
-}
-
-#[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-enum Format {
-    Png,
-    Exr,
-    Safetensors,
-}
-
-impl Format {
-    fn write(self, frame: &Frame, folder: &Path, view: &View) -> ivv::Result<()> {
-        match self {
-            Format::Png => frame.write_png(&folder.join(format!("{}.png", view.name))),
-            Format::Exr => frame.write_exr(&folder.join(format!("{}.exr", view.name))),
-            Format::Safetensors => frame.write_safetensors(&folder.join(format!("{}.safetensors", view.name))),
-        }
-    }
 }
 
 #[derive(serde::Serialize)]
@@ -412,16 +298,4 @@ fn print_counts(reports: &[ViewReport]) {
         mean(|f| f.intersections),
         mean(|f| f.tiles)
     );
-}
-
-/// A picture with a value that is not finite is an error, not a picture.
-pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
-    let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
-    let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());
-    let count = values.filter(|v| !v.is_finite()).count() as u64;
-    if count > 0 {
-        let remedy = "run `ivv inspect` on the scene, which tells how large its numbers are";
-        return Err(ivv::Error::NonFinite { what: format!("view `{}`", view.name), count, remedy });
-    }
-    Ok(())
 }

@@ -1,13 +1,14 @@
 //! `ivv render --path` and `--orbit`: a video of the way of a head, with what it hears, or around a scene.
 
 use crate::export_clip::start_in_run;
+use crate::run::axes::Axes;
 use crate::run::device::DeviceArgs;
 use crate::run::files::make_folder;
 use crate::run::source::{Gaussians, Shown};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
 use crate::ui::screen::{alert, out};
-use crate::verbs::render::check_finite;
+use crate::verbs::render::picture::check_finite;
 use crate::verbs::synth::size;
 use anyhow::Context;
 use ivv::Constants;
@@ -65,29 +66,6 @@ pub struct PathArgs {
     /// Sound that was rendered along the path before. It starts at second 0 of the clip.
     #[arg(long, requires = "path", conflicts_with = "sound")]
     wav: Option<PathBuf>,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
-pub enum Axes {
-    /// x right, y down, z forward.
-    Opencv,
-    /// x right, y up, z backward.
-    Opengl,
-    /// As OpenGL.
-    Openxr,
-    /// x forward, y left, z up.
-    Head,
-}
-
-impl From<Axes> for Convention {
-    fn from(axes: Axes) -> Self {
-        match axes {
-            Axes::Opencv => Convention::OpenCv,
-            Axes::Opengl => Convention::OpenGl,
-            Axes::Openxr => Convention::OpenXr,
-            Axes::Head => Convention::Head,
-        }
-    }
 }
 
 /// When a frame shows a dynamic scene.

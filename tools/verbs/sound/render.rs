@@ -1,9 +1,9 @@
 //! `ivv sound render`.
 
 use super::plot::plot;
+use crate::run::axes::Axes;
 use crate::run::files::write_json;
 use crate::ui::screen::out;
-use crate::verbs::render::video::Axes;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
 use ivv::sound::loudness::{self, PEAK_LIMIT_DB};

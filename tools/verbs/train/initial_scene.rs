@@ -3,7 +3,7 @@
 use crate::run::files::write_scene;
 use crate::ui::progress::Progress;
 use crate::ui::screen::out;
-use crate::verbs::train::Args;
+use crate::verbs::train::args::Args;
 use crate::verbs::train::setup;
 use ivv::formats::Own;
 use ivv::train::{Config, initialise};

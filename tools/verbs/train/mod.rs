@@ -1,32 +1,30 @@
 //! `ivv train`.
 
+mod args;
 mod initial_scene;
-mod instead;
 mod list_settings;
-pub mod plan;
+mod plan;
 mod setup;
+
+pub use args::Args;
 
 use crate::run::appearance::Look;
 use crate::run::background::{Behind, both};
 use crate::run::camera_poses;
-use crate::run::capture::CaptureArgs;
-use crate::run::device::DeviceArgs;
 use crate::run::files::{write_json, write_scene};
 use crate::run::pass_times::{self, TimedPass};
 use crate::run::ranks::Team;
 use crate::run::rescue;
 use crate::run::review;
 use crate::run::schedule::{Due, DueArgs};
-use crate::run::settings::SettingArgs;
+use crate::run::scoring::Scorer;
 use crate::run::time_offsets;
 use crate::run::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::{Steps, watch};
 use crate::ui::screen::{alert, be_quiet, out, say};
-use crate::verbs::eval::Scorer;
-use crate::verbs::render::ConstantArgs;
 use crate::verbs::serve::{Beside, Said};
-use crate::verbs::train::instead::InsteadArgs;
+use crate::verbs::train::args::InsteadArgs;
 use crate::verbs::train::setup::Start;
 use ivv::scene::Splats;
 use ivv::scene::capture::share_of_memory;
@@ -42,68 +40,8 @@ use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
 use std::time::Instant;
 
-/// Options of `ivv train`.
-#[derive(clap::Args)]
-pub struct Args {
-    /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume
-    /// only where it has moved.
-    #[arg(required_unless_present_any = ["resume", "list_settings"])]
-    pub capture: Option<PathBuf>,
-    /// The run folder: run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders,
-    /// report.html.
-    #[arg(short, long, required_unless_present_any = ["list_settings", "only_init"])]
-    pub output: Option<PathBuf>,
-    #[command(flatten)]
-    pub settings: SettingArgs,
-    /// Bytes of images to decode ahead; by default a quarter of the machine's memory, divided by the processes of the run on it.
-    #[arg(long)]
-    pub cache_bytes: Option<u64>,
-    /// Bytes of images to keep in the device's memory, where steps on them need neither decoding nor a copy. By default three
-    /// quarters of what the memory plan leaves, or none where that is the machine's own memory.
-    #[arg(long)]
-    pub device_image_bytes: Option<u64>,
-    /// Steps between two lines of train.jsonl.
-    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
-    log_every: u64,
-    #[command(flatten)]
-    pub read: CaptureArgs,
-    /// A cameras file (JSON) of views, in the capture's world, that the scene will be seen from: training keeps clear what lies
-    /// just before them. run.json and the report name them; do not give the cameras that you test on.
-    #[arg(long, conflicts_with = "resume")]
-    pub viewpoints: Option<PathBuf>,
-    /// Continues the run in the run folder from its newest checkpoint, with its settings, cameras and constants. With --steps
-    /// or --epochs it goes on for as long as these say, an ended run too: learning rates and density control are then those
-    /// of a run of that length, which may raise the rates and lower the scores for a while.
-    #[arg(long)]
-    pub resume: bool,
-    /// Trains what moves on top of another run on the same cameras, which has ended: its static Gaussians stay as they are, and so
-    /// does what it learnt of clocks and poses. The run starts with its dynamic Gaussians that live in this part of the clip, and with
-    /// new ones of what moves in the images.
-    #[arg(long, value_name = "RUN", conflicts_with = "resume")]
-    pub base: Option<PathBuf>,
-    /// Replaces the run in the run folder, with all that `ivv` wrote there for it. It stays until capture and settings are
-    /// known to be good and the first Gaussians are there.
-    #[arg(long, conflicts_with = "resume")]
-    pub overwrite: bool,
-    #[command(flatten)]
-    due: DueArgs,
-    #[command(flatten)]
-    pub instead: InsteadArgs,
-    /// Print the mean time of every pass of a step.
-    #[arg(long)]
-    profile: bool,
-    /// Shows the training in a browser, at this port of this machine: its course, test views, and the scene as of the newest
-    /// checkpoint, to walk in.
-    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8080")]
-    view: Option<u16>,
-    #[command(flatten)]
-    pub constants: ConstantArgs,
-    #[command(flatten)]
-    pub device: DeviceArgs,
-}
-
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    if instead::of_training(args, json)? {
+    if instead(args, json)? {
         return Ok(());
     }
     let begun = Instant::now();
@@ -179,6 +117,21 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         };
         training.train(&stop).and_then(|()| training.finish(json)).map_err(|error| training.failed(error))
     })
+}
+
+/// Does what `args` ask for instead of a training, and says whether they do.
+fn instead(args: &Args, json: bool) -> anyhow::Result<bool> {
+    let InsteadArgs { plan, list_settings, only_init, card: _ } = &args.instead;
+    if let Some(name) = list_settings {
+        list_settings::print(name.as_deref().unwrap_or_default(), json)?;
+    } else if let Some(frames) = plan {
+        plan::tell(args, *frames, json)?;
+    } else if let Some(file) = only_init {
+        initial_scene::write(args, file, json)?;
+    } else {
+        return Ok(false);
+    }
+    Ok(true)
 }
 
 /// Takes the steps of a run that another process leads.

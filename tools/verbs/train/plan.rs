@@ -2,14 +2,13 @@
 
 use crate::estimate::card_gpu;
 use crate::run::capture;
+use crate::run::workload::work;
 use crate::ui::screen::out;
-use crate::verbs::train::Args;
+use crate::verbs::train::args::Args;
 use anyhow::Context;
-use ivv::gpu::Gpu;
 use ivv::profile::Card;
 use ivv::scene::capture::{Capture, share_of_memory};
-use ivv::train::{Checkpoint, Config, ImageMemory, Limits, Plan, Setup, Workload};
-use ivv::vk::DeviceKind;
+use ivv::train::{Checkpoint, Limits, Plan, Workload};
 use ivv::words::count;
 use serde_json::json;
 
@@ -80,21 +79,6 @@ pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> 
     out!("read     {} of image files, in {}", gigabytes(read), count(reads, "image"));
     out!("time     {steps} times what a step takes: `ivv profile` measures one");
     Ok(())
-}
-
-/// A training on `capture` with as many Gaussians as are allowed, which all move where it is a clip, and with so many bytes of decoded
-/// images in the host's memory; and what the device has.
-///
-/// # Errors
-/// Those of the weights of LPIPS.
-pub fn work(capture: &Capture, config: &Config, gpu: &Gpu, cache_bytes: u64) -> ivv::Result<(Workload, Limits)> {
-    let n = config.max_gaussians as u64;
-    let n_dynamic = if capture.n_frames > 1 { n } else { 0 };
-    let memory = ImageMemory { cache_bytes, device_bytes: None };
-    let work = Workload::of(capture, config, &Setup::new(capture, config), (n, n_dynamic), gpu, memory)?;
-    let caps = gpu.caps();
-    let is_host = caps.kind == DeviceKind::Cpu;
-    Ok((work, Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host }))
 }
 
 /// Bytes of an image file of the training cameras, with its priors, in the mean.

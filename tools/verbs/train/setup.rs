@@ -3,10 +3,10 @@
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::run::overwrite::{holds_a_run, remove_run};
 use crate::run::ranks::local_rank;
+use crate::run::scoring::warn_of_shared_pictures;
 use crate::ui::progress::watch;
 use crate::ui::screen::{alert, say};
-use crate::verbs::eval::warn_of_shared_pictures;
-use crate::verbs::train::Args;
+use crate::verbs::train::args::Args;
 use anyhow::{Context, bail, ensure};
 use ivv::Error;
 use ivv::files::remove_temporaries;

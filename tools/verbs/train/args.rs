@@ -1,0 +1,87 @@
+//! The options of `ivv train`.
+
+use crate::run::capture::CaptureArgs;
+use crate::run::constants::ConstantArgs;
+use crate::run::device::DeviceArgs;
+use crate::run::schedule::DueArgs;
+use crate::run::settings::SettingArgs;
+use std::path::PathBuf;
+
+/// Options of `ivv train`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume
+    /// only where it has moved.
+    #[arg(required_unless_present_any = ["resume", "list_settings"])]
+    pub capture: Option<PathBuf>,
+    /// The run folder: run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders,
+    /// report.html.
+    #[arg(short, long, required_unless_present_any = ["list_settings", "only_init"])]
+    pub output: Option<PathBuf>,
+    #[command(flatten)]
+    pub settings: SettingArgs,
+    /// Bytes of images to decode ahead; by default a quarter of the machine's memory, divided by the processes of the run on it.
+    #[arg(long)]
+    pub cache_bytes: Option<u64>,
+    /// Bytes of images to keep in the device's memory, where steps on them need neither decoding nor a copy. By default three
+    /// quarters of what the memory plan leaves, or none where that is the machine's own memory.
+    #[arg(long)]
+    pub device_image_bytes: Option<u64>,
+    /// Steps between two lines of train.jsonl.
+    #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
+    pub log_every: u64,
+    #[command(flatten)]
+    pub read: CaptureArgs,
+    /// A cameras file (JSON) of views, in the capture's world, that the scene will be seen from: training keeps clear what lies
+    /// just before them. run.json and the report name them; do not give the cameras that you test on.
+    #[arg(long, conflicts_with = "resume")]
+    pub viewpoints: Option<PathBuf>,
+    /// Continues the run in the run folder from its newest checkpoint, with its settings, cameras and constants. With --steps
+    /// or --epochs it goes on for as long as these say, an ended run too: learning rates and density control are then those
+    /// of a run of that length, which may raise the rates and lower the scores for a while.
+    #[arg(long)]
+    pub resume: bool,
+    /// Trains what moves on top of another run on the same cameras, which has ended: its static Gaussians stay as they are, and so
+    /// does what it learnt of clocks and poses. The run starts with its dynamic Gaussians that live in this part of the clip, and with
+    /// new ones of what moves in the images.
+    #[arg(long, value_name = "RUN", conflicts_with = "resume")]
+    pub base: Option<PathBuf>,
+    /// Replaces the run in the run folder, with all that `ivv` wrote there for it. It stays until capture and settings are
+    /// known to be good and the first Gaussians are there.
+    #[arg(long, conflicts_with = "resume")]
+    pub overwrite: bool,
+    #[command(flatten)]
+    pub due: DueArgs,
+    #[command(flatten)]
+    pub instead: InsteadArgs,
+    /// Print the mean time of every pass of a step.
+    #[arg(long)]
+    pub profile: bool,
+    /// Shows the training in a browser, at this port of this machine: its course, test views, and the scene as of the newest
+    /// checkpoint, to walk in.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8080")]
+    pub view: Option<u16>,
+    #[command(flatten)]
+    pub constants: ConstantArgs,
+    #[command(flatten)]
+    pub device: DeviceArgs,
+}
+
+/// Options for something else than a training.
+#[derive(clap::Args)]
+pub struct InsteadArgs {
+    /// Only tells what the run will take: steps, memory, bytes on the disk; as if the clip had so many frames, where that is given.
+    /// Nothing is written.
+    #[arg(long, value_name = "FRAMES", num_args = 0..=1, conflicts_with = "resume")]
+    pub plan: Option<Option<u32>>,
+    /// With `--plan`: plans for a card that is not here: H200, RTX4090, RX7900XTX or A770.
+    #[arg(long, value_name = "CARD", requires = "plan")]
+    pub card: Option<String>,
+    /// Only lists the settings of a run: default, unit, range, meaning, and the presets that change each; those whose names begin with
+    /// NAME, such as density or lr.scale, where that is given.
+    #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with_all = ["capture", "output", "resume", "plan"])]
+    pub list_settings: Option<Option<String>>,
+    /// Only writes the first Gaussians of the run to this file, a PLY in the capture's own frame.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["output", "resume", "base", "plan", "list_settings"])]
+    pub only_init: Option<PathBuf>,
+}
