@@ -1,12 +1,12 @@
-//! What a run writes while it goes on: on a GPU a tenth of a run may take less time than its checkpoint and its report.
+//! Work beside the training: on a GPU a tenth of a run may take less time than writing its checkpoint and its report.
 
 use std::thread::{Scope, ScopedJoinHandle};
 
-/// Does both at once.
+/// Runs both at once.
 ///
 /// # Errors
 /// That of the first, else that of the second.
-pub fn both(
+pub fn in_parallel(
     first: impl FnOnce() -> ivv::Result<()> + Send,
     second: impl FnOnce() -> ivv::Result<()>,
 ) -> ivv::Result<()> {
@@ -17,28 +17,28 @@ pub fn both(
     })
 }
 
-/// One piece of work at a time, on a thread of its own.
-pub struct Behind<'scope, 'env> {
+/// Writes one thing at a time, on a thread of its own.
+pub struct BackgroundWriter<'scope, 'env> {
     scope: &'scope Scope<'scope, 'env>,
     last: Option<ScopedJoinHandle<'scope, ivv::Result<()>>>,
 }
 
-impl<'scope, 'env> Behind<'scope, 'env> {
+impl<'scope, 'env> BackgroundWriter<'scope, 'env> {
     pub fn new(scope: &'scope Scope<'scope, 'env>) -> Self {
-        Behind { scope, last: None }
+        BackgroundWriter { scope, last: None }
     }
 
-    /// Begins `work` once the work before it is done.
+    /// Starts `work` after the work before it has ended.
     ///
     /// # Errors
-    /// That of the work before it; `work` is then not begun.
-    pub fn begin(&mut self, work: impl FnOnce() -> ivv::Result<()> + Send + 'scope) -> ivv::Result<()> {
+    /// That of the work before it; `work` then does not start.
+    pub fn start(&mut self, work: impl FnOnce() -> ivv::Result<()> + Send + 'scope) -> ivv::Result<()> {
         self.wait()?;
         self.last = Some(self.scope.spawn(work));
         Ok(())
     }
 
-    /// Waits until all is done.
+    /// Waits for the last work.
     ///
     /// # Errors
     /// That of the last work, once.

@@ -1,6 +1,6 @@
 //! The scores of a run: during it, at its end, and afterwards.
 
-use crate::run::background::both;
+use crate::run::background::in_parallel;
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::ui::progress::Progress;
 use crate::ui::screen::alert;
@@ -86,7 +86,7 @@ impl Scorer<'_> {
         let Scorer { run, config, .. } = self;
         let (scores, totals) = (Some(&scores), &serde_json::Value::Null);
         let report = Report { name: &name, run, config, totals, log, scores, examples };
-        both(write_strip, || report.write(&output.join("report.html")))
+        in_parallel(write_strip, || report.write(&output.join("report.html")))
     }
 
     /// Scores what `renderer` shows, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there

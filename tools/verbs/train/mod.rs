@@ -9,7 +9,7 @@ mod setup;
 pub use args::Args;
 
 use crate::run::appearance::Look;
-use crate::run::background::{Behind, both};
+use crate::run::background::{BackgroundWriter, in_parallel};
 use crate::run::camera_poses;
 use crate::run::files::{write_json, write_scene};
 use crate::run::pass_times::{self, TimedPass};
@@ -99,7 +99,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let _beside = args.view.map(|port| Beside::new(output, port, said.clone())).transpose()?;
     std::thread::scope(|scope| {
         let mut training = Training {
-            behind: Behind::new(scope),
+            writer: BackgroundWriter::new(scope),
             args,
             output,
             scorer: Scorer { gpu, capture, run, config },
@@ -173,7 +173,7 @@ struct Training<'scope, 'env> {
     /// The processes that share its steps.
     team: Team,
     /// Where checkpoints and reports are written.
-    behind: Behind<'scope, 'env>,
+    writer: BackgroundWriter<'scope, 'env>,
     total: u64,
     checkpoints: PathBuf,
     /// What is scored during the run.
@@ -194,7 +194,7 @@ impl Training<'_, '_> {
         if self.session.steps() == 0 {
             // Whatever happens from here on, there is a checkpoint to go on from.
             self.write(None, true)?;
-            self.behind.wait()?;
+            self.writer.wait()?;
         }
         self.settle()?;
         while self.session.steps() < self.total {
@@ -218,7 +218,7 @@ impl Training<'_, '_> {
                 self.write(scored, self.due.checkpoint(step) || is_stopped)?;
             }
             if is_stopped {
-                self.behind.wait()?;
+                self.writer.wait()?;
                 self.team.meet();
                 return Err(Interrupted("a checkpoint was written; continue with --resume").into());
             }
@@ -239,14 +239,14 @@ impl Training<'_, '_> {
     /// Begins to write a checkpoint, where it `is_due` or the scores are the best so far, and what `scored` shows.
     fn write(&mut self, scored: Option<Scored>, is_due: bool) -> ivv::Result<()> {
         // All before is written then, the best checkpoint so far among it.
-        self.behind.wait()?;
+        self.writer.wait()?;
         let psnr = scored.as_ref().map(|scored| scored.evaluation.mean.psnr);
         let best = Checkpoint::best(&self.checkpoints)?.map(|(_, psnr)| psnr);
         let best = psnr.filter(|psnr| best.is_none_or(|best| *psnr > best));
         let checkpoint = if is_due || best.is_some() { Some(self.session.checkpoint()?) } else { None };
         let (scorer, log, at) = (self.scorer, self.log.clone(), (self.session.steps(), self.total));
         let (folder, output) = (self.checkpoints.clone(), self.output.to_owned());
-        self.behind.begin(move || {
+        self.writer.start(move || {
             let save = || {
                 if let Some(checkpoint) = checkpoint {
                     Checkpoint { world: scorer.run.world, ..checkpoint }.write(&folder)?;
@@ -263,10 +263,10 @@ impl Training<'_, '_> {
                 }
                 None => Ok(()),
             };
-            both(save, show)
+            in_parallel(save, show)
         })?;
         // A CPU driver's steps would share their cores with it.
-        if scorer.gpu.caps().kind == DeviceKind::Cpu { self.behind.wait() } else { Ok(()) }
+        if scorer.gpu.caps().kind == DeviceKind::Cpu { self.writer.wait() } else { Ok(()) }
     }
 
     /// Keeps what can be kept of a run that `error` ends, and adds to the error what that is and how to go on: the last step
@@ -276,7 +276,7 @@ impl Training<'_, '_> {
             return error;
         }
         // A fault of what is still being written is not what ended the run.
-        let _ = self.behind.wait();
+        let _ = self.writer.wait();
         let world = self.scorer.run.world;
         let is_lost = matches!(error.downcast_ref(), Some(ivv::Error::DeviceLost { .. }));
         let ended = self.session.trainer().ended();
@@ -377,7 +377,7 @@ impl Training<'_, '_> {
     /// Writes the scene, the totals, all scores and the report.
     fn finish(&mut self, json: bool) -> anyhow::Result<()> {
         let output = self.output;
-        self.behind.wait()?;
+        self.writer.wait()?;
         self.team.finish();
         let trained = self.session.scene()?;
         let splats = self.session.with_backdrop(trained.clone())?;
