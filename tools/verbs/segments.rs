@@ -5,6 +5,7 @@ use crate::run::capture::{self, CaptureArgs};
 use crate::run::device::DeviceArgs;
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::run::settings::SettingArgs;
+use crate::run::subprocess::train_command;
 use crate::run::workload::work;
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::screen::{self, out, say};
@@ -19,7 +20,7 @@ use ivv::words::count;
 use serde_json::json;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 /// Options of `ivv segments`.
 #[derive(clap::Args)]
@@ -246,9 +247,8 @@ impl<'a> Jobs<'a> {
             say!("{}: is there", folder.display());
             return Ok(());
         }
-        let program = std::env::current_exe().context("the path of this program")?;
-        let mut command = Command::new(program);
-        command.arg("train").arg("-o").arg(folder);
+        let mut command = train_command()?;
+        command.arg("-o").arg(folder);
         let mut options = options.to_vec();
         if Run::file(folder).is_file() {
             command.arg("--resume");

@@ -1,18 +1,18 @@
 //! `ivv bench`: settings beside each other, by runs that it makes or by runs that are there.
 
+mod captures;
 mod date;
 
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::run::settings::patch;
-use crate::run::subprocess::{Apart, distinct, held, named};
+use crate::run::subprocess::TrainingProcess;
 use crate::ui::screen::{out, say};
+use crate::verbs::bench::captures::{StudyCapture, named};
 use crate::verbs::bench::date::today;
 use anyhow::Context;
-use glam::DVec3;
 use ivv::files::write_atomic;
-use ivv::scene::capture::Capture;
 use ivv::study::{Arm, Bench, BenchRun, Entry, History, RunResult, Study, differences};
-use ivv::train::{CaptureSummary, Config, initialise, merge};
+use ivv::train::{Config, merge};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -110,8 +110,8 @@ fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
     if !args.steps.is_empty() {
         study.steps.clone_from(&args.steps);
     }
-    distinct("seeds", &study.seeds)?;
-    distinct("steps", &study.steps)?;
+    refuse_duplicates("seeds", &study.seeds)?;
+    refuse_duplicates("steps", &study.steps)?;
     let shared = shared(args)?;
     let has_lpips = |arm: &Arm| arm.settings["loss"]["lpips"].as_f64().is_some_and(|weight| weight > 0.0);
     if let Some(arm) = study.arms.iter().find(|arm| has_lpips(arm) && shared.loss.lpips_weights.is_none()) {
@@ -123,18 +123,24 @@ fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
     }
     // All are opened before the first is trained on.
     let captures = named(&args.captures)?;
-    let places = captures.iter().map(|(name, path)| Place::new(name, path, (&study, &shared)));
-    let places: Vec<Place> = places.collect::<anyhow::Result<_>>()?;
-    let jobs = jobs(&study, &shared, (&places, output))?;
+    let captures = captures.iter().map(|(name, path)| StudyCapture::new(name, path, &study, &shared));
+    let captures: Vec<StudyCapture> = captures.collect::<anyhow::Result<_>>()?;
+    let jobs = jobs(&study, &shared, &captures, output)?;
     train(args, &jobs)?;
     let read = |job: &Job| {
-        let peripheral = job.place.peripheral.as_deref();
-        BenchRun::read(&job.folder, &job.place.name, &job.arm.key, (job.steps, job.config.seed), peripheral)
+        let peripheral = job.capture.peripheral.as_deref();
+        BenchRun::read(&job.folder, &job.capture.name, &job.arm.key, (job.steps, job.config.seed), peripheral)
     };
     let mut runs = jobs.iter().map(read).collect::<ivv::Result<Vec<_>>>()?;
-    runs.sort_by_key(|run| places.iter().position(|place| place.name == run.capture));
-    let budgets = places.iter().filter_map(|place| Some((place.name.clone(), place.budget?))).collect();
+    runs.sort_by_key(|run| captures.iter().position(|capture| capture.name == run.capture));
+    let budgets = captures.iter().filter_map(|capture| Some((capture.name.clone(), capture.budget?))).collect();
     Ok(Bench { study, date: today(), settings: differences(&shared), budgets, runs })
+}
+
+/// Refuses a number that is given twice: its second run would count as another observation.
+fn refuse_duplicates(of: &str, numbers: &[u64]) -> anyhow::Result<()> {
+    let twice = numbers.iter().enumerate().find(|(at, number)| numbers[..*at].contains(number));
+    twice.map_or(Ok(()), |(_, number)| Err(anyhow::anyhow!("{of}: {number} is named twice; give each number once")))
 }
 
 /// The settings that all arms share.
@@ -152,51 +158,9 @@ fn shared(args: &Args) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-/// A capture.
-struct Place {
-    name: String,
-    capture: PathBuf,
-    held: [CaptureSummary; 2],
-    peripheral: Option<String>,
-    /// Gaussians that each arm may have, where all have the same budget.
-    budget: Option<usize>,
-}
-
-impl Place {
-    fn new(name: &str, path: &Path, (study, shared): (&Study, &Config)) -> anyhow::Result<Self> {
-        let capture = Capture::open(path)?;
-        let held = held(&capture);
-        let untested = "expected test cameras, found none; name some in its capture.toml";
-        anyhow::ensure!(held[0].test_images > 0, "{}: {untested}", path.display());
-        let budget = if study.equal_budgets { Some(2 * largest_start(&capture, study, shared)?) } else { None };
-        Ok(Place { name: name.to_owned(), capture: path.to_owned(), held, peripheral: peripheral(&capture), budget })
-    }
-}
-
-/// The most Gaussians that an arm of `study` begins with.
-fn largest_start(capture: &Capture, study: &Study, shared: &Config) -> anyhow::Result<usize> {
-    let capture = capture.clone().transformed(&capture.normalisation());
-    let start = |arm: &Arm| {
-        let own = Config { max_gaussians: usize::MAX, ..study.config(shared, arm)? };
-        Ok(initialise(&capture, &own, &mut |_, _| {})?.splats.len())
-    };
-    let starts: Vec<usize> = study.arms.iter().map(start).collect::<ivv::Result<_>>()?;
-    Ok(starts.into_iter().max().unwrap_or(0))
-}
-
-/// The test camera whose lens is farthest from the middle of all lenses.
-fn peripheral(capture: &Capture) -> Option<String> {
-    let centers: Vec<DVec3> = capture.cameras.iter().map(|camera| camera.pose(0).center()).collect();
-    let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;
-    let distance = |c: &DVec3| c.distance_squared(middle);
-    let tests = capture.cameras.iter().zip(&centers).filter(|(camera, _)| camera.is_test);
-    let farthest = tests.max_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
-    farthest.map(|(camera, _)| camera.name.clone())
-}
-
 /// A training to be made.
 struct Job<'a> {
-    place: &'a Place,
+    capture: &'a StudyCapture,
     arm: &'a Arm,
     /// 0 where epochs give them.
     steps: u64,
@@ -206,21 +170,26 @@ struct Job<'a> {
 
 /// All trainings. Arms follow each other, and with each seed another one is the first, so that what else the machine does slows
 /// all alike.
-fn jobs<'a>(study: &'a Study, shared: &Config, (places, output): (&'a [Place], &Path)) -> ivv::Result<Vec<Job<'a>>> {
+fn jobs<'a>(
+    study: &'a Study,
+    shared: &Config,
+    captures: &'a [StudyCapture],
+    output: &Path,
+) -> ivv::Result<Vec<Job<'a>>> {
     let configs = study.arms.iter().map(|arm| study.config(shared, arm)).collect::<ivv::Result<Vec<Config>>>()?;
     let lengths = if study.steps.is_empty() { vec![0] } else { study.steps.clone() };
     let mut jobs = Vec::new();
     for (turn, &seed) in study.seeds.iter().enumerate() {
-        for (place, &steps) in places.iter().flat_map(|place| lengths.iter().map(move |steps| (place, steps))) {
+        for (capture, &steps) in captures.iter().flat_map(|capture| lengths.iter().map(move |steps| (capture, steps))) {
             for index in 0..configs.len() {
                 let index = (index + turn) % configs.len();
                 let mut config = Config { seed, ..configs[index].clone() };
                 let length = if steps > 0 { format!("-{steps}") } else { String::new() };
                 config.steps = if steps > 0 { steps } else { config.steps };
-                config.max_gaussians = place.budget.unwrap_or(config.max_gaussians);
+                config.max_gaussians = capture.budget.unwrap_or(config.max_gaussians);
                 let folder =
-                    output.join("runs").join(&place.name).join(format!("{}{length}-{seed}", study.arms[index].key));
-                jobs.push(Job { place, arm: &study.arms[index], steps, config, folder });
+                    output.join("runs").join(&capture.name).join(format!("{}{length}-{seed}", study.arms[index].key));
+                jobs.push(Job { capture, arm: &study.arms[index], steps, config, folder });
             }
         }
     }
@@ -231,15 +200,15 @@ fn jobs<'a>(study: &'a Study, shared: &Config, (places, output): (&'a [Place], &
 fn train(args: &Args, jobs: &[Job]) -> anyhow::Result<()> {
     let (next, fault) = (AtomicUsize::new(0), Mutex::new(None));
     let one = |job: &Job| {
-        let Job { place, config, folder, .. } = job;
-        let apart = Apart {
-            capture: &place.capture,
-            held: &place.held,
+        let Job { capture, config, folder, .. } = job;
+        let process = TrainingProcess {
+            capture: &capture.path,
+            summaries: &capture.summaries,
             device: args.device.as_deref(),
-            is_beside: args.jobs > 1,
+            is_concurrent: args.jobs > 1,
         };
         make_folder(folder.parent().context("a run has a folder above it")?)?;
-        apart.train(folder, config)
+        process.train(folder, config)
     };
     let work = || {
         loop {
