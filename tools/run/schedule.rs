@@ -1,11 +1,11 @@
-//! When a training run is scored, saved and timed.
+//! The schedule of a training run: after which steps it is scored, saved and timed.
 
 /// Steps whose passes are timed.
 const PROFILED: u64 = 5;
 
 /// How often a run is saved and scored.
 #[derive(clap::Args)]
-pub struct DueArgs {
+pub struct ScheduleArgs {
     /// Steps between checkpoints, which is the most that a lost device can cost. By default a tenth of the run.
     #[arg(long)]
     checkpoint_every: Option<u64>,
@@ -23,19 +23,19 @@ pub struct DueArgs {
     pub fit_offsets: bool,
 }
 
-/// What is due after which step.
-pub struct Due<'a> {
+/// What is due after each step.
+pub struct Schedule<'a> {
     total: u64,
     eval_every: u64,
     eval_at: &'a [u64],
     checkpoint_every: u64,
 }
 
-impl<'a> Due<'a> {
-    /// As `args` say, in a run of `total` steps.
-    pub fn new(args: &'a DueArgs, total: u64) -> Self {
+impl<'a> Schedule<'a> {
+    /// The schedule of a run of `total` steps.
+    pub fn new(args: &'a ScheduleArgs, total: u64) -> Self {
         let tenth = (total / 10).max(1);
-        Due {
+        Schedule {
             total,
             eval_every: args.eval_every.unwrap_or(tenth),
             eval_at: &args.eval_at,
@@ -43,18 +43,18 @@ impl<'a> Due<'a> {
         }
     }
 
-    /// The last step has an evaluation of its own, of all test images.
-    pub fn evaluation(&self, step: u64) -> bool {
+    /// False for the last step: all test images are scored after it.
+    pub fn is_evaluation_due(&self, step: u64) -> bool {
         let is_periodic = self.eval_every > 0 && step.is_multiple_of(self.eval_every);
         step != self.total && (is_periodic || self.eval_at.contains(&step))
     }
 
-    pub fn checkpoint(&self, step: u64) -> bool {
+    pub fn is_checkpoint_due(&self, step: u64) -> bool {
         step == self.total || step.is_multiple_of(self.checkpoint_every)
     }
 
-    /// In the middle of each fifth of the run.
-    pub fn profile(&self, step: u64) -> bool {
+    /// True for the step in the middle of each fifth of the run.
+    pub fn is_profile_due(&self, step: u64) -> bool {
         (0..PROFILED).any(|k| step == ((2 * k + 1) * self.total / (2 * PROFILED)).max(1))
     }
 }

@@ -3,7 +3,7 @@
 use crate::run::capture::CaptureArgs;
 use crate::run::constants::ConstantArgs;
 use crate::run::device::DeviceArgs;
-use crate::run::schedule::DueArgs;
+use crate::run::schedule::ScheduleArgs;
 use crate::run::settings::SettingArgs;
 use std::path::PathBuf;
 
@@ -51,7 +51,7 @@ pub struct Args {
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
     #[command(flatten)]
-    pub due: DueArgs,
+    pub schedule: ScheduleArgs,
     #[command(flatten)]
     pub instead: InsteadArgs,
     /// Print the mean time of every pass of a step.

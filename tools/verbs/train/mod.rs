@@ -16,7 +16,7 @@ use crate::run::pass_times::{self, TimedPass};
 use crate::run::ranks::Team;
 use crate::run::rescue;
 use crate::run::review;
-use crate::run::schedule::{Due, DueArgs};
+use crate::run::schedule::Schedule;
 use crate::run::scoring::Scorer;
 use crate::run::time_offsets;
 use crate::run::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
@@ -74,7 +74,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     start.replace(output)?;
     start.extend(&mut session)?;
     if !team.leads() {
-        return follow(session, (*total, &args.due), &team, &stop);
+        return follow(session, *total, &Schedule::new(&args.schedule, *total), &team, &stop);
     }
     let before = session.steps();
     start.warn(&mut session);
@@ -107,8 +107,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             team: team.clone(),
             total: *total,
             checkpoints: checkpoints.clone(),
-            some_test: spread(&test, args.due.eval_images),
-            due: Due::new(&args.due, *total),
+            some_test: spread(&test, args.schedule.eval_images),
+            schedule: Schedule::new(&args.schedule, *total),
             progress: Steps::new(*total, before, test.len()),
             start: begun,
             seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
@@ -135,8 +135,7 @@ fn instead(args: &Args, json: bool) -> anyhow::Result<bool> {
 }
 
 /// Takes the steps of a run that another process leads.
-fn follow(mut session: Session, (total, due): (u64, &DueArgs), team: &Team, stop: &Stop) -> anyhow::Result<()> {
-    let due = Due::new(due, total);
+fn follow(mut session: Session, total: u64, schedule: &Schedule, team: &Team, stop: &Stop) -> anyhow::Result<()> {
     session.settle()?;
     while session.steps() < total {
         session.step()?;
@@ -148,7 +147,7 @@ fn follow(mut session: Session, (total, due): (u64, &DueArgs), team: &Team, stop
             team.meet();
             return Err(Interrupted("the process that leads wrote a checkpoint; continue with --resume").into());
         }
-        if due.checkpoint(session.steps()) {
+        if schedule.is_checkpoint_due(session.steps()) {
             let (splats, step) = (session.trainer().splats()?, session.steps());
             team.agree(&splats, step)?;
         }
@@ -178,7 +177,7 @@ struct Training<'scope, 'env> {
     checkpoints: PathBuf,
     /// What is scored during the run.
     some_test: Vec<(usize, u32)>,
-    due: Due<'env>,
+    schedule: Schedule<'env>,
     progress: Steps,
     log: Log,
     /// What a page that shows the run receives.
@@ -198,24 +197,24 @@ impl Training<'_, '_> {
         }
         self.settle()?;
         while self.session.steps() < self.total {
-            if self.team.size() == 1 && self.due.profile(self.session.steps() + 1) {
+            if self.team.size() == 1 && self.schedule.is_profile_due(self.session.steps() + 1) {
                 self.profile()?;
             } else {
                 self.session.step()?;
             }
             let step = self.session.steps();
-            if self.due.evaluation(step) || self.due.checkpoint(step) {
+            if self.schedule.is_evaluation_due(step) || self.schedule.is_checkpoint_due(step) {
                 self.session.wait()?;
             }
             self.settle()?;
             let is_stopped = self.team.any(stop.is_asked())?;
-            if !is_stopped && self.due.checkpoint(step) && self.team.size() > 1 {
+            if !is_stopped && self.schedule.is_checkpoint_due(step) && self.team.size() > 1 {
                 let splats = self.session.trainer().splats()?;
                 self.team.agree(&splats, step)?;
             }
             let scored = if is_stopped { None } else { self.evaluate(step)? };
-            if scored.is_some() || self.due.checkpoint(step) || is_stopped {
-                self.write(scored, self.due.checkpoint(step) || is_stopped)?;
+            if scored.is_some() || self.schedule.is_checkpoint_due(step) || is_stopped {
+                self.write(scored, self.schedule.is_checkpoint_due(step) || is_stopped)?;
             }
             if is_stopped {
                 self.writer.wait()?;
@@ -334,7 +333,7 @@ impl Training<'_, '_> {
     /// Shows what a step did, and logs it where that is due or density control followed.
     fn note(&mut self, report: &StepReport) -> anyhow::Result<()> {
         self.progress.show(report);
-        let is_due = self.due.checkpoint(report.step) || report.step.is_multiple_of(self.args.log_every);
+        let is_due = self.schedule.is_checkpoint_due(report.step) || report.step.is_multiple_of(self.args.log_every);
         if is_due || report.density.is_some() {
             let mut line = serde_json::to_value(report)?;
             line["seconds"] = (self.seconds_before + self.session.seconds()).into();
@@ -347,7 +346,7 @@ impl Training<'_, '_> {
 
     /// Scores some test views where that is due.
     fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<Scored>> {
-        if !self.due.evaluation(step) {
+        if !self.schedule.is_evaluation_due(step) {
             return Ok(None);
         }
         let begun = Instant::now();
@@ -395,7 +394,7 @@ impl Training<'_, '_> {
             seconds_per_step: seconds_stepping / step.max(1) as f64,
             waited_for_images_s: self.session.waited(),
         };
-        let fits = if self.args.due.fit_offsets { self.scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
+        let fits = if self.args.schedule.fit_offsets { self.scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
         let offsets = time_offsets::table(self.session.trainer(), &self.scorer, &fits, output)?;
         let poses = camera_poses::table(self.session.trainer(), &self.scorer, output)?;
         let Scorer { gpu, run, config, .. } = self.scorer;
