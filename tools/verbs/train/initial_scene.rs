@@ -10,10 +10,10 @@ use ivv::train::{Config, initialise};
 use std::path::Path;
 
 /// Writes what the training that `args` ask for would begin with to `file`.
-pub fn write(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
+pub fn write_initial_scene(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
     // Higher degrees are 0 at first, and make the file larger.
     let config = Config { sh_degree: 0, ..args.settings.resolve()? };
-    let capture = setup::shown(setup::capture(args, &config)?, &config);
+    let capture = setup::training_capture(setup::capture(args, &config)?, &config);
     let world = capture.normalisation();
     let capture = capture.transformed(&world);
     let mut progress = Progress::new("initialisation", 0);

@@ -25,7 +25,7 @@ use crate::ui::progress::{Steps, watch};
 use crate::ui::screen::{alert, be_quiet, out, say};
 use crate::verbs::serve::{Beside, Said};
 use crate::verbs::train::args::InsteadArgs;
-use crate::verbs::train::setup::Start;
+use crate::verbs::train::setup::TrainingSetup;
 use ivv::scene::Splats;
 use ivv::scene::capture::share_of_memory;
 use ivv::stage::Renderer;
@@ -50,11 +50,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if !team.leads() {
         be_quiet();
     }
-    let start = Start::new(args, team.leads())?;
-    team.check(&start.config)?;
+    let setup = TrainingSetup::new(args, team.leads())?;
+    team.check(&setup.config)?;
     // All have read what they begin with before one of them writes.
     team.any(false)?;
-    let Start { gpu, run, capture, config, total, output, checkpoints, resumed, .. } = &start;
+    let TrainingSetup { gpu, run, capture, config, total, output, checkpoints, resumed, .. } = &setup;
     if config.loss.lacks_lpips_weights() {
         say!("LPIPS is off: it needs weights, given by --set loss.lpips_weights=FILE");
     }
@@ -71,13 +71,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(checkpoint) => Session::resume(gpu.clone(), capture, checkpoint, options)?,
         None => Session::begin(gpu.clone(), capture, config.clone(), options)?,
     };
-    start.replace(output)?;
-    start.extend(&mut session)?;
+    setup.replace(output)?;
+    setup.extend(&mut session)?;
     if !team.leads() {
         return follow(session, *total, &Schedule::new(&args.schedule, *total), &team, &stop);
     }
     let before = session.steps();
-    start.warn(&mut session);
+    setup.warn(&mut session);
     let (test, steps) = (capture.test_frames(), format!("steps {} to {total}", before + 1));
     say!(
         "{}, {}, {}, {}, SH degree {}",
@@ -125,9 +125,9 @@ fn instead(args: &Args, json: bool) -> anyhow::Result<bool> {
     if let Some(name) = list_settings {
         list_settings::print(name.as_deref().unwrap_or_default(), json)?;
     } else if let Some(frames) = plan {
-        plan::tell(args, *frames, json)?;
+        plan::print(args, *frames, json)?;
     } else if let Some(file) = only_init {
-        initial_scene::write(args, file, json)?;
+        initial_scene::write_initial_scene(args, file, json)?;
     } else {
         return Ok(false);
     }

@@ -1,4 +1,4 @@
-//! What a training would take, without one: `ivv train --plan`.
+//! `ivv train --plan`: the steps, memory and bytes of a training, without the training.
 
 use crate::estimate::card_gpu;
 use crate::run::capture;
@@ -13,7 +13,7 @@ use ivv::words::count;
 use serde_json::json;
 
 /// Prints what the training that `args` ask for would take, as if the clip had `frames` frames where that is given. Writes nothing.
-pub fn tell(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> {
+pub fn print(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> {
     let config = args.settings.resolve()?;
     let path =
         args.capture.as_deref().context("--plan: expected a CAPTURE; a run that goes on has a plan in train.json")?;

@@ -1,4 +1,4 @@
-//! How `ivv train` begins: anew, from the newest checkpoint of a run, or from a run that was killed before its first.
+//! The set-up of `ivv train`: of a new run, from the newest checkpoint of a run, or of a run that was killed before its first.
 
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::run::overwrite::{holds_a_run, remove_run};
@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 /// A run that is about to begin or go on. Its folder is locked as long as this lives, by the process that writes there.
-pub struct Start {
+pub struct TrainingSetup {
     lock: Option<RunLock>,
     pub gpu: Arc<Gpu>,
     pub run: Run,
@@ -34,18 +34,18 @@ pub struct Start {
     pub checkpoints: PathBuf,
     /// Where the run goes on from.
     pub resumed: Option<Checkpoint>,
-    /// Whether the folder holds another run until [`Start::replace`].
+    /// Whether the folder holds another run until [`TrainingSetup::replace`].
     replaces: bool,
 }
 
-impl Start {
+impl TrainingSetup {
     /// As `args` say. Nothing is written or removed before all that is needed is there, and nothing at all where another process of
     /// the run `leads`.
     pub fn new(args: &Args, leads: bool) -> anyhow::Result<Self> {
-        if args.resume { Self::resumed(args, leads) } else { Self::anew(args, leads) }
+        if args.resume { Self::resumed_run(args, leads) } else { Self::new_run(args, leads) }
     }
 
-    fn anew(args: &Args, leads: bool) -> anyhow::Result<Self> {
+    fn new_run(args: &Args, leads: bool) -> anyhow::Result<Self> {
         let mut config = args.settings.resolve()?;
         let base = args.base.as_deref().map(Base::read).transpose()?;
         let mut capture = capture(args, &config)?;
@@ -61,20 +61,20 @@ impl Start {
             let file = args.settings.file().unwrap_or(Path::new("settings"));
             return Err(Error::data(file, "trains_static", "is false, but no --base is given", remedy).into());
         }
-        let capture = shown(capture, &config);
+        let capture = training_capture(capture, &config);
         let mut run = Run::new(&capture, Constants::default())?;
         if leads {
             warn_of_shared_pictures(&run);
         }
         let capture = capture.transformed(&run.world);
         run.constants = args.constants.checked_over(Constants::default())?;
-        let total = config.total(n_training(&capture)?);
+        let total = config.total(n_training_images(&capture)?);
         let output = folder(args)?;
         let checkpoints = output.join("checkpoints");
         let (mut lock, mut replaces) = (None, false);
         if leads {
             make_folder(&output)?;
-            lock = Some(locked(&output)?);
+            lock = Some(lock_folder(&output)?);
             replaces = holds_a_run(&output)?;
         }
         if replaces && !args.overwrite {
@@ -90,11 +90,11 @@ impl Start {
             ivv::Result::Ok(base.checkpoint((&capture, &run), found.splats, config.clone(), total))
         };
         let resumed = base.map(begin).transpose()?;
-        let start = Start { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces };
+        let setup = TrainingSetup { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces };
         if leads && !replaces {
-            start.write_settings(&start.output)?;
+            setup.write_settings(&setup.output)?;
         }
-        Ok(start)
+        Ok(setup)
     }
 
     /// Removes the run in `folder` that this one replaces, if there is one. To be called once nothing can be wrong with the
@@ -116,11 +116,11 @@ impl Start {
         self.run.write(folder)
     }
 
-    fn resumed(args: &Args, leads: bool) -> anyhow::Result<Self> {
+    fn resumed_run(args: &Args, leads: bool) -> anyhow::Result<Self> {
         let output = folder(args)?;
         let (folder, checkpoints) = (output.as_path(), output.join("checkpoints"));
-        is_run(folder)?;
-        let lock = leads.then(|| locked(folder)).transpose()?;
+        check_is_run(folder)?;
+        let lock = leads.then(|| lock_folder(folder)).transpose()?;
         let mut run = Run::read(folder)?;
         let checkpoint = Checkpoint::newest(&checkpoints)?;
         let file = folder.join("config.json");
@@ -128,7 +128,7 @@ impl Start {
             Some(checkpoint) => checkpoint.config.clone(),
             None => settings_of_a_run_without_checkpoint(folder, &file)?,
         };
-        agrees(args, &planned, &run)?;
+        check_agreement(args, &planned, &run)?;
         if let (true, Some(new)) = (leads, new_since(&file)) {
             alert!(
                 "the run was begun by another version of ivv, without these settings, which now have their defaults: {new}. To \
@@ -143,7 +143,7 @@ impl Start {
                 capture.path.display()
             );
         }
-        let capture = shown(capture, &planned);
+        let capture = training_capture(capture, &planned);
         if let Some(path) = &args.capture {
             let now = std::path::absolute(path).unwrap_or_else(|_| path.clone());
             if leads && now != run.capture {
@@ -152,7 +152,7 @@ impl Start {
                 run.write(folder)?;
             }
         }
-        let n_images = n_training(&capture)?;
+        let n_images = n_training_images(&capture)?;
         let planned_total = checkpoint.as_ref().map_or(planned.total(n_images), |checkpoint| checkpoint.total);
         let asked = args.settings.extended(&planned);
         let total = if asked == planned { planned_total } else { asked.total(n_images) };
@@ -176,7 +176,7 @@ impl Start {
             write_json(&file, &config)?;
         }
         let resumed = checkpoint;
-        Ok(Start { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces: false })
+        Ok(TrainingSetup { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces: false })
     }
 
     /// Says of `session`, which begins, what is worth a warning.
@@ -195,7 +195,7 @@ impl Start {
         }
     }
 
-    /// Makes `session`, which goes on from [`Start::resumed`], go on for as long as is asked, and keeps that.
+    /// Makes `session`, which goes on from [`TrainingSetup::resumed`], go on for as long as is asked, and keeps that.
     pub fn extend(&self, session: &mut Session) -> anyhow::Result<()> {
         let Some(checkpoint) = self.resumed.as_ref().filter(|checkpoint| checkpoint.total != self.total) else {
             return Ok(());
@@ -237,12 +237,12 @@ pub fn capture(args: &Args, config: &Config) -> anyhow::Result<Capture> {
 }
 
 /// What a run learns from: photographs show what rests, which teaches a run nothing that leaves that alone.
-pub fn shown(capture: Capture, config: &Config) -> Capture {
+pub fn training_capture(capture: Capture, config: &Config) -> Capture {
     if config.trains_static { capture } else { capture.without_photos() }
 }
 
 /// Images that are trained on.
-fn n_training(capture: &Capture) -> ivv::Result<u64> {
+fn n_training_images(capture: &Capture) -> ivv::Result<u64> {
     match capture.training_frames().len() {
         0 => Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`")),
         n => Ok(n as u64),
@@ -250,15 +250,15 @@ fn n_training(capture: &Capture) -> ivv::Result<u64> {
 }
 
 /// Locks a run's folder and removes what killed processes left there half written.
-fn locked(folder: &Path) -> ivv::Result<RunLock> {
+fn lock_folder(folder: &Path) -> ivv::Result<RunLock> {
     let lock = RunLock::take(folder)?;
     let parts = [("", 0), ("checkpoints", 0), ("renders", 1)].map(|(name, depth)| (folder.join(name), depth));
     parts.iter().filter(|(part, _)| part.is_dir()).try_for_each(|(part, depth)| remove_temporaries(part, *depth))?;
     Ok(lock)
 }
 
-/// Whether `folder` is one of a run; else what is there.
-fn is_run(folder: &Path) -> ivv::Result<()> {
+/// Refuses a folder without a run, and names what it holds.
+fn check_is_run(folder: &Path) -> ivv::Result<()> {
     let fault = |reason: String| Err(Error::data(folder, "", reason, "give the folder of the run to --resume with -o"));
     if !folder.exists() {
         return fault("no such folder".to_owned());
@@ -298,8 +298,8 @@ fn new_since(file: &Path) -> Option<String> {
     (!names.is_empty()).then(|| names.join(", "))
 }
 
-/// Whether the flags ask for nothing but what the run has.
-fn agrees(args: &Args, config: &Config, run: &Run) -> anyhow::Result<()> {
+/// Refuses flags that ask for something else than the run has.
+fn check_agreement(args: &Args, config: &Config, run: &Run) -> anyhow::Result<()> {
     let mut differ = args.settings.contradictions(config)?;
     differ.extend(args.read.differ_from(run));
     differ.extend(args.constants.contradictions(&run.constants));
