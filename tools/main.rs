@@ -90,13 +90,13 @@ enum Verb {
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(told) => return ExitCode::from(fault::usage(&told)),
+        Err(error) => return ExitCode::from(fault::usage(&error)),
     };
     if cli.quiet {
         screen::be_quiet();
     }
-    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error. Windows warn of odd displays.
-    let told = Targets::new()
+    // The reader of SOFA files warns of good files, and errors name the faults of bad ones. Windows warn of odd displays.
+    let severity = Targets::new()
         .with_default(cli.log_level)
         .with_target("sofar", LevelFilter::OFF)
         .with_target("winit", LevelFilter::ERROR);
@@ -104,7 +104,7 @@ fn main() -> ExitCode {
         .with_writer(|| screen::Log)
         .with_ansi(screen::has_colours())
         .log_internal_errors(false)
-        .with_filter(told);
+        .with_filter(severity);
     let (spans, trace) = match cli.trace.as_deref().map(|file| trace::begin(file, cli.log_level)).transpose() {
         Ok(begun) => begun.unzip(),
         Err(error) => return ExitCode::from(fault::exit(Err(error.into()), cli.json)),

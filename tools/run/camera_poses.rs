@@ -1,4 +1,4 @@
-//! The cameras' learnt poses, told and written.
+//! The cameras' learnt poses: cameras.json and its summary.
 
 use crate::run::scoring::Scorer;
 use crate::ui::screen::out;
@@ -10,7 +10,7 @@ use std::path::Path;
 
 /// A camera whose pose is learnt, as train.json has it.
 #[derive(serde::Serialize)]
-pub struct Row {
+pub struct PoseRow {
     camera: String,
     /// Angle between the learnt pose and the capture's.
     turn_degrees: f64,
@@ -20,7 +20,7 @@ pub struct Row {
 
 /// The cameras whose poses are learnt; none where that is off. Also writes `cameras.json` into `output`: the training views from the
 /// learnt poses, in the capture's own world.
-pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Result<Vec<Row>> {
+pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Result<Vec<PoseRow>> {
     let Scorer { capture, run, .. } = scorer;
     let world = run.world.inverse();
     let (mut rows, mut views) = (Vec::new(), Vec::new());
@@ -34,7 +34,7 @@ pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Resu
         }
         let in_capture = correction.in_capture(&run.world);
         let (turn_degrees, shift) = (in_capture.turn.length().to_degrees(), in_capture.shift.length());
-        rows.push(Row { camera: camera.name.clone(), turn_degrees, shift });
+        rows.push(PoseRow { camera: camera.name.clone(), turn_degrees, shift });
     }
     if !views.is_empty() {
         write_views(&output.join("cameras.json"), &views)?;
@@ -42,8 +42,8 @@ pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Resu
     Ok(rows)
 }
 
-/// What the run does about the poses once they are judged, in a line.
-pub fn judged(pixels: f64, are_learnt: bool) -> String {
+/// In a line: how far off the calibration is, and whether the run keeps its learnt poses.
+pub fn verdict(pixels: f64, are_learnt: bool) -> String {
     let what = if are_learnt {
         "the calibration is off: poses are learnt to the end"
     } else {
@@ -52,9 +52,9 @@ pub fn judged(pixels: f64, are_learnt: bool) -> String {
     format!("learnt poses move what cameras see by {pixels:.2} pixels (median); {what}")
 }
 
-/// In a line, for people.
-pub fn print(rows: &[Row]) {
-    let median = |of: fn(&Row) -> f64| median_high(rows.iter().map(of)).unwrap_or(0.0);
+/// Prints a line about them.
+pub fn print(rows: &[PoseRow]) {
+    let median = |of: fn(&PoseRow) -> f64| median_high(rows.iter().map(of)).unwrap_or(0.0);
     let Some(most) = rows.iter().max_by(|a, b| a.turn_degrees.total_cmp(&b.turn_degrees)) else { return };
     out!(
         "poses of {}: turned by {:.3} degrees and shifted by {:.4} of the capture's units (medians); {} turned most, by {:.3} degrees",

@@ -1,10 +1,10 @@
-//! What a training that failed has kept.
+//! What is left of a training that failed, and how to continue it.
 
 use ivv::train::Checkpoint;
 use std::path::Path;
 
-/// `error`, which ended the run `output` after so many steps, with what `checkpoints` holds of it and how to go on.
-pub fn told(error: anyhow::Error, step: u64, checkpoints: &Path, output: &Path) -> anyhow::Error {
+/// Adds to `error`, which ended the run `output` after `step`, what `checkpoints` holds and how to continue.
+pub fn describe(error: anyhow::Error, step: u64, checkpoints: &Path, output: &Path) -> anyhow::Error {
     let stopped = format!("training stopped after step {step}");
     let again = format!("continue with `ivv train --resume -o {}`", output.display());
     let kept = match Checkpoint::newest(checkpoints) {
@@ -21,13 +21,14 @@ pub fn told(error: anyhow::Error, step: u64, checkpoints: &Path, output: &Path) 
 
 #[cfg(test)]
 mod tests {
-    use super::told;
+    use super::describe;
     use std::path::Path;
 
     #[test]
     fn only_where_there_is_no_checkpoint_is_one_advised_to_begin_again() {
-        let of =
-            |checkpoints: &Path| format!("{:#}", told(anyhow::anyhow!("it broke"), 3, checkpoints, Path::new("run")));
+        let of = |checkpoints: &Path| {
+            format!("{:#}", describe(anyhow::anyhow!("it broke"), 3, checkpoints, Path::new("run")))
+        };
         let folder = std::env::temp_dir().join(format!("ivv-kept-{}", std::process::id()));
         std::fs::create_dir_all(&folder).unwrap();
         let none = of(&folder);

@@ -1,9 +1,9 @@
-//! What the reviews of a run found that its scene requires, in words.
+//! Reviews of what a scene requires, in words.
 
 use ivv::train::Review;
 
-/// A review in one line, two where cameras were looked at.
-pub fn told(review: &Review) -> String {
+/// A review in one line, or two if it also tested the cameras' grids of colours.
+pub fn describe(review: &Review) -> String {
     let Review { step, before, after, removed, merged, came_to_rest, began_to_move, lost_bands, grids, .. } = review;
     let mut lines = Vec::new();
     if !grids.is_empty() {

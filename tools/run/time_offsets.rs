@@ -1,4 +1,4 @@
-//! The table of the cameras' time offsets: what was learnt, how sure it is, and the truth where the capture knows it.
+//! The table of the cameras' time offsets, with their standard errors, and the truth if the capture has it.
 
 use crate::run::files::write_json;
 use crate::run::scoring::Scorer;
@@ -13,11 +13,11 @@ use std::path::Path;
 
 /// A row of `offsets.json`.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-pub struct Row {
+pub struct OffsetRow {
     /// Name of the camera.
     pub camera: String,
-    /// How its offset was found.
-    pub how: How,
+    /// Origin its offset was found.
+    pub how: Origin,
     /// Frames.
     pub offset: f64,
     /// Frames, with the scene held fixed, so that an offset may be off by more; none where the pictures do not say.
@@ -30,10 +30,10 @@ pub struct Row {
     pub truth: Option<f64>,
 }
 
-/// How an offset was found.
+/// Origin an offset was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum How {
+pub enum Origin {
     /// With the scene.
     Learnt,
     /// Not at all: the pictures do not say what it is, and it was set to 0.
@@ -49,7 +49,7 @@ pub fn table(
     scorer: &Scorer,
     fitted: &BTreeMap<usize, OffsetFit>,
     output: &Path,
-) -> ivv::Result<Vec<Row>> {
+) -> ivv::Result<Vec<OffsetRow>> {
     let (_, learns) = trainer.offsets()?;
     if learns.is_empty() {
         return Ok(Vec::new());
@@ -69,7 +69,7 @@ pub fn table(
 }
 
 /// Rows of all cameras, from the fits of the learnt and of the test cameras.
-fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -> Vec<Row> {
+fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -> Vec<OffsetRow> {
     let truth = &capture.true_offsets;
     let learnt = |camera: usize| learns.get(camera).copied().unwrap_or(false);
     let known: Vec<f64> = (0..capture.cameras.len())
@@ -79,12 +79,12 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
     let mean = mean(known).unwrap_or(0.0);
     let row = |(index, camera): (usize, &Camera)| {
         let fit = fits.get(&index);
-        Row {
+        OffsetRow {
             camera: camera.name.clone(),
             how: match (camera.is_test, learnt(index)) {
-                (true, _) => How::Fitted,
-                (false, true) => How::Learnt,
-                (false, false) => How::Frozen,
+                (true, _) => Origin::Fitted,
+                (false, true) => Origin::Learnt,
+                (false, false) => Origin::Frozen,
             },
             offset: fit.map_or(0.0, |fit| fit.offset),
             at_bound: fit.is_some_and(OffsetFit::is_at_bound),
@@ -99,15 +99,15 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
     capture.cameras.iter().enumerate().filter(is_listed).map(row).collect()
 }
 
-/// How well the learnt offsets agree with the true ones; none without truth.
-pub fn agreement(rows: &[Row]) -> Option<Agreement> {
-    let learnt = rows.iter().filter(|row| row.how == How::Learnt);
+/// Origin well the learnt offsets agree with the true ones; none without truth.
+pub fn agreement(rows: &[OffsetRow]) -> Option<Agreement> {
+    let learnt = rows.iter().filter(|row| row.how == Origin::Learnt);
     let pairs: Vec<(f64, f64)> = learnt.filter_map(|row| Some((row.offset, row.truth?))).collect();
     Agreement::of(&pairs)
 }
 
-/// What is to be done where offsets have run into the bound.
-fn warning(rows: &[Row]) -> Option<String> {
+/// What to do about offsets that reached the bound.
+fn warning(rows: &[OffsetRow]) -> Option<String> {
     let at_bound: Vec<&str> = rows.iter().filter(|row| row.at_bound).map(|row| row.camera.as_str()).collect();
     let names = at_bound.join(", ");
     (!at_bound.is_empty()).then(|| {
@@ -118,8 +118,8 @@ fn warning(rows: &[Row]) -> Option<String> {
     })
 }
 
-/// The table, for people.
-pub fn print(rows: &[Row]) {
+/// Prints the table.
+pub fn print(rows: &[OffsetRow]) {
     let width = rows.iter().map(|row| row.camera.chars().count()).fold(6, usize::max);
     let has_truth = rows.iter().any(|row| row.truth.is_some());
     let true_head = if has_truth { format!("{:>9}", "true") } else { String::new() };
@@ -128,9 +128,9 @@ pub fn print(rows: &[Row]) {
         let error = row.standard_error.map_or("?".to_owned(), |error| format!("{error:.3}"));
         let truth = row.truth.map_or(String::new(), |truth| format!("{truth:>9.3}"));
         let how = match row.how {
-            How::Learnt => "",
-            How::Frozen => "fixed at 0: not observable in this camera's images",
-            How::Fitted => "test camera, fitted afterwards",
+            Origin::Learnt => "",
+            Origin::Frozen => "fixed at 0: not observable in this camera's images",
+            Origin::Fitted => "test camera, fitted afterwards",
         };
         let how = if row.at_bound { "at the edge of the search: the true offset may be larger" } else { how };
         out!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
@@ -153,11 +153,11 @@ mod tests {
         let row = |camera: &str, offset: f64| {
             let fit = OffsetFit { offset, standard_error: 0.1, rest: 0.0 };
             let (camera, standard_error, truth) = (camera.to_owned(), Some(0.1), None);
-            Row { camera, how: How::Learnt, offset, standard_error, at_bound: fit.is_at_bound(), truth }
+            OffsetRow { camera, how: Origin::Learnt, offset, standard_error, at_bound: fit.is_at_bound(), truth }
         };
         assert_eq!(warning(&[row("a", 0.3), row("b", -1.5)]), None);
         // The mean of all has moved one of them away from the bound.
-        let told = warning(&[row("a", 0.3), row("b", -1.97), row("c", 2.0)]).unwrap_or_default();
-        assert!(told.contains("the clocks of b, c are 2 frames or more") && told.contains("--shift sound"), "{told}");
+        let text = warning(&[row("a", 0.3), row("b", -1.97), row("c", 2.0)]).unwrap_or_default();
+        assert!(text.contains("the clocks of b, c are 2 frames or more") && text.contains("--shift sound"), "{text}");
     }
 }

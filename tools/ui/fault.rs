@@ -1,4 +1,4 @@
-//! How `ivv` ends: the message of a fault, for people and as JSON, and the exit code.
+//! How `ivv` ends: the message of an error, as text or JSON, and the exit code.
 
 use crate::ui::interrupt;
 use crate::ui::screen::{self, alert, out};
@@ -28,32 +28,32 @@ impl std::fmt::Display for FaultyCapture {
 
 impl std::error::Error for FaultyCapture {}
 
-/// A wrong command line, or help that was asked for; gives the exit code.
-pub fn usage(told: &clap::Error) -> u8 {
-    let text = told.render();
-    if !told.use_stderr() {
+/// Reports a wrong command line, or prints the help; returns the exit code.
+pub fn usage(error: &clap::Error) -> u8 {
+    let text = error.render();
+    if !error.use_stderr() {
         out!("{}", text.to_string().trim_end());
         return end(0);
     }
-    // What cannot be parsed cannot say whether JSON is wanted.
+    // The options are not parsed, so search them for --json.
     if std::env::args_os().any(|argument| argument == "--json") {
         let text = text.to_string();
         let message = text.trim().strip_prefix("error: ").unwrap_or(text.trim());
         out!("{}", json!({ "error": { "kind": "usage", "exit_code": 2, "message": message } }));
     }
-    match screen::has_colours() && told.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
+    match screen::has_colours() && error.kind() != ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
         true => alert!("{}", text.ansi().to_string().trim_end()),
         false => alert!("{}", text.to_string().trim_end()),
     }
     end(2)
 }
 
-/// Tells what came of the verb, and gives the exit code.
+/// Reports how the verb ended, and returns the exit code.
 pub fn exit(done: anyhow::Result<()>, as_json: bool) -> u8 {
     let Err(error) = done else { return end(0) };
-    // A verb that has told its results has told its fault with them.
+    // Results that are written hold the error.
     if as_json && !screen::has_results() {
-        out!("{}", json!({ "error": told(&error) }));
+        out!("{}", json!({ "error": as_json(&error) }));
     }
     screen::leave_bar();
     alert!("ivv: {error:#}");
@@ -76,26 +76,26 @@ fn end(code: u8) -> u8 {
 pub fn results(of: &impl serde::Serialize, fault: Option<&anyhow::Error>) -> anyhow::Result<()> {
     let mut value = serde_json::to_value(of)?;
     if let Some(fault) = fault {
-        value["error"] = told(fault);
+        value["error"] = as_json(fault);
     }
     out!("{}", serde_json::to_string_pretty(&value)?);
     Ok(())
 }
 
 /// The `error` of JSON output.
-fn told(error: &anyhow::Error) -> Value {
+fn as_json(error: &anyhow::Error) -> Value {
     let (kind, exit_code) = kind(error);
-    let mut told = json!({ "kind": kind, "exit_code": exit_code, "message": format!("{error:#}") });
+    let mut object = json!({ "kind": kind, "exit_code": exit_code, "message": format!("{error:#}") });
     if let Some(ivv::Error::Data { file, place, reason, remedy }) = error.downcast_ref() {
-        told["file"] = file.to_string_lossy().into();
-        told["place"] = place.as_str().into();
-        told["reason"] = reason.as_str().into();
-        told["remedy"] = remedy.as_str().into();
+        object["file"] = file.to_string_lossy().into();
+        object["place"] = place.as_str().into();
+        object["reason"] = reason.as_str().into();
+        object["remedy"] = remedy.as_str().into();
     }
-    told
+    object
 }
 
-/// What kind of fault it is, and its exit code. What has no kind of its own is the fault of what was asked.
+/// The kind of an error, and its exit code. An error without a kind of its own is one of usage.
 fn kind(error: &anyhow::Error) -> (&'static str, u8) {
     if error.downcast_ref::<interrupt::Interrupted>().is_some() {
         return ("interrupted", interrupt::Interrupted::EXIT_CODE);

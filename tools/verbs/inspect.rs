@@ -56,7 +56,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     print(&scene, &summary);
     for review in &reviews {
-        out!("{}", review::told(review));
+        out!("{}", review::describe(review));
     }
     Ok(())
 }

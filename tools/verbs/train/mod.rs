@@ -291,7 +291,7 @@ impl Training<'_, '_> {
                 let _ = self.log.write();
             }
         }
-        rescue::told(error, self.session.trainer().ended(), &self.checkpoints, self.output)
+        rescue::describe(error, self.session.trainer().ended(), &self.checkpoints, self.output)
     }
 
     /// Does what is due after the last step, and notes what has happened.
@@ -306,13 +306,13 @@ impl Training<'_, '_> {
             match event {
                 Event::Step(report) => self.note(&report)?,
                 Event::Review(review) => {
-                    let told = review::told(&review);
-                    if !told.is_empty() {
-                        say!("{told}");
+                    let text = review::describe(&review);
+                    if !text.is_empty() {
+                        say!("{text}");
                     }
                     self.log.push(Kind::Review, &review)?;
                 }
-                Event::Poses { pixels, are_learnt } => say!("{}", camera_poses::judged(pixels, are_learnt)),
+                Event::Poses { pixels, are_learnt } => say!("{}", camera_poses::verdict(pixels, are_learnt)),
                 Event::Backdrop { n, is_added: true } => {
                     say!("added {} behind the scene, where no training camera looks", count(n, "Gaussian"));
                 }
