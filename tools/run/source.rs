@@ -1,4 +1,4 @@
-//! What a verb is given to look at: a scene file, the folder of a run, or that of a run that has not ended.
+//! The scene that a verb is given: a scene file, or the folder of a run, which may not have ended.
 
 use crate::run::appearance::Look;
 use crate::run::files::read_json;
@@ -14,16 +14,16 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-/// Gaussians that are looked at, in the capture's own frame.
+/// Gaussians of a scene, in the capture's own frame.
 pub enum Gaussians {
     /// In memory.
     Whole(Box<Splats>),
-    /// In a file, of which what is seen is read.
+    /// In a file, which is read as views need it.
     Parts(Box<dyn Parts>),
 }
 
 impl Gaussians {
-    /// A renderer of them.
+    /// A renderer of the Gaussians.
     ///
     /// # Errors
     /// As [`Renderer::of_parts`].
@@ -34,8 +34,8 @@ impl Gaussians {
         }
     }
 
-    /// Some of them, enough to tell where the scene is: all, those that rest, or, where those are few, such as a backdrop alone, those of
-    /// the first part.
+    /// Enough of them to find where the scene is: all, the static ones, or, if those are few, such as a backdrop alone, those of the
+    /// first part.
     ///
     /// # Errors
     /// Those of the file.
@@ -60,21 +60,21 @@ impl Gaussians {
     }
 }
 
-/// A scene and where it is from, with its Gaussians `G`.
-pub struct Shown<G = Splats> {
+/// A scene with its Gaussians `G`, and where it is from.
+pub struct LoadedScene<G = Splats> {
     /// The file that was read.
     pub file: PathBuf,
     /// In the capture's own frame.
     pub splats: G,
-    /// The step that it is of, where the run has not ended.
-    pub unfinished: Option<u64>,
-    /// The notes of the reader, already printed.
+    /// The step of its checkpoint, if the run has not ended.
+    pub checkpoint_step: Option<u64>,
+    /// The notes of the reader, which were printed.
     pub notes: Vec<String>,
 }
 
-impl From<Shown> for Shown<Gaussians> {
-    fn from(Shown { file, splats, unfinished, notes }: Shown) -> Self {
-        Shown { file, splats: Gaussians::Whole(Box::new(splats)), unfinished, notes }
+impl From<LoadedScene> for LoadedScene<Gaussians> {
+    fn from(LoadedScene { file, splats, checkpoint_step, notes }: LoadedScene) -> Self {
+        LoadedScene { file, splats: Gaussians::Whole(Box::new(splats)), checkpoint_step, notes }
     }
 }
 
@@ -84,36 +84,37 @@ pub fn is_run(path: &Path) -> bool {
 }
 
 /// Steps of the run in `folder`.
-pub fn total(folder: &Path) -> Option<u64> {
+pub fn total_steps(folder: &Path) -> Option<u64> {
     let config: Option<Config> = read_json(&folder.join("config.json"), "").ok();
     let run = Run::read(folder).ok();
     config.zip(run).map(|(config, run)| config.total(run.held.training_images as u64))
 }
 
-/// The scene of the run in `folder`, where it has ended: a run that goes on after its end has a checkpoint that is newer than the scene,
-/// of a step before its new end, or of that end itself while its scene is still to be made.
-pub fn scene_of_end(folder: &Path) -> Option<PathBuf> {
+/// The scene of the run in `folder`, if the run has ended. A run that was extended has a checkpoint that is newer than the scene: of a
+/// step before its new end, or of that end while its scene is still to be written.
+pub fn final_scene(folder: &Path) -> Option<PathBuf> {
     let scene = folder.join("scene.ply");
     let checkpoints = folder.join("checkpoints");
     let step = Checkpoint::newest_step(&checkpoints).ok().flatten();
-    let is_newer = |step| changed(&Checkpoint::file(&checkpoints, step)) > changed(&scene);
+    let is_newer = |step| modified(&Checkpoint::file(&checkpoints, step)) > modified(&scene);
     let totals: Option<Value> = read_json(&folder.join("train.json"), "").ok();
     let scored = totals.and_then(|totals| totals["steps"].as_u64());
-    let is_before_an_end = |step| total(folder).is_some_and(|end| step < end) || scored.is_some_and(|end| end < step);
-    let goes_on = step.is_some_and(|step| is_newer(step) && is_before_an_end(step));
-    (scene.is_file() && !goes_on).then_some(scene)
+    let is_before_an_end =
+        |step| total_steps(folder).is_some_and(|end| step < end) || scored.is_some_and(|end| end < step);
+    let is_extended = step.is_some_and(|step| is_newer(step) && is_before_an_end(step));
+    (scene.is_file() && !is_extended).then_some(scene)
 }
 
 /// When `file` was written.
-pub fn changed(file: &Path) -> Option<SystemTime> {
+pub fn modified(file: &Path) -> Option<SystemTime> {
     file.metadata().and_then(|data| data.modified()).ok()
 }
 
-/// What a verb is given, before the Gaussians of it are asked for.
+/// A scene of which all but the Gaussians was read.
 pub struct Source<'a> {
     /// A scene file, or the folder of a run.
     pub path: &'a Path,
-    /// Where it is a `.4dgs`: what is in it beside Gaussians is asked for first.
+    /// The file without its Gaussians, if it is a `.4dgs`.
     pub clip: Option<FourDgs>,
     /// How it is rendered.
     pub look: Look,
@@ -130,23 +131,23 @@ impl<'a> Source<'a> {
         Ok(Source { path, clip, look })
     }
 
-    /// Its Gaussians, of which only those are read that are seen where the file is a clip in parts.
+    /// Its Gaussians; those of a clip in parts are read as views need them.
     ///
     /// # Errors
     /// As [`open`].
-    pub fn seen(&self) -> ivv::Result<Shown<Gaussians>> {
+    pub fn seen(&self) -> ivv::Result<LoadedScene<Gaussians>> {
         if let Some((file, clip)) = self.parts()? {
-            return Ok(Shown { file, splats: Gaussians::Parts(clip), unfinished: None, notes: Vec::new() });
+            return Ok(LoadedScene { file, splats: Gaussians::Parts(clip), checkpoint_step: None, notes: Vec::new() });
         }
         self.scene().map(Into::into)
     }
 
-    /// Its file, where that is a clip in parts.
+    /// Its file, if that is a clip in parts.
     ///
     /// # Errors
     /// As [`open`].
     pub fn parts(&self) -> ivv::Result<Option<(PathBuf, Box<dyn Parts>)>> {
-        let file = if self.path.is_dir() { scene_of_end(self.path) } else { Some(self.path.to_owned()) };
+        let file = if self.path.is_dir() { final_scene(self.path) } else { Some(self.path.to_owned()) };
         let Some(file) = file else { return Ok(None) };
         let clip: Option<Box<dyn Parts>> = match self.clip {
             Some(_) => FourDgsParts::open(&file)?.map(|clip| Box::new(clip) as Box<dyn Parts>),
@@ -156,48 +157,48 @@ impl<'a> Source<'a> {
         Ok(clip.map(|clip| (file, clip)))
     }
 
-    /// Its Gaussians, as [`open`].
+    /// All of its Gaussians, as [`open`] reads them.
     ///
     /// # Errors
     /// As [`open`].
-    pub fn scene(&self) -> ivv::Result<Shown> {
+    pub fn scene(&self) -> ivv::Result<LoadedScene> {
         let Some(clip) = &self.clip else { return of_path(self.path) };
-        Ok(told(self.path, Imported { splats: clip.splats()?, notes: clip.notes(), own: None }))
+        Ok(imported(self.path, Imported { splats: clip.splats()?, notes: clip.notes(), own: None }))
     }
 }
 
-/// Reads the scene of `path`; of a run without scene.ply, or one that goes on after its end, its newest checkpoint, and says of which
+/// Reads the scene of `path`. Of a run that has not ended, or that was extended, it reads the newest checkpoint, and says of which
 /// step that is.
 ///
 /// # Errors
 /// Those of the files; [`Error::Data`] when a folder is neither a run's nor a scene, or a run has no checkpoint either.
-pub fn open(path: &Path) -> ivv::Result<Shown> {
+pub fn open(path: &Path) -> ivv::Result<LoadedScene> {
     Source::open(path)?.scene()
 }
 
-/// The scene of anything but a `.4dgs`.
-fn of_path(path: &Path) -> ivv::Result<Shown> {
-    if let Some(scene) = scene_of_end(path) {
-        return Ok(told(&scene, import_scene(&scene)?));
+/// The scene of any path but a `.4dgs`.
+fn of_path(path: &Path) -> ivv::Result<LoadedScene> {
+    if let Some(scene) = final_scene(path) {
+        return Ok(imported(&scene, import_scene(&scene)?));
     }
     if is_run(path) {
-        return newest(path);
+        return newest_checkpoint(path);
     }
     if path.is_dir() && !path.join("meta.json").is_file() {
         let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
         return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
     }
-    Ok(told(path, import_scene(path)?))
+    Ok(imported(path, import_scene(path)?))
 }
 
-/// Prints the notes of the reader.
-fn told(file: &Path, Imported { splats, notes, .. }: Imported) -> Shown {
+/// An imported scene, whose notes it prints.
+fn imported(file: &Path, Imported { splats, notes, .. }: Imported) -> LoadedScene {
     notes.iter().for_each(|note| say!("{}: {note}", file.display()));
-    Shown { splats, file: file.to_owned(), unfinished: None, notes }
+    LoadedScene { splats, file: file.to_owned(), checkpoint_step: None, notes }
 }
 
 /// The newest checkpoint of the run in `folder`.
-fn newest(folder: &Path) -> ivv::Result<Shown> {
+fn newest_checkpoint(folder: &Path) -> ivv::Result<LoadedScene> {
     let checkpoints = folder.join("checkpoints");
     let Some(checkpoint) = Checkpoint::newest(&checkpoints)? else {
         let remedy = "wait for the first checkpoint, or continue the run with `ivv train --resume -o RUN`";
@@ -206,5 +207,5 @@ fn newest(folder: &Path) -> ivv::Result<Shown> {
     let Checkpoint { step, total, .. } = checkpoint;
     say!("{}: the run has not ended; this is its newest checkpoint, of step {step} of {total}", folder.display());
     let file = Checkpoint::file(&checkpoints, step);
-    Ok(Shown { splats: checkpoint.splats(), file, unfinished: Some(step), notes: Vec::new() })
+    Ok(LoadedScene { splats: checkpoint.splats(), file, checkpoint_step: Some(step), notes: Vec::new() })
 }

@@ -16,7 +16,7 @@ use std::path::Path;
 pub struct OffsetRow {
     /// Name of the camera.
     pub camera: String,
-    /// Origin its offset was found.
+    /// Where its offset is from.
     pub how: Origin,
     /// Frames.
     pub offset: f64,
@@ -30,7 +30,7 @@ pub struct OffsetRow {
     pub truth: Option<f64>,
 }
 
-/// Origin an offset was found.
+/// Where an offset is from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {

@@ -62,7 +62,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         run.constants = run.constants_of_training(source.look.constants);
     }
     let shown = source.seen()?;
-    let (output, steps) = match (&args.scene, shown.unfinished) {
+    let (output, steps) = match (&args.scene, shown.checkpoint_step) {
         (Some(scene), _) => {
             let (name, steps) = own_name(scene)?;
             (args.run.join("eval").join(name), steps)
@@ -73,7 +73,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     make_folder(&output)?;
     let gpu = args.device.open()?;
     let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
-    let step = shown.unfinished.unwrap_or(steps);
+    let step = shown.checkpoint_step.unwrap_or(steps);
     let mut fits = BTreeMap::new();
     let seen = match shown.splats {
         Gaussians::Whole(splats) => {

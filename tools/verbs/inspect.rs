@@ -1,7 +1,7 @@
 //! `ivv inspect`.
 
 use crate::run::review;
-use crate::run::source::{self, Shown, is_run};
+use crate::run::source::{self, LoadedScene, is_run};
 use crate::run::views::ViewArgs;
 use crate::ui::screen::{out, say};
 use ivv::formats::FourDgs;
@@ -41,12 +41,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if FourDgs::is(&args.scene) {
         return clip(&args.scene, json);
     }
-    let Shown { file: scene, splats, unfinished, notes } = source::open(&args.scene)?;
+    let LoadedScene { file: scene, splats, checkpoint_step, notes } = source::open(&args.scene)?;
     let reviews = reviews(&scene);
     let summary = splats.by_degree().summary();
     if json {
         let mut value = serde_json::to_value(&summary)?;
-        if let Some(step) = unfinished {
+        if let Some(step) = checkpoint_step {
             value["checkpoint_step"] = step.into();
         }
         value["reviews"] = serde_json::to_value(&reviews)?;

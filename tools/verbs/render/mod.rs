@@ -8,7 +8,7 @@ use crate::run::constants::{ConstantArgs, KnobArgs};
 use crate::run::device::DeviceArgs;
 use crate::run::files::make_folder;
 use crate::run::pass_times::{self, TimedPass};
-use crate::run::source::{Gaussians, Shown, Source, is_run};
+use crate::run::source::{Gaussians, LoadedScene, Source, is_run};
 use crate::run::views::{ViewArgs, clip_time};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
@@ -173,7 +173,7 @@ impl Args {
 }
 
 /// Refuses views of a dynamic scene at times that nothing was seen at.
-fn within_clip(cameras: &Path, shown: &Shown<Gaussians>, views: &[View]) -> ivv::Result<()> {
+fn within_clip(cameras: &Path, shown: &LoadedScene<Gaussians>, views: &[View]) -> ivv::Result<()> {
     let outside = |view: &&View| !shown.splats.are_static() && !(0.0..=1.0).contains(&view.time);
     views.iter().find(outside).map_or(Ok(()), |view| {
         let reason = format!("expected a time within the clip, 0 to 1, found {}", view.time);

@@ -4,7 +4,7 @@ use crate::export_clip::start_in_run;
 use crate::run::axes::Axes;
 use crate::run::device::DeviceArgs;
 use crate::run::files::make_folder;
-use crate::run::source::{Gaussians, Shown};
+use crate::run::source::{Gaussians, LoadedScene};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
 use crate::ui::screen::{alert, out};
@@ -279,7 +279,13 @@ pub struct Studio<'a> {
 }
 
 /// Renders `film` of the scene `shown`.
-pub fn run(film: &Film, args: &PathArgs, shown: Shown<Gaussians>, studio: &Studio, json: bool) -> anyhow::Result<()> {
+pub fn run(
+    film: &Film,
+    args: &PathArgs,
+    shown: LoadedScene<Gaussians>,
+    studio: &Studio,
+    json: bool,
+) -> anyhow::Result<()> {
     let Studio { output, device, constants, stop } = *studio;
     let is_still = shown.splats.are_static();
     anyhow::ensure!(

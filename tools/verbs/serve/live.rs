@@ -2,7 +2,7 @@
 
 use super::held::Scene;
 use crate::export_clip::ClipArgs;
-use crate::run::source::{Source, changed, scene_of_end, total};
+use crate::run::source::{Source, final_scene, modified, total_steps};
 use bytes::Bytes;
 use hyper::body::{Body, Frame};
 use ivv::files::read_file;
@@ -77,20 +77,20 @@ impl Live {
         };
         let name = std::path::absolute(&self.folder).ok();
         let name = name.as_deref().and_then(Path::file_name).map(|name| name.to_string_lossy().into_owned());
-        let report = changed(&self.folder.join("report.html")).map(millis);
+        let report = modified(&self.folder.join("report.html")).map(millis);
         let scene = self.scene_to_tell();
         let step = line["step"].as_u64().unwrap_or(0);
         json!({
             "name": name, "step": step, "total": self.total().unwrap_or(step), "seconds": line["seconds"],
             "loss": line["loss"], "psnr": line["psnr"], "gaussians": line["gaussians"],
-            "ended": scene_of_end(&self.folder).is_some(), "scene": scene, "report": report,
+            "ended": final_scene(&self.folder).is_some(), "scene": scene, "report": report,
         })
     }
 
     /// The last step that the log on the disk tells of: that of the newest checkpoint.
     fn last_line(&self) -> Value {
         let mut line = self.line.borrow_mut();
-        let at = changed(&self.folder.join("train.jsonl"));
+        let at = modified(&self.folder.join("train.jsonl"));
         if at != line.0 {
             let log = Log::open(&self.folder, u64::MAX);
             *line = (at, log.lines(Kind::Step).last().cloned().unwrap_or_default());
@@ -100,10 +100,10 @@ impl Live {
 
     /// Steps of the run, which it may be given anew.
     fn total(&self) -> Option<u64> {
-        let at = changed(&self.folder.join("config.json"));
+        let at = modified(&self.folder.join("config.json"));
         let (known_at, known) = self.total.get();
         if known.is_none() || known_at != at {
-            self.total.set((at, total(&self.folder)));
+            self.total.set((at, total_steps(&self.folder)));
         }
         self.total.get().1
     }
@@ -122,7 +122,7 @@ impl Live {
 
     /// The name of the newest scene.
     fn newest(&self) -> Option<String> {
-        if let Some(end) = scene_of_end(&self.folder).as_deref().and_then(changed) {
+        if let Some(end) = final_scene(&self.folder).as_deref().and_then(modified) {
             return Some(format!("{END}{}", millis(end)));
         }
         Checkpoint::newest_step(&self.checkpoints()).ok().flatten().map(|step| step.to_string())
@@ -147,7 +147,7 @@ impl Live {
         let is_end = name.starts_with(END);
         let file = match name {
             // The scene of an earlier end is gone.
-            end if is_end => scene_of_end(&self.folder).filter(|_| self.newest().as_deref() == Some(end))?,
+            end if is_end => final_scene(&self.folder).filter(|_| self.newest().as_deref() == Some(end))?,
             step => Checkpoint::file(&self.checkpoints(), step.parse().ok()?),
         };
         let (folder, clip) = (self.folder.clone(), self.clip.clone());

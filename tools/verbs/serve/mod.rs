@@ -7,7 +7,7 @@ mod site;
 pub use live::Said;
 
 use crate::export_clip::ClipArgs;
-use crate::run::source::{Source, is_run, scene_of_end};
+use crate::run::source::{Source, final_scene, is_run};
 use crate::ui::interrupt::Stop;
 use crate::ui::screen::{alert, out, say};
 use anyhow::Context;
@@ -59,7 +59,7 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let Args { source, bind, names, clip, .. } = args;
-    let is_live = is_run(source) && scene_of_end(source).is_none();
+    let is_live = is_run(source) && final_scene(source).is_none();
     let shown = if is_live { Shown::Run(Rc::new(Live::new(source, None, clip))) } else { scene(source, clip)? };
     let stop = Stop::listen()?;
     let listener = listen(*bind, args.port, "--port")?;
