@@ -99,7 +99,7 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
     capture.cameras.iter().enumerate().filter(is_listed).map(row).collect()
 }
 
-/// Origin well the learnt offsets agree with the true ones; none without truth.
+/// How well the learnt offsets agree with the true ones; none without truth.
 pub fn agreement(rows: &[OffsetRow]) -> Option<Agreement> {
     let learnt = rows.iter().filter(|row| row.how == Origin::Learnt);
     let pairs: Vec<(f64, f64)> = learnt.filter_map(|row| Some((row.offset, row.truth?))).collect();

@@ -23,7 +23,7 @@ use crate::run::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::{Steps, watch};
 use crate::ui::screen::{alert, be_quiet, out, say};
-use crate::verbs::serve::{Beside, Said};
+use crate::verbs::serve::{BackgroundServer, LatestLine};
 use crate::verbs::train::args::InsteadArgs;
 use crate::verbs::train::setup::TrainingSetup;
 use ivv::scene::Splats;
@@ -95,8 +95,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         say!("{} processes, each of which sees {own} of the {} images of a step", team.size(), config.batch);
     }
     let log = Log::open(output, before);
-    let said = Said::default();
-    let _beside = args.view.map(|port| Beside::new(output, port, said.clone())).transpose()?;
+    let latest_line = LatestLine::default();
+    let _server = args.view.map(|port| BackgroundServer::new(output, port, latest_line.clone())).transpose()?;
     std::thread::scope(|scope| {
         let mut training = Training {
             writer: BackgroundWriter::new(scope),
@@ -113,7 +113,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             start: begun,
             seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
             log,
-            said,
+            latest_line,
         };
         training.train(&stop).and_then(|()| training.finish(json)).map_err(|error| training.failed(error))
     })
@@ -180,8 +180,8 @@ struct Training<'scope, 'env> {
     schedule: Schedule<'env>,
     progress: Steps,
     log: Log,
-    /// What a page that shows the run receives.
-    said: Said,
+    /// For the page that shows the run.
+    latest_line: LatestLine,
     start: Instant,
     /// Of stepping, in processes before this one.
     seconds_before: f64,
@@ -338,7 +338,7 @@ impl Training<'_, '_> {
             let mut line = serde_json::to_value(report)?;
             line["seconds"] = (self.seconds_before + self.session.seconds()).into();
             line["waited_for_images_s"] = self.session.waited().into();
-            self.said.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&line);
+            self.latest_line.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&line);
             self.log.push(Kind::Step, &line)?;
         }
         Ok(())

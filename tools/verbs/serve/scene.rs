@@ -19,72 +19,72 @@ const PIECE: u64 = 1 << 18;
 
 /// A `.4dgs` that is sent.
 #[derive(Clone)]
-pub struct Scene {
-    held: Held,
+pub struct ServedScene {
+    data: Data,
     /// Names its bytes.
     pub tag: String,
 }
 
 #[derive(Clone)]
-enum Held {
+enum Data {
     Memory(Bytes),
-    File(Arc<Kept>),
+    File(Arc<OpenFile>),
 }
 
-/// An open file with its state when it was opened. If it is temporary, it is removed when nobody needs it any more.
-struct Kept {
+/// An open file with its state when it was opened. If it is temporary, it is removed with the last use.
+struct OpenFile {
     file: File,
     state: State,
-    _removed: Option<Removed>,
+    _temporary: Option<TemporaryFile>,
 }
 
-/// Its length and when it was written, by which a file that is written anew is told.
+/// The length of a file and when it was written, which tell whether it was replaced.
 type State = (u64, Duration);
 
 /// A file that is removed when this is dropped.
-pub struct Removed(pub PathBuf);
+pub struct TemporaryFile(pub PathBuf);
 
-impl Drop for Removed {
+impl Drop for TemporaryFile {
     fn drop(&mut self) {
-        // What cannot be removed does no harm.
+        // A file that cannot be removed does no harm.
         let _ = std::fs::remove_file(&self.0);
     }
 }
 
-impl Scene {
+impl ServedScene {
     /// These bytes.
     pub fn new(bytes: Bytes) -> Self {
-        Scene { tag: tag(&bytes), held: Held::Memory(bytes) }
+        ServedScene { tag: tag(&bytes), data: Data::Memory(bytes) }
     }
 
-    /// Those of a file, which is read as it is sent; with `removed` it goes with the scene, or at once where an open file needs no
-    /// name, so that nothing is left of a server that is killed.
+    /// Those of a file, which is read as it is sent. A `temporary` file is removed with the scene, or at once if an open file needs no
+    /// name, so that a killed server leaves nothing behind.
     ///
     /// # Errors
     /// Those of the file.
-    pub fn of_file(path: &Path, removed: Option<Removed>) -> ivv::Result<Self> {
+    pub fn of_file(path: &Path, temporary: Option<TemporaryFile>) -> ivv::Result<Self> {
         let fault = |fault: io::Error| cannot_read(path, &fault);
         let file = open_file(path).map_err(fault)?;
         let state = state(&file).map_err(fault)?;
         let tag = tag(format!("{} {} {}", path.display(), state.0, state.1.as_nanos()).as_bytes());
-        let kept = Kept { file, state, _removed: removed.filter(|_| !cfg!(unix)) };
-        Ok(Scene { held: Held::File(Arc::new(kept)), tag })
+        let open = OpenFile { file, state, _temporary: temporary.filter(|_| !cfg!(unix)) };
+        Ok(ServedScene { data: Data::File(Arc::new(open)), tag })
     }
 
     /// How many bytes there are.
     pub fn len(&self) -> usize {
-        match &self.held {
-            Held::Memory(bytes) => bytes.len(),
-            Held::File(kept) => kept.state.0 as usize,
+        match &self.data {
+            Data::Memory(bytes) => bytes.len(),
+            Data::File(open) => open.state.0 as usize,
         }
     }
 
     /// A part of them, to be sent.
     pub fn part(&self, range: Range<usize>) -> Either<Full<Bytes>, FilePart> {
-        match &self.held {
-            Held::Memory(bytes) => Either::Left(Full::new(bytes.slice(range))),
-            Held::File(kept) => {
-                Either::Right(FilePart { kept: kept.clone(), left: range.start as u64..range.end as u64 })
+        match &self.data {
+            Data::Memory(bytes) => Either::Left(Full::new(bytes.slice(range))),
+            Data::File(open) => {
+                Either::Right(FilePart { open: open.clone(), left: range.start as u64..range.end as u64 })
             }
         }
     }
@@ -103,7 +103,7 @@ fn tag(named: &[u8]) -> String {
 
 /// A part of a file, piece by piece.
 pub struct FilePart {
-    kept: Arc<Kept>,
+    open: Arc<OpenFile>,
     left: Range<u64>,
 }
 
@@ -117,11 +117,11 @@ impl Body for FilePart {
         }
         let n = PIECE.min(self.left.end - self.left.start);
         let mut piece = Vec::new();
-        // One thread answers all, so that none other moves the file's place in between.
-        let mut file = &self.kept.file;
+        // One thread answers all requests, so no other moves the position of the file.
+        let mut file = &self.open.file;
         let read = file.seek(SeekFrom::Start(self.left.start)).and_then(|_| file.take(n).read_to_end(&mut piece));
-        // An answer is never of two scenes.
-        let is_same = state(file).is_ok_and(|now| now == self.kept.state);
+        // An answer never mixes two scenes.
+        let is_same = state(file).is_ok_and(|now| now == self.open.state);
         self.left.start += n;
         Poll::Ready(Some(match read {
             Ok(read) if read as u64 == n && is_same => Ok(Frame::data(piece.into())),
