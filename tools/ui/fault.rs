@@ -78,8 +78,7 @@ pub fn results(of: &impl serde::Serialize, fault: Option<&anyhow::Error>) -> any
     if let Some(fault) = fault {
         value["error"] = as_json(fault);
     }
-    out!("{}", serde_json::to_string_pretty(&value)?);
-    Ok(())
+    screen::print_json(&value)
 }
 
 /// The `error` of JSON output.

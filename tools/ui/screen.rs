@@ -84,6 +84,12 @@ pub fn result(text: &str) {
     screen.fault = written.err();
 }
 
+/// Writes results as JSON on standard output.
+pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
+    result(&serde_json::to_string_pretty(value)?);
+    Ok(())
+}
+
 /// Whether a line of results was written.
 pub fn has_results() -> bool {
     screen().has_results

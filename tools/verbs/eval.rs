@@ -4,7 +4,7 @@ use crate::run::device::DeviceArgs;
 use crate::run::files::{make_folder, read_json};
 use crate::run::scoring::{Scorer, totals, warn_of_shared_pictures};
 use crate::run::source::{Gaussians, Source};
-use crate::ui::screen::{alert, out};
+use crate::ui::screen::{alert, out, print_json};
 use anyhow::Context;
 use ivv::scene::Mapped;
 use ivv::stage::Renderer;
@@ -106,8 +106,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     let report = scorer.report(Some(&scores), &examples, &args.run, &output)?;
     if json {
-        out!("{}", serde_json::to_string_pretty(&scores)?);
-        return Ok(());
+        return print_json(&scores);
     }
     print(&scores);
     out!("{}", report.display());

@@ -3,7 +3,7 @@
 use crate::run::review;
 use crate::run::source::{self, LoadedScene, is_run};
 use crate::run::views::ViewArgs;
-use crate::ui::screen::{out, say};
+use crate::ui::screen::{out, print_json, say};
 use ivv::formats::FourDgs;
 use ivv::scene::{Quantiles, Summary, write_views};
 use ivv::train::Review;
@@ -51,8 +51,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         }
         value["reviews"] = serde_json::to_value(&reviews)?;
         value["notes"] = serde_json::to_value(&notes)?;
-        out!("{}", serde_json::to_string_pretty(&value)?);
-        return Ok(());
+        return print_json(&value);
     }
     print(&scene, &summary);
     for review in &reviews {
@@ -92,8 +91,7 @@ fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
         let mut value = summary.as_ref().map_or_else(|_| Ok(serde_json::json!({})), serde_json::to_value)?;
         value["fourdgs"] = serde_json::to_value(&told)?;
         value["notes"] = serde_json::to_value(&notes)?;
-        out!("{}", serde_json::to_string_pretty(&value)?);
-        return Ok(());
+        return print_json(&value);
     }
     match &summary {
         Ok(summary) => print(scene, summary),

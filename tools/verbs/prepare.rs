@@ -4,7 +4,7 @@ use crate::run::capture::CaptureArgs;
 use crate::run::capture_report;
 use crate::ui::fault::{self, FaultyCapture};
 use crate::ui::progress::Pieces;
-use crate::ui::screen::{out, say};
+use crate::ui::screen::{out, print_json, say};
 use anyhow::Context;
 use ivv::prepare::{
     Estimate, ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate, estimate, forecast, prepare,
@@ -176,8 +176,7 @@ fn part(word: &str) -> Result<Share, String> {
 /// Prints what a preparation will take.
 fn tell_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
     if json {
-        out!("{}", serde_json::to_string_pretty(estimate)?);
-        return Ok(());
+        return print_json(estimate);
     }
     let Estimate { cameras, frames, sampled, threads, stages } = estimate;
     out!("{}, {}; from {sampled} frames, with {threads} threads:", count(*cameras, "camera"), count(*frames, "frame"));

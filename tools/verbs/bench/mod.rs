@@ -6,7 +6,7 @@ mod date;
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::run::settings::patch;
 use crate::run::subprocess::TrainingProcess;
-use crate::ui::screen::{out, say};
+use crate::ui::screen::{out, print_json, say};
 use crate::verbs::bench::captures::{StudyCapture, named};
 use crate::verbs::bench::date::today;
 use anyhow::Context;
@@ -76,7 +76,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         write_atomic(&folder.join("bench.svg"), |to| to.write_all(bench.svg().as_bytes()))?;
     }
     if json {
-        out!("{}", serde_json::to_string_pretty(&all)?);
+        print_json(&all)?;
     } else {
         out!("{}", text.trim_end());
     }

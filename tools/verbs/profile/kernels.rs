@@ -1,6 +1,6 @@
 //! Kernels by name: `ivv profile --list`, and the message for a wrong name.
 
-use crate::ui::screen::out;
+use crate::ui::screen::{out, print_json};
 use ivv::gpu::table::{KERNELS, kernel};
 use ivv::gpu::{KernelInfo, kernel_named};
 use ivv::words::nearest;
@@ -36,8 +36,7 @@ pub fn list(json: bool) -> anyhow::Result<()> {
     }
     if json {
         let line = |(file, names): &(&str, Vec<&str>)| serde_json::json!({ "shader": file, "kernels": names });
-        out!("{}", serde_json::to_string_pretty(&shaders.iter().map(line).collect::<Vec<_>>())?);
-        return Ok(());
+        return print_json(&shaders.iter().map(line).collect::<Vec<_>>());
     }
     for (file, names) in shaders {
         out!("{file}: {}", names.join(", "));

@@ -11,7 +11,7 @@ use crate::run::files::{make_folder, write_json};
 use crate::run::settings::SettingArgs;
 use crate::run::source::Source;
 use crate::ui::progress::{Progress, watch};
-use crate::ui::screen::out;
+use crate::ui::screen::{out, print_json};
 use crate::verbs::profile::replay::ReplayArgs;
 use anyhow::Context;
 use ivv::files::write_atomic;
@@ -174,8 +174,7 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
             "images_per_second": per_second, "decode_ms": decode_ms, "peak_bytes": first.peak_bytes,
             "later_images": again, "later_images_per_second": f64::from(again) / rest, "hits": stats.n_hits,
         });
-        out!("{}", serde_json::to_string_pretty(&told)?);
-        return Ok(());
+        return print_json(&told);
     }
     let mean = |sum: usize| sum / n_first.max(1);
     out!("{n_first} images of {} pixels, {} bytes, on {threads} threads", mean(pixels), mean(bytes));
@@ -191,7 +190,7 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
 fn compare(a: &Path, b: &Path, json: bool) -> anyhow::Result<()> {
     let compared = Comparison::new((a, &Recorded::read(a)?), (b, &Recorded::read(b)?));
     if json {
-        out!("{}", serde_json::to_string_pretty(&compared)?);
+        print_json(&compared)?;
     } else {
         out!("{}", compared.terminal().trim_end());
     }
@@ -211,8 +210,7 @@ fn sweep(args: &Args, most_gaussians: usize, output: &Path, json: bool) -> anyho
         write_atomic(&output.join(file), |to| to.write_all(text.as_bytes()))?;
     }
     if json {
-        out!("{}", serde_json::to_string_pretty(&sweep)?);
-        return Ok(());
+        return print_json(&sweep);
     }
     out!("{}", sweep.terminal().trim_end());
     out!("{}", output.join("sweep.svg").display());
@@ -228,7 +226,7 @@ fn statistics(args: &Args, names: &[String], json: bool) -> anyhow::Result<()> {
     let compiler = Compiler::open(&args.device.choice())?;
     let statistics = Statistics::of(&compiler, args.chip.as_deref(), &kernels)?;
     if json {
-        out!("{}", serde_json::to_string_pretty(&statistics)?);
+        print_json(&statistics)?;
     } else {
         out!("{}", statistics.terminal().trim_end());
     }
@@ -262,8 +260,7 @@ impl Measured {
             write_atomic(&output.join(file), |to| to.write_all(text.as_bytes()))?;
         }
         if json {
-            out!("{}", serde_json::to_string_pretty(&profile)?);
-            return Ok(());
+            return print_json(&profile);
         }
         out!("{}", profile.terminal().trim_end());
         out!("{}", output.join("profile.html").display());

@@ -1,6 +1,6 @@
 //! `ivv profile --replay` and `--disassemble`: single kernels.
 
-use crate::ui::screen::out;
+use crate::ui::screen::{out, print_json};
 use crate::verbs::profile::kernels;
 use anyhow::Context;
 use ivv::gpu::{Gpu, KernelInfo};
@@ -48,7 +48,7 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     let show = |kernels: &[&'static KernelInfo]| -> anyhow::Result<()> {
         let lines = replay.run(kernels, args.n as usize)?;
         if json {
-            out!("{}", serde_json::to_string_pretty(&lines)?);
+            print_json(&lines)?;
         } else {
             print(&lines, args.n);
         }
@@ -98,8 +98,7 @@ pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
         *counts.entry(instruction.class.opname).or_default() += 1;
     }
     if json {
-        out!("{}", serde_json::to_string_pretty(&counts)?);
-        return Ok(());
+        return print_json(&counts);
     }
     out!("{}", module.disassemble());
     let mut counts: Vec<_> = counts.into_iter().collect();

@@ -12,7 +12,7 @@ use crate::run::source::{Gaussians, LoadedScene, Source, is_run};
 use crate::run::views::{ViewArgs, clip_time};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
-use crate::ui::screen::{alert, out};
+use crate::ui::screen::{alert, out, print_json};
 use crate::verbs::render::frame_rate::Bench;
 use crate::verbs::render::picture::{Format, check_finite};
 use crate::verbs::render::video::{Film, PathArgs, Studio};
@@ -164,7 +164,7 @@ impl Args {
         let bench = Bench::new(&mut renderer, views, outputs, seconds, stop)?;
         if json {
             let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
-            out!("{}", serde_json::to_string_pretty(&report)?);
+            print_json(&report)?;
         } else {
             bench.print();
         }
@@ -224,7 +224,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let report = serde_json::json!({
             "device": caps, "constants": constants, "views": reports, "profile": profile, "peak_bytes": peak_bytes,
         });
-        out!("{}", serde_json::to_string_pretty(&report)?);
+        print_json(&report)?;
     } else if let Some(passes) = &profile {
         print_counts(&reports);
         pass_times::print(passes, "view");

@@ -1,6 +1,6 @@
 //! The settings of a run: `ivv train --list-settings`.
 
-use crate::ui::screen::out;
+use crate::ui::screen::{out, print_json};
 use anyhow::bail;
 use ivv::settings::Setting;
 use ivv::train::{PRESETS, Preset, all_settings, check_name, default_of};
@@ -31,8 +31,7 @@ pub fn print(prefix: &str, json: bool) -> anyhow::Result<()> {
             })
         };
         let all: Vec<Value> = listed.iter().map(line).collect();
-        out!("{}", serde_json::to_string_pretty(&all)?);
-        return Ok(());
+        return print_json(&all);
     }
     for setting in &listed {
         let unit = if setting.unit.is_empty() { String::new() } else { format!(" ({})", setting.unit) };

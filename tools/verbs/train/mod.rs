@@ -22,7 +22,7 @@ use crate::run::time_offsets;
 use crate::run::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::{Steps, watch};
-use crate::ui::screen::{alert, be_quiet, out, say};
+use crate::ui::screen::{alert, be_quiet, out, print_json, say};
 use crate::verbs::serve::{BackgroundServer, LatestLine};
 use crate::verbs::train::args::InsteadArgs;
 use crate::verbs::train::setup::TrainingSetup;
@@ -426,8 +426,7 @@ impl Training<'_, '_> {
         self.log.write()?;
         let report = self.scorer.report(scores.as_ref(), &examples, output, output)?;
         if json {
-            out!("{}", serde_json::to_string_pretty(&totals)?);
-            return Ok(());
+            return print_json(&totals);
         }
         let quality = scores.as_ref().map_or(
             "no test images that count (name some with --test-cameras; an image that its mask hides has no score)"

@@ -3,7 +3,7 @@
 use crate::estimate::card_gpu;
 use crate::run::capture;
 use crate::run::workload::work;
-use crate::ui::screen::out;
+use crate::ui::screen::{out, print_json};
 use crate::verbs::train::args::Args;
 use anyhow::Context;
 use ivv::profile::Card;
@@ -54,8 +54,7 @@ pub fn print(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()>
             "device_image_bytes": plan.image_bytes, "cache_bytes": plan.cache_bytes, "decoded_bytes": decoded,
             "checkpoint_bytes": checkpoint, "image_file_bytes": of_images, "bytes_read": read,
         });
-        out!("{}", serde_json::to_string_pretty(&told)?);
-        return Ok(());
+        return print_json(&told);
     }
     let gigabytes = |bytes: u64| format!("{:.1} GB", bytes as f64 / 1e9);
     let of = if frames == capture.n_frames { String::new() } else { format!(", by {} of them", capture.n_frames) };
