@@ -1,6 +1,6 @@
 //! Times of passes, by their labels.
 
-use crate::ui::screen::out;
+use crate::ui::screen::print_table;
 use ivv::stage::PassReport;
 
 /// All passes with the same label.
@@ -64,10 +64,9 @@ pub fn total(passes: &[TimedPass], label: &str) -> Option<TimedPass> {
 pub fn print(passes: &[TimedPass], what: &str) {
     let Some(total) = total(passes, what) else { return };
     let (ms, units) = (format!("ms/{what}"), format!("units/{what}"));
-    out!("{:<40} {:>6} {ms:>10} {:>7} {units:>12}", "pass", "calls", "share");
-    for line in passes.iter().chain([&total]) {
-        let share = 100.0 * line.ms / total.ms;
-        let TimedPass { label, dispatches, units, ms } = line;
-        out!("{label:<40} {dispatches:>6.0} {ms:>10.3} {share:>6.1}% {units:>12.0}");
-    }
+    let row = |TimedPass { label, dispatches, units, ms }: &TimedPass| {
+        let share = format!("{:.1}%", 100.0 * ms / total.ms);
+        vec![label.clone(), format!("{dispatches:.0}"), format!("{ms:.3}"), share, format!("{units:.0}")]
+    };
+    print_table(&["pass", "calls", &ms, "share", &units], passes.iter().chain([&total]).map(row));
 }

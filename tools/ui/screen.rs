@@ -5,6 +5,7 @@
 
 use crate::ui::status_line;
 use crate::ui::stderr::{self, put, put_progress};
+use ivv::report::Table;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
@@ -88,6 +89,11 @@ pub fn result(text: &str) {
 pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     result(&serde_json::to_string_pretty(value)?);
     Ok(())
+}
+
+/// Prints a table whose first column is text.
+pub fn print_table(heads: &[&str], rows: impl IntoIterator<Item = Vec<String>>) {
+    result(Table::new(heads, rows).plain().trim_end());
 }
 
 /// Whether a line of results was written.

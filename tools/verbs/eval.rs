@@ -4,11 +4,11 @@ use crate::run::device::DeviceArgs;
 use crate::run::files::{make_folder, read_json};
 use crate::run::scoring::{Scorer, totals, warn_of_shared_pictures};
 use crate::run::source::{Gaussians, Source};
-use crate::ui::screen::{alert, out, print_json};
+use crate::ui::screen::{alert, out, print_json, print_table};
 use anyhow::Context;
 use ivv::scene::Mapped;
 use ivv::stage::Renderer;
-use ivv::train::{Config, Evaluation, METRICS_OF, Run, SceneScores, SceneSize};
+use ivv::train::{Config, Evaluation, METRICS_OF, Run, SceneScores, SceneSize, Scores};
 use ivv::words::count;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
@@ -115,42 +115,25 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 
 fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
-    let width = views.iter().map(|v| v.view.chars().count()).fold(4, usize::max);
-    out!(
-        "{:<width$} {:>9} {:>9} {:>10} {:>9} {:>8} {:>8} {:>14} {:>8} {:>15}",
-        "view",
-        "PSNR, dB",
-        "aligned",
-        "foreground",
-        "covisible",
-        "SSIM",
-        "LPIPS",
-        "LPIPS unscaled",
-        "L1",
-        "flicker (true)"
-    );
     let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
     let seams = scores
         .mean_at_seams_and_elsewhere
         .iter()
         .flat_map(|both| ["mean at seams", "mean elsewhere"].into_iter().zip(both));
     let means = [("mean", mean)].into_iter().chain(fitted).chain(seams);
-    for (view, s) in views.iter().map(|v| (v.view.as_str(), &v.scores)).chain(means) {
-        let [foreground, covisible] =
-            [s.psnr_foreground, s.psnr_covisible].map(|psnr| psnr.map_or("-".to_owned(), |psnr| format!("{psnr:.3}")));
-        let [lpips, unscaled] =
-            [s.lpips, s.lpips_unscaled].map(|lpips| lpips.map_or("-".to_owned(), |lpips| format!("{lpips:.4}")));
+    let number = |value: Option<f64>, decimals| value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"));
+    let row = |(view, s): (&str, &Scores)| {
+        let psnr =
+            [Some(s.psnr), Some(s.psnr_aligned), s.psnr_foreground, s.psnr_covisible].map(|psnr| number(psnr, 3));
+        let others = [Some(s.ssim), s.lpips, s.lpips_unscaled].map(|score| number(score, 4));
         let flicker = s.flicker.zip(s.flicker_true);
         let flicker = flicker.map_or("-".to_owned(), |(own, truth)| format!("{own:.4} ({truth:.4})"));
-        out!(
-            "{view:<width$} {:>9.3} {:>9.3} {foreground:>10} {covisible:>9} {:>8.4} {lpips:>8} {unscaled:>14} {:>8.5} \
-             {flicker:>15}",
-            s.psnr,
-            s.psnr_aligned,
-            s.ssim,
-            s.l1
-        );
-    }
+        [vec![view.to_owned()], psnr.to_vec(), others.to_vec(), vec![number(Some(s.l1), 5), flicker]].concat()
+    };
+    let psnr = ["view", "PSNR, dB", "aligned", "foreground", "covisible"];
+    let others = ["SSIM", "LPIPS", "LPIPS unscaled", "L1", "flicker (true)"];
+    let rows = views.iter().map(|v| (v.view.as_str(), &v.scores)).chain(means).map(row);
+    print_table(&[psnr, others].concat(), rows);
     for (name, definition) in &scores.metrics {
         out!("{name}: {definition}");
     }

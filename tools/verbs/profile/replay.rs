@@ -1,6 +1,6 @@
 //! `ivv profile --replay` and `--disassemble`: single kernels.
 
-use crate::ui::screen::{out, print_json};
+use crate::ui::screen::{out, print_json, print_table};
 use crate::verbs::profile::kernels;
 use anyhow::Context;
 use ivv::gpu::{Gpu, KernelInfo};
@@ -63,30 +63,16 @@ pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
 }
 
 fn print(lines: &[Replayed], n: u32) {
-    out!(
-        "{:<28} {:>11} {:>9} {:>24} {:>10} {:>11} {:>11} {:>11}",
-        format!("{} each, in turns", count(n, "run")),
-        "median, ms",
-        "MAD, ms",
-        "ratio (95 %)",
-        "words off",
-        "max abs",
-        "max rel",
-        "of dumped"
-    );
-    for line in lines {
+    let row = |line: &Replayed| {
         let Replayed { kernel, median_ns, mad_ns, ratio, from_first, from_dumped } = line;
-        out!(
-            "{kernel:<28} {:>11.4} {:>9.4} {:>24} {:>10} {:>11.3e} {:>11.3e} {:>11.3e}",
-            median_ns / 1e6,
-            mad_ns / 1e6,
-            ratio.to_string(),
-            from_first.words,
-            from_first.max_abs,
-            from_first.max_rel,
-            from_dumped.max_rel
-        );
-    }
+        let times = [median_ns, mad_ns].map(|ns| format!("{:.4}", ns / 1e6));
+        let off = [from_first.max_abs, from_first.max_rel, from_dumped.max_rel].map(|off| format!("{off:.3e}"));
+        let words = [ratio.to_string(), from_first.words.to_string()];
+        [vec![kernel.to_string()], times.to_vec(), words.to_vec(), off.to_vec()].concat()
+    };
+    let runs = format!("{} each, in turns", count(n, "run"));
+    let heads = ["median, ms", "MAD, ms", "ratio (95 %)", "words off", "max abs", "max rel", "of dumped"];
+    print_table(&[&[runs.as_str()][..], &heads].concat(), lines.iter().map(row));
 }
 
 /// Prints a kernel's SPIR-V, and how often it has which instruction.

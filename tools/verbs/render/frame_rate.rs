@@ -2,30 +2,30 @@
 
 use crate::ui::interrupt::Stop;
 use crate::ui::progress::Progress;
-use crate::ui::screen::out;
+use crate::ui::screen::print_table;
 use ivv::report::statistics::{mean, quantile};
 use ivv::scene::View;
 use ivv::stage::{Destination, Outputs, Renderer};
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-/// What is measured: in JSON, and in the table.
+/// Kinds of frames: their names in JSON and in the table.
 const KINDS: [(&str, &str); 2] = [("drawn", "stays on the device"), ("read_back", "read back to the host")];
 
-/// What frames took.
+/// How fast frames of a kind are.
 #[derive(serde::Serialize)]
 struct Rate {
-    /// Of the mean time.
+    /// From the mean time.
     frames_per_second: f64,
-    /// Half of the frames took less, 95 and 99 in 100; milliseconds.
+    /// Milliseconds: quantiles of the times of frames.
     median_ms: f64,
     p95_ms: f64,
     p99_ms: f64,
 }
 
-/// What rendering views over and over took.
+/// Frame rates of a scene.
 #[derive(serde::Serialize)]
-pub struct Bench {
+pub struct FrameRates {
     /// Frames of each kind.
     frames: usize,
     /// In the order of [`KINDS`].
@@ -46,7 +46,7 @@ impl Rate {
     }
 }
 
-impl Bench {
+impl FrameRates {
     /// Renders `views`, at least one, of `splats` in turn for so many seconds and at least once each, the kinds by turns.
     pub fn new(
         renderer: &mut Renderer,
@@ -72,15 +72,16 @@ impl Bench {
             progress.reach(times[0].len(), times[0].len(), "frames");
         }
         let rates = KINDS.iter().zip(&times).map(|((kind, _), times)| (*kind, Rate::of(times))).collect();
-        Ok(Bench { frames: times[0].len(), rates })
+        Ok(FrameRates { frames: times[0].len(), rates })
     }
 
     /// Prints it as a table.
     pub fn print(&self) {
-        out!("{:<22} {:>9} {:>10} {:>9} {:>9}", "", "frames/s", "median, ms", "95 %", "99 %");
-        for (kind, name) in KINDS {
-            let Some(Rate { frames_per_second, median_ms, p95_ms, p99_ms }) = self.rates.get(kind) else { continue };
-            out!("{name:<22} {frames_per_second:>9.1} {median_ms:>10.2} {p95_ms:>9.2} {p99_ms:>9.2}");
-        }
+        let row = |(kind, name): (&str, &str)| {
+            let Rate { frames_per_second, median_ms, p95_ms, p99_ms } = self.rates.get(kind)?;
+            let times = [median_ms, p95_ms, p99_ms].map(|ms| format!("{ms:.2}"));
+            Some([vec![name.to_owned(), format!("{frames_per_second:.1}")], times.to_vec()].concat())
+        };
+        print_table(&["", "frames/s", "median, ms", "95 %", "99 %"], KINDS.into_iter().filter_map(row));
     }
 }

@@ -13,7 +13,7 @@ use crate::run::views::{ViewArgs, clip_time};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
 use crate::ui::screen::{alert, out, print_json};
-use crate::verbs::render::frame_rate::Bench;
+use crate::verbs::render::frame_rate::FrameRates;
 use crate::verbs::render::picture::{Format, check_finite};
 use crate::verbs::render::video::{Film, PathArgs, Studio};
 use anyhow::Context;
@@ -161,12 +161,12 @@ impl Args {
         let seconds = self.bench.unwrap_or_default();
         let splats = Arc::new(splats);
         let mut renderer = Renderer::of_clip(gpu.clone(), splats, constants)?;
-        let bench = Bench::new(&mut renderer, views, outputs, seconds, stop)?;
+        let rates = FrameRates::new(&mut renderer, views, outputs, seconds, stop)?;
         if json {
-            let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": bench });
+            let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": rates });
             print_json(&report)?;
         } else {
-            bench.print();
+            rates.print();
         }
         Ok(())
     }
