@@ -76,7 +76,7 @@ fn a_run_is_rendered_from_its_own_cameras_as_it_was_scored() {
     let again = elsewhere.join("again");
     let render = ["render", text(&moved), "--camera", &test, "-o", text(&again), "--capture", text(&elsewhere)];
     works(&render);
-    let render = ["render", "--scene", text(&moved), "--camera", "nobody", "-o", "x", "--capture", text(&elsewhere)];
+    let render = ["render", text(&moved), "--camera", "nobody", "-o", "x", "--capture", text(&elsewhere)];
     let told = fails(&render, 2);
     assert!(told.contains("nobody") && told.contains(&test), "{told}");
     let kept = difference(&again.join(&file), &elsewhere.join("all").join(&file));

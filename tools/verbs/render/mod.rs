@@ -35,11 +35,8 @@ pub struct Args {
     /// The folder of a run, which gives its scene (if it has not ended, its newest checkpoint), the views of its capture and its
     /// rendering constants; or a scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a
     /// SOG.
-    #[arg(value_name = "RUN|SCENE", required_unless_present = "scene", conflicts_with = "scene")]
-    source: Option<PathBuf>,
-    /// The same as RUN|SCENE.
-    #[arg(long, value_name = "RUN|SCENE")]
-    scene: Option<PathBuf>,
+    #[arg(value_name = "RUN|SCENE")]
+    source: PathBuf,
     /// Views to render: a cameras file (JSON, as of `ivv inspect --cameras`), a transforms.json, or a capture, as a COLMAP project.
     #[arg(long, conflicts_with_all = ["path", "capture"])]
     cameras: Option<PathBuf>,
@@ -183,7 +180,7 @@ fn within_clip(cameras: &Path, shown: &LoadedScene<Gaussians>, views: &[View]) -
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let path = args.source.as_deref().or(args.scene.as_deref()).context("give the folder of a run or a scene")?;
+    let path = args.source.as_path();
     let run = if is_run(path) { Some(Run::read(path)?) } else { None };
     // Faults of options are reported before a scene is read.
     args.knobs.on(args.constants.checked()?)?;
