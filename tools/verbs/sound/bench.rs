@@ -26,9 +26,6 @@ pub struct Args {
     /// The folder of `ivv sound synth` that tells the truth of the scene.
     #[arg(long, requires = "scene")]
     truth: Option<PathBuf>,
-    /// Measure the built-in scene, as without a scene.json.
-    #[arg(long, conflicts_with_all = ["scene", "truth"])]
-    built_in: bool,
     /// The ears, which must be those of the truth.
     #[arg(long, default_value = "sphere")]
     hrtf: PathBuf,

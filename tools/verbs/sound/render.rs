@@ -2,7 +2,6 @@
 
 use super::plot::plot;
 use crate::run::axes::Axes;
-use crate::run::files::write_json;
 use crate::ui::screen::out;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
@@ -43,9 +42,6 @@ pub struct Args {
     /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
     #[arg(long)]
     ambix: Option<PathBuf>,
-    /// Also write a JSON report.
-    #[arg(long)]
-    report: Option<PathBuf>,
     /// Also plot azimuth, and the time and level differences between the ears, over time: .svg.
     #[arg(long)]
     plot: Option<PathBuf>,
@@ -60,15 +56,6 @@ pub struct ConfigArgs {
     /// aligned: responses between the measured directions. nearest: the measured one.
     #[arg(long, default_value = "aligned", value_parser = lookup)]
     lookup: Lookup,
-    /// Paper modes: samples of a frame.
-    #[arg(long, default_value_t = RenderConfig::default().frame)]
-    frame: usize,
-    /// Paper modes: samples between frames; a half, a third, ... of a frame. By default half a frame.
-    #[arg(long)]
-    hop: Option<usize>,
-    /// Physical mode: samples of a block.
-    #[arg(long, default_value_t = RenderConfig::default().block)]
-    block: usize,
     /// Sources nearer than this get no louder, metres.
     #[arg(long, default_value_t = RenderConfig::default().r_min_m)]
     r_min: f64,
@@ -102,15 +89,9 @@ impl ConfigArgs {
         if let Some(lufs) = self.lufs {
             anyhow::ensure!((-70.0..=0.0).contains(&lufs), "--lufs: expected a number from -70 to 0, found {lufs}");
         }
-        for (name, n) in [("frame", self.frame), ("block", self.block)] {
-            anyhow::ensure!(n <= 1 << 16, "--{name}: expected at most 65536 samples, found {n}");
-        }
         Ok(RenderConfig {
             mode: self.mode,
             lookup: self.lookup,
-            frame: self.frame,
-            hop: self.hop.unwrap_or(self.frame / 2),
-            block: self.block,
             r_min_m: r_min,
             lufs: self.lufs,
             ..RenderConfig::default()
@@ -135,9 +116,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let room = loudness::true_peak_db(&samples)?.map_or(f64::INFINITY, |peak| PEAK_LIMIT_DB - peak);
         loudness::amplify(&mut samples, rendered.report.gain_db.min(room));
         write(path, &samples, depth)?;
-    }
-    if let Some(path) = &args.report {
-        write_json(path, &rendered.report)?;
     }
     if let Some(path) = &args.plot {
         draw(&rendered, path)?;
