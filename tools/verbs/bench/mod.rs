@@ -36,10 +36,8 @@ pub struct Args {
     /// Steps of a run, instead of the study's; with several numbers every arm is run for each.
     #[arg(long, value_delimiter = ',', value_parser = clap::value_parser!(u64).range(1..))]
     steps: Vec<u64>,
-    /// Weights of LPIPS, as tools/lpips_weights.py makes them; without them LPIPS is not measured.
-    #[arg(long)]
-    lpips_weights: Option<PathBuf>,
-    /// One setting of all arms, KEY=VALUE; may be given several times. What an arm changes goes before it.
+    /// One setting of all arms, KEY=VALUE; may be given several times. An arm's own settings override it. LPIPS is measured if
+    /// loss.lpips_weights names a file that tools/lpips_weights.py wrote.
     #[arg(long = "set")]
     set: Vec<String>,
     /// Vulkan device, as `ivv train` takes it.
@@ -116,7 +114,7 @@ fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
     let has_lpips = |arm: &Arm| arm.settings["loss"]["lpips"].as_f64().is_some_and(|weight| weight > 0.0);
     if let Some(arm) = study.arms.iter().find(|arm| has_lpips(arm) && shared.loss.lpips_weights.is_none()) {
         anyhow::bail!(
-            "{}: the arm {} needs the weights of LPIPS; give them with --lpips-weights",
+            "{}: the arm {} needs the weights of LPIPS; give them with --set loss.lpips_weights=FILE",
             study.title,
             arm.key
         );
@@ -150,9 +148,9 @@ fn shared(args: &Args) -> anyhow::Result<Config> {
         merge(&mut value, &patch(set).with_context(|| format!("--set {set}"))?);
     }
     let mut config: Config = serde_json::from_value(value).context("--set")?;
-    if let Some(weights) = &args.lpips_weights {
-        anyhow::ensure!(weights.is_file(), "--lpips-weights {}: there is no such file", weights.display());
-        config.loss.lpips_weights = Some(std::fs::canonicalize(weights)?);
+    if let Some(weights) = &mut config.loss.lpips_weights {
+        anyhow::ensure!(weights.is_file(), "loss.lpips_weights {}: there is no such file", weights.display());
+        *weights = std::fs::canonicalize(&*weights)?;
     }
     config.check().map_err(|fault| anyhow::anyhow!("--set: {fault}"))?;
     Ok(config)
