@@ -52,9 +52,6 @@ pub struct Args {
     /// Photographs of the room without what moves, from around the place of an outward rig, looking outward: photos/ of the capture.
     #[arg(long)]
     photos: Option<u32>,
-    /// Frames at the beginning in which nothing moves; all movement takes place that much later.
-    #[arg(long, default_value_t = 0)]
-    still_frames: u32,
     /// Pixels of an image across and down, WIDTHxHEIGHT, instead of the preset's.
     #[arg(long, value_parser = size)]
     size: Option<(u32, u32)>,
@@ -106,7 +103,6 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     }
     options.cameras = args.cameras.unwrap_or(options.cameras);
     options.frames = args.frames.unwrap_or(options.frames);
-    options.still_frames = args.still_frames;
     options.photos = args.photos;
     (options.width, options.height) = args.size.unwrap_or((options.width, options.height));
     Ok(options)
