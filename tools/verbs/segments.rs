@@ -26,14 +26,14 @@ use std::process::Stdio;
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    what: What,
+    job: Job,
 }
 
 #[derive(clap::Subcommand)]
-enum What {
+enum Job {
     /// Cuts a clip into segments that share frames, and writes the jobs that train them.
     Plan(Box<PlanArgs>),
-    /// Trains the static scene, then what moves in each segment, then joins them; or one of these jobs. What is done is not done again, and
+    /// Trains the static scene, then what moves in each segment, then joins them; or one of these jobs. Job is done is not done again, and
     /// what was stopped goes on.
     Run(RunArgs),
     /// Joins the scenes of the segments into PLAN/scene.ply, which `render`, `eval`, `export` and others take as that of a run.
@@ -72,8 +72,8 @@ struct PlanArgs {
 struct RunArgs {
     /// A folder that `ivv segments plan` made.
     plan: PathBuf,
-    /// One job alone: `base`, the static scene; the number of a segment, from 0; or `join`.
-    #[arg(long, value_name = "base|N|join")]
+    /// One job alone: `base`, the static scene, or the number of a segment, from 0.
+    #[arg(long, value_name = "base|N")]
     only: Option<String>,
     /// Further options of `ivv train` for what is trained, such as --device.
     #[arg(last = true)]
@@ -87,10 +87,10 @@ struct JoinArgs {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    match &args.what {
-        What::Plan(args) => plan(args, json),
-        What::Run(args) => Jobs::open(&args.plan, json)?.run(args.only.as_deref(), &args.options),
-        What::Join(args) => Jobs::open(&args.plan, json)?.join(),
+    match &args.job {
+        Job::Plan(args) => plan(args, json),
+        Job::Run(args) => Jobs::open(&args.plan, json)?.run(args.only.as_deref(), &args.options),
+        Job::Join(args) => Jobs::open(&args.plan, json)?.join(),
     }
 }
 
@@ -108,7 +108,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         "--max-frames: a plan is of a whole clip; leave it out, or `ivv prepare` the part of the clip that is wanted"
     );
     let (frames, cache_bytes) = match args.memory {
-        Some(bytes) => within(bytes, args, &capture, &config)?,
+        Some(bytes) => longest_within(bytes, args, &capture, &config)?,
         None => (args.frames, None),
     };
     let mut segments = Segments::new(capture.n_frames, frames, args.overlap).map_err(anyhow::Error::msg)?;
@@ -151,7 +151,12 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
 }
 
 /// Frames of the longest segment that can be trained in `memory` bytes, and the bytes of its images.
-fn within(memory: u64, args: &PlanArgs, capture: &Capture, config: &Config) -> anyhow::Result<(u32, Option<u64>)> {
+fn longest_within(
+    memory: u64,
+    args: &PlanArgs,
+    capture: &Capture,
+    config: &Config,
+) -> anyhow::Result<(u32, Option<u64>)> {
     let (work, limits) = work(capture, config, &*args.device.open()?, 0)?;
     let of_scene = TrainingPlan::new(&work, &limits).full;
     let of_frame = work.image_bytes.div_ceil(u64::from(capture.n_frames.max(1))).max(1);
@@ -196,16 +201,14 @@ impl<'a> Jobs<'a> {
         match only {
             Some("base") => {
                 self.train_base(options, &stop)?;
-                self.tell(&self.base());
+                self.print_path(&self.base());
             }
-            Some("join") => self.join()?,
             Some(word) => {
                 let segment = word.parse().ok().filter(|segment| *segment < n);
-                let segment = segment.with_context(|| {
-                    format!("--only: expected base, join or a segment from 0 to {}, found {word}", n - 1)
-                })?;
+                let segment = segment
+                    .with_context(|| format!("--only: expected base or a segment from 0 to {}, found {word}", n - 1))?;
                 self.train_segment(segment, options, &stop)?;
-                self.tell(&self.segment(segment));
+                self.print_path(&self.segment(segment));
             }
             None => {
                 self.train_base(options, &stop)?;
@@ -216,8 +219,8 @@ impl<'a> Jobs<'a> {
         Ok(())
     }
 
-    /// Of one job alone, where its run is.
-    fn tell(&self, folder: &Path) {
+    /// Prints where the run of a single job is.
+    fn print_path(&self, folder: &Path) {
         if self.json {
             out!("{}", json!({ "path": folder.to_string_lossy() }));
         }
@@ -264,7 +267,7 @@ impl<'a> Jobs<'a> {
             command.arg("--cache-bytes").arg(bytes.to_string());
         }
         if self.json {
-            // What is told there at the end is told of all jobs together.
+            // Job is told there at the end is told of all jobs together.
             command.stdout(Stdio::null());
         }
         if !screen::has_messages() {
