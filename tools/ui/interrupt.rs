@@ -6,12 +6,12 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-/// What a verb returns when Ctrl-C or SIGTERM ended it; says what is left.
+/// The error of a verb that Ctrl-C or SIGTERM ended; names what is left.
 #[derive(Debug)]
 pub struct Interrupted(pub &'static str);
 
 impl Interrupted {
-    /// What the program ends with then: 128 and the number of SIGINT.
+    /// 128 and the number of SIGINT.
     pub const EXIT_CODE: u8 = 130;
 }
 
@@ -23,12 +23,12 @@ impl std::fmt::Display for Interrupted {
 
 impl std::error::Error for Interrupted {}
 
-/// Whether the verb has been asked to end.
+/// The request to end.
 #[derive(Clone)]
 pub struct Stop(Arc<AtomicBool>);
 
 impl Stop {
-    /// Listens from now on; once in a process.
+    /// Listens from now on; call it once in a process.
     pub fn listen() -> anyhow::Result<Self> {
         let asked = Arc::new(AtomicBool::new(false));
         let flag = asked.clone();
@@ -36,22 +36,22 @@ impl Stop {
         Ok(Stop(asked))
     }
 
-    /// Whether it has.
+    /// Whether Ctrl-C or SIGTERM came.
     pub fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }
 
-    /// Waits for another `ivv`, which is asked to end when this one is. Ctrl-C reaches both, but SIGTERM this one alone.
+    /// Waits for another `ivv`, and passes a request to end on: Ctrl-C reaches both, but SIGTERM reaches only this one.
     pub fn wait_for(&self, child: &mut Child) -> std::io::Result<ExitStatus> {
-        let mut is_told = false;
+        let mut is_signalled = false;
         loop {
             if let Some(status) = child.try_wait()? {
                 return Ok(status);
             }
-            if self.is_asked() && !is_told {
+            if self.is_asked() && !is_signalled {
                 #[cfg(unix)]
                 rustix::process::kill_process(rustix::process::Pid::from_child(child), rustix::process::Signal::TERM)?;
-                is_told = true;
+                is_signalled = true;
             }
             std::thread::sleep(Duration::from_millis(50));
         }

@@ -5,20 +5,20 @@ use ivv::train::{Notice, Phase, StepReport, Watch};
 use ivv::words::count;
 use std::time::{Duration, Instant};
 
-/// Between two lines on a terminal.
+/// Least time between two lines on a terminal.
 const QUICK: Duration = Duration::from_millis(200);
-/// Work of this length has a line everywhere.
+/// Work that takes this long has a line everywhere.
 const LONG: Duration = Duration::from_secs(2);
-/// Between two lines elsewhere, at least; longer and longer in a long run.
+/// Least time between two lines elsewhere; it grows with the run.
 const SLOW: Duration = Duration::from_secs(5);
-/// Seconds of stepping from which a rate is believed.
+/// Seconds of steps before a rate is shown.
 const LEAST_RATED: f64 = 0.2;
 
 /// When lines of progress are due.
 struct Pace {
     start: Instant,
     last: Option<Instant>,
-    /// Whether the bar gives way to another one that goes on after it.
+    /// Whether the bar is erased at the end, because another one continues.
     passes: bool,
 }
 
@@ -27,8 +27,7 @@ impl Pace {
         Pace { start: Instant::now(), last: None, passes: false }
     }
 
-    /// Whether it is time for a line. Elsewhere than on a terminal that is after a twentieth of the time so far, which makes
-    /// some 75 lines of an hour.
+    /// Whether a line is due. Where there is no terminal, after a twentieth of the time so far: some 75 lines an hour.
     fn is_due(&self) -> bool {
         let since = self.last.unwrap_or(self.start).elapsed();
         match self.last {
@@ -39,7 +38,7 @@ impl Pace {
         }
     }
 
-    /// Whether the end of the work has a line: short work has none but on a terminal.
+    /// Whether the end of the work has a line. Short work has one only on a terminal.
     fn ends_with_a_line(&self) -> bool {
         screen::is_terminal() || self.last.is_some() || self.start.elapsed() >= LONG
     }
@@ -87,7 +86,7 @@ impl Progress {
         Self::begun(what, total, Pace::new())
     }
 
-    /// The same in the middle of a training: its bar gives way to that of the steps.
+    /// The same during a training, whose own bar continues after it.
     pub fn passing(what: &'static str, total: usize) -> Self {
         Self::begun(what, total, Pace { passes: true, ..Pace::new() })
     }
@@ -98,7 +97,7 @@ impl Progress {
         Progress { what, total, done: 0, pace }
     }
 
-    /// One more piece is done; `note` says something about it.
+    /// Counts one more piece, which `note` describes.
     pub fn step(&mut self, note: &str) {
         self.done += 1;
         let is_last = self.done == self.total && self.pace.ends_with_a_line();
@@ -112,7 +111,7 @@ impl Progress {
         self.pace.show(self.done as u64, self.total as u64, &line);
     }
 
-    /// `done` of `total` things called `things` are done. The clock begins anew with the first of other things.
+    /// Sets the count to `done` of `total` `things`. The clock starts again if `done` goes back.
     pub fn reach(&mut self, done: usize, total: usize, things: &str) {
         if done <= self.done {
             self.pace.start = Instant::now();
@@ -122,7 +121,7 @@ impl Progress {
     }
 }
 
-/// Shows what a session does beside its steps.
+/// Shows the work of a session beside its steps.
 pub fn watch() -> Watch<'static> {
     let mut shown: Option<(Phase, Progress)> = None;
     Box::new(move |notice| match notice {
@@ -157,29 +156,29 @@ pub fn watch() -> Watch<'static> {
 }
 
 /// Progress of a training run.
-pub struct Steps {
+pub struct TrainingProgress {
     total: u64,
     psnr: Option<f64>,
     /// The first step of this process, which compiles the kernels, and when it was done.
     first: Option<(u64, Instant)>,
-    /// Images that are scored after the last step, and the seconds that one of them takes, once that is known.
+    /// Images that are scored after the last step, and seconds for each, once known.
     images: usize,
     seconds_of_an_image: f64,
     pace: Pace,
 }
 
-impl Steps {
+impl TrainingProgress {
     /// A run of `total` steps of which `before` were done by an earlier process; it ends with the scores of `images`.
     pub fn new(total: u64, before: u64, images: usize) -> Self {
         let mut pace = Pace::new();
         if before < total {
             pace.begin(before, total, &format!("step {before}/{total}, compiling the kernels"));
         }
-        Steps { total, psnr: None, first: None, images, seconds_of_an_image: 0.0, pace }
+        TrainingProgress { total, psnr: None, first: None, images, seconds_of_an_image: 0.0, pace }
     }
 
-    /// After a step, if a line is due. Rate and time left are those of the clock, with all that is done between the steps;
-    /// the time left has the scores at the end, once an image was scored.
+    /// Shows a step, if a line is due. Rate and time left include all work between the steps; the time left includes the final
+    /// scores, once an image was scored.
     pub fn show(&mut self, report: &StepReport) {
         let (first, since) = *self.first.get_or_insert_with(|| (report.step, Instant::now()));
         if report.step != self.total && !self.pace.is_due() {
@@ -203,7 +202,7 @@ impl Steps {
         self.pace.show(report.step, self.total, &line);
     }
 
-    /// After an evaluation that took `seconds`.
+    /// Reports an evaluation that took `seconds`.
     pub fn scored(&mut self, step: u64, psnr: f64, ssim: f64, n_views: usize, seconds: f64) {
         self.psnr = Some(psnr);
         self.seconds_of_an_image = seconds / n_views.max(1) as f64;
@@ -223,20 +222,19 @@ fn clock(seconds: f64) -> String {
 }
 
 /// Progress of work in stages of many pieces.
-pub struct Pieces {
+pub struct StageProgress {
     stage: &'static str,
-    /// What was done when the stage was first heard of, and when that was.
+    /// The count at the first report of the stage, and its time.
     first: (usize, Instant),
     pace: Pace,
 }
 
-impl Pieces {
-    /// Nothing is done yet.
+impl StageProgress {
     pub fn new() -> Self {
-        Pieces { stage: "", first: (0, Instant::now()), pace: Pace::new() }
+        StageProgress { stage: "", first: (0, Instant::now()), pace: Pace::new() }
     }
 
-    /// After a piece, if a line is due; the first and the last of a stage always are.
+    /// Shows a piece, if a line is due. The first and the last of a stage always are.
     pub fn show(&mut self, progress: &ivv::prepare::Progress) {
         let ivv::prepare::Progress { stage, done, total, piece } = *progress;
         if total == 0 {

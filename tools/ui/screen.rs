@@ -1,7 +1,7 @@
 //! All that `ivv` writes: results on standard output; messages, logs and progress on standard error.
 //!
-//! Output that cannot be written never ends the work, and messages that nobody reads do not hold it up. Messages are then lost. Results are too, and [`finish`] tells at the
-//! end: a reader that went away has seen what it wanted; any other failure is an error.
+//! Output that cannot be written never stops the work, and messages that nobody reads never delay it. Such messages are lost. Lost
+//! results are an error at the end ([`finish`]), unless the reader closed the pipe.
 
 use crate::ui::status_line;
 use crate::ui::stderr::{self, put, put_progress};
@@ -46,7 +46,7 @@ fn screen() -> MutexGuard<'static, Screen> {
 }
 
 impl Screen {
-    /// Runs `write` with the bar out of the way.
+    /// Hides the bar while `write` runs.
     fn above_the_bar<T>(&mut self, write: impl FnOnce(&mut Self) -> T) -> T {
         if self.bar.is_some() {
             put(CLEAR.to_owned());
@@ -59,7 +59,7 @@ impl Screen {
     }
 }
 
-/// Messages and progress are left out from now on.
+/// Leaves out messages and progress from now on.
 pub fn be_quiet() {
     screen().is_quiet = true;
 }
@@ -77,7 +77,7 @@ pub fn result(text: &str) {
         return;
     }
     let written = screen.above_the_bar(|_| {
-        // Both may be the same terminal.
+        // Standard output and error may be the same terminal.
         stderr::finish();
         let mut to = io::stdout().lock();
         writeln!(to, "{text}").and_then(|()| to.flush())
@@ -108,12 +108,12 @@ pub fn message(text: &str) {
     }
 }
 
-/// A line that is always told.
+/// A line that --quiet does not leave out.
 pub fn warning(text: &str) {
     screen().above_the_bar(|_| put(format!("{text}\n")));
 }
 
-/// A line of progress where a terminal rewrites none; a later one says more.
+/// A line of progress where no terminal rewrites it. It may be dropped, since a later one follows.
 pub fn passing_line(text: &str) {
     let screen = screen();
     if !screen.is_quiet {
@@ -121,7 +121,7 @@ pub fn passing_line(text: &str) {
     }
 }
 
-/// A line of progress that the next one replaces, a bar before it; on a terminal alone. The last one stays.
+/// On a terminal: a bar and a line of progress, which the next one replaces. The last one stays.
 pub fn bar(done: u64, total: u64, text: &str) {
     passing_bar(done, total, text);
     if done >= total {
@@ -129,7 +129,7 @@ pub fn bar(done: u64, total: u64, text: &str) {
     }
 }
 
-/// A line of progress as [`bar`] writes it; the next one replaces the last one too.
+/// As [`bar`], but the next one replaces the last one too.
 pub fn passing_bar(done: u64, total: u64, text: &str) {
     let mut screen = screen();
     if screen.is_quiet {
@@ -141,7 +141,7 @@ pub fn passing_bar(done: u64, total: u64, text: &str) {
     screen.bar = Some(bar);
 }
 
-/// Leaves the bar as it is, with the cursor behind it.
+/// Ends the line of the bar, and keeps it.
 pub fn leave_bar() {
     if screen().bar.take().is_some() {
         put("\n".to_owned());
@@ -155,12 +155,12 @@ pub fn is_terminal() -> bool {
         .get_or_init(|| io::stderr().is_terminal() && std::env::var_os("TERM").is_none_or(|term| term != "dumb"))
 }
 
-/// Whether standard error takes colours: a terminal, and <https://no-color.org> is not asked for.
+/// Whether to colour standard error: on a terminal, without NO_COLOR (<https://no-color.org>).
 pub fn has_colours() -> bool {
     is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|no| no.is_empty())
 }
 
-/// Ends the output. A closed pipe is no fault.
+/// Ends the output. A closed pipe is no error.
 ///
 /// # Errors
 /// [`ivv::Error::Data`] when results are missing from standard output for another reason.
@@ -174,12 +174,12 @@ pub fn finish() -> ivv::Result<()> {
     })
 }
 
-/// Waits until what was told on standard error is written, as far as somebody reads it.
+/// Waits until standard error is written, as far as somebody reads it.
 pub fn flush() {
     stderr::finish();
 }
 
-/// Where logs go. It never fails.
+/// The writer of logs. It never fails.
 pub struct Log;
 
 impl Write for Log {

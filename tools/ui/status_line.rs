@@ -1,10 +1,10 @@
 //! A line of progress, cut to the width of a terminal.
 
-/// Cells of the bar at most.
+/// Most cells of the bar.
 const BAR: usize = 24;
 
-/// `text` behind a bar that shows `done` of `total`, in fewer than `columns` columns: one behind the last would wrap or
-/// overwrite it. Parts of `text` that do not fit go whole, from its end; they are separated by commas.
+/// A bar of `done` of `total` and `text`, in fewer than `columns` columns, because text in the last column would wrap. Parts of `text`,
+/// separated by commas, that do not fit are cut whole from its end.
 pub fn fit(done: u64, total: u64, text: &str, columns: usize) -> String {
     let room = columns.saturating_sub(1);
     let cells = BAR.min(room / 5);
@@ -18,7 +18,7 @@ pub fn fit(done: u64, total: u64, text: &str, columns: usize) -> String {
     line + shortened(text, room)
 }
 
-/// The longest beginning of `text` that ends with a part and fits; of the first part, what fits.
+/// The longest beginning of `text` that fits and ends with a part; if no part fits, as much of the first as fits.
 fn shortened(text: &str, room: usize) -> &str {
     if width(text) <= room {
         return text;
@@ -31,8 +31,7 @@ fn shortened(text: &str, room: usize) -> &str {
     fits.last().unwrap_or("")
 }
 
-/// Columns of `text`: two for what is not ASCII, which is too many for some characters and too few for none that stands
-/// alone.
+/// Columns of `text`: two for each character that is not ASCII, which may be too many but never too few.
 fn width(text: &str) -> usize {
     text.chars().map(|c| if c.is_ascii() { 1 } else { 2 }).sum()
 }

@@ -1,23 +1,23 @@
-//! Standard error, written by a thread of its own: a pipe that nobody reads, or a terminal that is held, keeps no work waiting, and
-//! so no signal. What waits to be written is bounded. Progress is left out first; other lines are lost only where a reader takes
-//! nothing for a while, and how many were is told once it does.
+//! Standard error, written by a thread of its own, so that a pipe that nobody reads, or a paused terminal, delays neither work nor
+//! signals. The queue is bounded. It drops progress first, and other lines only if the reader takes nothing for a while; their number
+//! is written once it reads again.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};
 use std::sync::{Condvar, Mutex, MutexGuard, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Bytes that wait, at most.
+/// Most bytes in the queue.
 const MOST_BYTES: usize = 1 << 20;
-/// Bytes from which on progress is left out.
+/// Bytes in the queue from which on progress is dropped.
 const BUSY: usize = 1 << 12;
-/// How long a reader may take nothing before nobody waits for it.
+/// How long the reader may take nothing before writers stop waiting for it.
 const PATIENCE: Duration = Duration::from_secs(2);
 
 struct Queue {
     waiting: VecDeque<String>,
     bytes: usize,
-    /// Whether the thread is writing, and has been for so long that nobody waits for it.
+    /// Whether the thread is writing, and for so long that nobody waits for it.
     is_writing: bool,
     is_stuck: bool,
     /// Texts that were written, or could not be.
@@ -28,16 +28,16 @@ struct Queue {
 
 static QUEUE: Mutex<Queue> =
     Mutex::new(Queue { waiting: VecDeque::new(), bytes: 0, is_writing: false, is_stuck: false, n_done: 0, n_lost: 0 });
-/// There is something to write.
+/// A text was queued.
 static MORE: Condvar = Condvar::new();
-/// Something was written.
+/// A text was written.
 static DONE: Condvar = Condvar::new();
 
 fn queue() -> MutexGuard<'static, Queue> {
     QUEUE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Writes `text` in its turn.
+/// Queues `text`.
 pub fn put(text: String) {
     let mut queue = queue();
     if !queue.has_room(&text, MOST_BYTES) {
@@ -50,7 +50,7 @@ pub fn put(text: String) {
     }
 }
 
-/// Writes `text` in its turn, unless much waits: a later one says more.
+/// Queues `text`, unless the queue is long: a later line of progress follows.
 pub fn put_progress(text: String) {
     let mut queue = queue();
     if queue.has_room(&text, BUSY) {
@@ -58,12 +58,12 @@ pub fn put_progress(text: String) {
     }
 }
 
-/// Waits until all is written, but not for a reader that takes nothing.
+/// Waits until the queue is empty, but not for a reader that takes nothing.
 pub fn finish() {
     drop(wait(queue(), |queue| queue.waiting.is_empty() && !queue.is_writing));
 }
 
-/// Waits until the queue is as `is_met` asks, or the reader takes nothing.
+/// Waits until `is_met`, or until the reader takes nothing.
 fn wait(mut queue: MutexGuard<'static, Queue>, is_met: impl Fn(&Queue) -> bool) -> MutexGuard<'static, Queue> {
     let (mut n_done, mut since) = (queue.n_done, Instant::now());
     while !is_met(&queue) && !queue.is_stuck {
@@ -93,7 +93,7 @@ impl Queue {
     }
 }
 
-/// The work of the thread.
+/// The loop of the thread.
 fn write_all() {
     let mut queue = queue();
     loop {

@@ -11,9 +11,9 @@ use tracing_chrome::{ChromeLayerBuilder, FlushGuard};
 use tracing_subscriber::Layer;
 use tracing_subscriber::filter::Targets;
 
-/// What ends a list.
+/// The end of a list.
 const END: &[u8] = b"\n]";
-/// What is between two entries; no entry holds it.
+/// Separates two entries; no entry contains it.
 const BETWEEN: &[u8] = b",\n";
 
 /// A file of spans that grows as the command runs.
@@ -26,7 +26,7 @@ pub struct Trace {
 /// The first fault of writing.
 type Fault = Arc<Mutex<Option<io::Error>>>;
 
-/// A layer that hears of spans, as any thread begins and ends them.
+/// A layer that receives the spans of all threads.
 pub type Spans<S> = Box<dyn Layer<S> + Send + Sync>;
 
 /// Begins the file `path`, which replaces one that is there: the phases of the command and of each step, and at
@@ -48,7 +48,7 @@ where
     Ok((Box::new(layer.with_filter(spans)), Trace { path: path.to_owned(), guard, fault }))
 }
 
-/// Completes the file of a command that has ended with `done`, and gives what came of both.
+/// Completes the file of a command that ended with `done`, and returns the first error of both.
 pub fn end(trace: Option<Trace>, done: anyhow::Result<()>) -> anyhow::Result<()> {
     let Some(Trace { path, guard, fault }) = trace else { return done };
     drop(guard);
@@ -67,19 +67,19 @@ fn cannot_write(path: &Path, fault: &io::Error) -> Error {
     Error::data(path, "", format!("the trace cannot be written: {fault}"), "free space or choose another file")
 }
 
-/// Writes a list of entries so that the file is a whole list at any time: a command may be killed. For that it is no
-/// file that gets its name at the end. A fault ends the trace and nothing else.
+/// Writes entries so that the file is a complete list at any time, because a command may be killed. So it is not written under a
+/// temporary name. An error ends the trace and nothing else.
 struct Whole {
     file: File,
     /// Where the last whole entry ends.
     end: u64,
-    /// What has come since: the beginning of an entry.
+    /// The bytes after it: the beginning of an entry.
     rest: Vec<u8>,
     fault: Fault,
 }
 
 impl Whole {
-    /// Writes the first `n` bytes of the rest, and `tail`, which what comes next replaces.
+    /// Writes the first `n` bytes of the rest, then `tail`, which the next write replaces.
     fn put(&mut self, n: usize, tail: &[u8]) {
         let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
         if fault.is_some() {

@@ -3,7 +3,7 @@
 use crate::run::capture::CaptureArgs;
 use crate::run::capture_report;
 use crate::ui::fault::{self, FaultyCapture};
-use crate::ui::progress::Pieces;
+use crate::ui::progress::StageProgress;
 use crate::ui::screen::{out, print_json, say};
 use anyhow::Context;
 use ivv::prepare::{
@@ -93,10 +93,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         forecast.notes.iter().for_each(|note| say!("note: {note}"));
     }
     let before = forecast.as_ref().map(|forecast| forecast.notes.clone()).unwrap_or_default();
-    let pieces = Mutex::new(Pieces::new());
-    let tell = |progress: Progress| {
-        // A thread that panicked while it told of progress is no reason to stop.
-        pieces.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
+    let progress_line = Mutex::new(StageProgress::new());
+    let report = |progress: Progress| {
+        // A thread that panicked while it showed progress is no reason to stop.
+        progress_line.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
     };
     if args.plan {
         anyhow::ensure!(
@@ -104,18 +104,18 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             "--plan: expected a source with cameras, found pictures that COLMAP places first, as told above; prepare one frame \
              (--frames 1), and plan with its cameras"
         );
-        let estimate = estimate(&settings, &tell)?;
-        drop(pieces);
-        return tell_plan(&estimate, json);
+        let estimate = estimate(&settings, &report)?;
+        drop(progress_line);
+        return print_plan(&estimate, json);
     }
     if let Some(only) = args.only {
         let share = args.part.unwrap_or(Share::ALL);
-        prepare_share(&settings, only, share, &tell)?;
-        drop(pieces);
-        return tell_share(only, share, json);
+        prepare_share(&settings, only, share, &report)?;
+        drop(progress_line);
+        return print_share(only, share, json);
     }
-    let prepared = prepare(&settings, &tell)?;
-    drop(pieces);
+    let prepared = prepare(&settings, &report)?;
+    drop(progress_line);
     let faulty = FaultyCapture::of(prepared.report.n_faults);
     if json {
         fault::results(&prepared, faulty.as_ref())?;
@@ -136,8 +136,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     faulty.map_or(Ok(()), Err)
 }
 
-/// Prints what was done.
-fn tell_share(stage: Stage, share: Share, json: bool) -> anyhow::Result<()> {
+/// Prints the part of a stage that is done.
+fn print_share(stage: Stage, share: Share, json: bool) -> anyhow::Result<()> {
     let (part, of) = (share.part + 1, share.of);
     if json {
         out!("{}", serde_json::json!({ "stage": stage, "part": part, "parts": of }));
@@ -173,8 +173,8 @@ fn part(word: &str) -> Result<Share, String> {
     }
 }
 
-/// Prints what a preparation will take.
-fn tell_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
+/// Prints the time and bytes that a preparation will take.
+fn print_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
     if json {
         return print_json(estimate);
     }

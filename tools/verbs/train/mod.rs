@@ -21,7 +21,7 @@ use crate::run::scoring::Scorer;
 use crate::run::time_offsets;
 use crate::run::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
 use crate::ui::interrupt::{Interrupted, Stop};
-use crate::ui::progress::{Steps, watch};
+use crate::ui::progress::{TrainingProgress, watch};
 use crate::ui::screen::{alert, be_quiet, out, print_json, say};
 use crate::verbs::serve::{BackgroundServer, LatestLine};
 use crate::verbs::train::args::InsteadArgs;
@@ -109,7 +109,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             checkpoints: checkpoints.clone(),
             some_test: spread(&test, args.schedule.eval_images),
             schedule: Schedule::new(&args.schedule, *total),
-            progress: Steps::new(*total, before, test.len()),
+            progress: TrainingProgress::new(*total, before, test.len()),
             start: begun,
             seconds_before: log.series(Kind::Step, "seconds").last().map_or(0.0, |[_, seconds]| *seconds),
             log,
@@ -178,7 +178,7 @@ struct Training<'scope, 'env> {
     /// What is scored during the run.
     some_test: Vec<(usize, u32)>,
     schedule: Schedule<'env>,
-    progress: Steps,
+    progress: TrainingProgress,
     log: Log,
     /// For the page that shows the run.
     latest_line: LatestLine,
@@ -188,7 +188,7 @@ struct Training<'scope, 'env> {
 }
 
 impl Training<'_, '_> {
-    /// Steps to the end.
+    /// TrainingProgress to the end.
     fn train(&mut self, stop: &Stop) -> anyhow::Result<()> {
         if self.session.steps() == 0 {
             // Whatever happens from here on, there is a checkpoint to go on from.
