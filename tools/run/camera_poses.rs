@@ -8,7 +8,7 @@ use ivv::train::Trainer;
 use ivv::words::count;
 use std::path::Path;
 
-/// A camera whose pose is learnt, as train.json has it.
+/// A camera with a learnt pose, as in train.json.
 #[derive(serde::Serialize)]
 pub struct PoseRow {
     camera: String,
@@ -18,15 +18,15 @@ pub struct PoseRow {
     shift: f64,
 }
 
-/// The cameras whose poses are learnt; none where that is off. Also writes `cameras.json` into `output`: the training views from the
-/// learnt poses, in the capture's own world.
+/// The cameras with learnt poses. Also writes `cameras.json` into `output`: the training views from these poses, in the capture's own
+/// world.
 pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Result<Vec<PoseRow>> {
     let Scorer { capture, run, .. } = scorer;
     let world = run.world.inverse();
     let (mut rows, mut views) = (Vec::new(), Vec::new());
     for (index, correction) in trainer.poses()? {
         let camera = &capture.cameras[index];
-        // One view of a camera that stays where it is.
+        // A static camera has one view.
         for shot in camera.shots.iter().take(if camera.moves() { usize::MAX } else { 1 }) {
             let view = correction.view(&capture.view(index, shot.frame)?);
             let next_pose = view.next_pose.map(|pose| world.pose(&pose));

@@ -1,5 +1,4 @@
-//! How the verbs that read a capture are told to read it: one set of options for `check`, `prepare`,
-//! `train`, `render` and `inspect`.
+//! The options of all verbs that read a capture: `check`, `prepare`, `train`, `render`, `inspect` and `segments`.
 
 use crate::run::settings::contradiction;
 use crate::ui::screen::say;
@@ -11,44 +10,43 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// How a capture is read.
+/// How to read a capture.
 #[derive(clap::Args)]
 pub struct CaptureArgs {
-    /// Names of the test cameras, separated by commas, where the capture declares none or others.
+    /// Names of the test cameras, separated by commas. They replace those that the capture declares.
     #[arg(long, value_delimiter = ',')]
     test_cameras: Option<Vec<String>>,
-    /// Every n-th image is a test image where the capture declares none; 0 for none.
+    /// Takes every n-th image as a test image if the capture declares none; 0 for none.
     #[arg(long, default_value_t = CaptureSettings::default().test_every)]
     test_every: usize,
     /// Uses only the first N frames of the clip, or those from A up to, but not including, B, counted from 0; with S every S-th
     /// of them. `A:` and `:B` work too.
     #[arg(long, visible_alias = "frames", value_name = "N|A:B[:S]", value_parser = Frames::from_str)]
     max_frames: Option<Frames>,
-    /// Names of cameras that are left out, separated by commas.
+    /// Names of cameras to leave out, separated by commas.
     #[arg(long, value_delimiter = ',', value_name = "NAMES")]
     exclude: Vec<String>,
-    /// Leaves out images whose file is absent; each is a fault otherwise.
+    /// Leaves out images whose file is missing. Without it, each is a fault.
     #[arg(long)]
     skip_missing: bool,
-    /// Which of the models in `sparse` of a plain COLMAP project is read, by its number. Without it, that of the most images.
+    /// Number of the model in `sparse` of a plain COLMAP project. By default the one with the most images.
     #[arg(long, value_name = "N")]
     model: Option<u32>,
-    /// Folder of the images, relative to the capture, where a COLMAP project, a transforms.json, LLFF or OpenSfM does not say where
-    /// they are. Without it and without `images`, the largest of `images_2`, `images_4` and `images_8` is taken.
+    /// Folder of the images, relative to the capture, if a COLMAP project, a transforms.json, LLFF or OpenSfM does not name it. If
+    /// there is no `images`, the default is the largest of `images_2`, `images_4` and `images_8`.
     #[arg(long, default_value = "images")]
     images: PathBuf,
-    /// Takes the folder with `_N` behind its name instead, as `images_4`: pictures of 1/N of the size.
+    /// Takes the folder with `_N` behind its name, as `images_4`: pictures of 1/N of the size.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     downscale: Option<u32>,
-    /// Scales the calibration of each camera and each axis to the size of its images. Without it, images of one and the same
-    /// scale are taken, and any other difference is a fault.
+    /// Scales the calibration of each camera and axis to the size of its images. Without it, all images must have the same scale.
     #[arg(long)]
     rescale: bool,
-    /// Takes the foreground masks of Dynamic3DGaussians as masks too.
+    /// Also takes the foreground masks of Dynamic3DGaussians as masks.
     #[arg(long)]
     foreground_masks: bool,
-    /// What the alpha of images is: `background` shows the background through it; `mask` also takes it as the foreground mask
-    /// from which the first Gaussians are made.
+    /// How to read the alpha of images. background: the background shows through it. mask: it is also the foreground mask from which
+    /// the first Gaussians are made.
     #[arg(long, value_parser = alpha, default_value = "background", value_name = "background|mask")]
     alpha: Alpha,
 }
@@ -62,7 +60,7 @@ fn alpha(word: &str) -> Result<Alpha, String> {
 }
 
 impl CaptureArgs {
-    /// The settings that the options ask for.
+    /// The settings of the options.
     pub fn settings(&self) -> CaptureSettings {
         CaptureSettings {
             test_cameras: self.test_cameras.clone(),
@@ -80,10 +78,10 @@ impl CaptureArgs {
         }
     }
 
-    /// The options that ask for `settings`, but for which frames and which cameras are test cameras.
+    /// The options for `settings`, without those of frames and test cameras.
     pub fn words(settings: &CaptureSettings) -> Vec<OsString> {
         let default = CaptureSettings::default();
-        // All are named, so that a new one is not forgotten here. No option asks for the last two.
+        // All are named, so that nobody forgets a new one here. The last two have no option.
         let CaptureSettings {
             test_cameras: _,
             frames: _,
@@ -117,12 +115,12 @@ impl CaptureArgs {
         words
     }
 
-    /// Whether no option asks for anything.
+    /// Whether no option is given.
     pub fn are_default(&self) -> bool {
         self.settings() == CaptureSettings::default()
     }
 
-    /// What the options ask for that `run` does not have.
+    /// How the options differ from `run`.
     pub fn differ_from(&self, run: &Run) -> Vec<String> {
         let asked = self.settings();
         let names = |cameras: &[String]| cameras.iter().cloned().collect::<BTreeSet<_>>();
@@ -140,25 +138,25 @@ impl CaptureArgs {
     }
 }
 
-/// Opens a capture, and says what was done to read it. A source that `ivv prepare` can make a capture of is named in the fault.
+/// Opens a capture, and prints the notes of the reader. The error of a source for `ivv prepare` says so.
 pub fn open(path: &Path, settings: &CaptureSettings) -> ivv::Result<Capture> {
     let capture = match Capture::open_with(path, settings) {
         Ok(capture) if capture.path == path => capture,
-        // A recording may hold a capture, as of one of its frames.
+        // A recording may contain a capture, for example of one of its frames.
         opened => unprepared(path).map_or(opened, |(_, fault)| Err(fault.into()))?,
     };
     capture.notes.iter().for_each(|note| say!("note: {note}"));
     Ok(capture)
 }
 
-/// The report of a capture. A source that `ivv prepare` can make a capture of is named in it.
+/// The report of a capture. That of a source for `ivv prepare` says so.
 pub fn check(path: &Path, settings: &CaptureSettings) -> Report {
     let mut report = check_capture(path, settings);
     let is_itself = report.n_faults == 0 && report.path == path;
     if let Some((what, fault)) = (!is_itself).then(|| unprepared(path)).flatten() {
         (report.format, report.n_faults, report.faults) = (what, 1, vec![fault]);
         if report.n_cameras > 0 {
-            // What was read of it is not what is meant.
+            // It was read as something else.
             report.n_cameras = 0;
             report.notes.clear();
         }
@@ -166,7 +164,7 @@ pub fn check(path: &Path, settings: &CaptureSettings) -> Report {
     report
 }
 
-/// What a recording is that is not a capture yet, and what is said of it.
+/// The kind of a recording that is not a capture yet, and the fault that says so.
 fn unprepared(path: &Path) -> Option<(String, Fault)> {
     let Recognised { what, source } = recognise(path)?;
     let fault = Fault {

@@ -4,11 +4,11 @@ use crate::ui::screen::out;
 use ivv::scene::capture::{Fault, Report};
 use ivv::words::count;
 
-/// Files that a line names of those that have the same fault.
+/// Most files in a line of equal faults.
 const NAMED: usize = 3;
 
-/// Faults that say the same, in one line.
-fn told(faults: &[&Fault]) -> String {
+/// Equal faults in one line.
+fn one_line(faults: &[&Fault]) -> String {
     let [first, _, ..] = faults else { return faults.iter().map(|fault| fault.to_string()).collect() };
     let place = |fault: &&Fault| match fault.place.as_str() {
         "" => fault.file.display().to_string(),
@@ -26,13 +26,13 @@ pub fn print(report: &Report) {
     let format = if report.format.is_empty() { "unknown format" } else { &report.format };
     out!("{}: {format}", report.path.display());
     if report.n_cameras > 0 {
-        holds(report);
+        print_contents(report);
     }
     for note in &report.notes {
         out!("note:    {note}");
     }
     for faults in report.grouped() {
-        out!("fault:   {}", told(&faults));
+        out!("fault:   {}", one_line(&faults));
     }
     let n_left_out = report.n_faults - report.faults.len() as u64;
     if n_left_out > 0 {
@@ -40,8 +40,8 @@ pub fn print(report: &Report) {
     }
 }
 
-/// Prints what a capture holds.
-fn holds(report: &Report) {
+/// Prints the contents of a capture.
+fn print_contents(report: &Report) {
     let n_tests = report.n_test_cameras;
     let for_testing = if n_tests > 0 { format!(", of which {n_tests} for testing") } else { String::new() };
     out!("cameras: {}{for_testing}", report.n_cameras);
@@ -51,8 +51,8 @@ fn holds(report: &Report) {
     out!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
     let with = |counts: &[(usize, &str)]| -> String {
-        let told = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} with {what}"));
-        told.collect()
+        let parts = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} with {what}"));
+        parts.collect()
     };
     let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);
     let masks = with(&[(n_masks, "a mask"), (n_foregrounds, "a foreground mask")]);

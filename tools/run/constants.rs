@@ -3,23 +3,23 @@
 use crate::run::settings::contradiction;
 use ivv::{Constants, Knobs};
 
-/// How frames are computed: what may be traded for time, see `ivv bench trade`. The defaults are exact.
+/// Options that trade accuracy for speed; `ivv bench trade` measures them. The defaults are exact.
 #[derive(clap::Args)]
 pub struct KnobArgs {
     /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver, or with
     /// --near below 2.33e-5.
     #[arg(long, default_value_t = Knobs::default().depth_bits)]
     depth_bits: u32,
-    /// Leave out Gaussians whose opacity is below this at a view's time.
+    /// Leave out Gaussians whose opacity at the time of a view is below this.
     #[arg(long, default_value_t = Knobs::default().temporal_cut)]
     temporal_cut: f32,
-    /// Finish a pixel when its transmittance has fallen below this.
+    /// Finish a pixel when its transmittance falls below this.
     #[arg(long, default_value_t = Knobs::default().t_cut)]
     t_cut: f32,
 }
 
 impl KnobArgs {
-    /// `constants` with the knobs; alpha_min is itself a constant on the command line.
+    /// `constants` with these options. On the command line alpha_min is one of the constants.
     pub fn on(&self, constants: Constants) -> anyhow::Result<Constants> {
         let Self { depth_bits, temporal_cut, t_cut } = *self;
         let knobs = Knobs { depth_bits, temporal_cut, t_cut, ..Knobs::default() };
@@ -39,7 +39,7 @@ pub struct ConstantArgs {
     t_min: Option<f32>,
     #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
     blur: Option<f32>,
-    /// Gaussians up to this far before the camera are dropped, scene units. By default that of the run, else 0.01. `ivv train`
+    /// Distance of the near plane, scene units: nearer Gaussians are dropped. By default that of the run, else 0.01. `ivv train`
     /// measures it in a frame where the rig's extent is 3.
     #[arg(long)]
     near: Option<f32>,
@@ -53,12 +53,12 @@ impl ConstantArgs {
     /// The constants.
     ///
     /// # Errors
-    /// The first that is out of its range.
+    /// The first constant out of its range.
     pub fn checked(&self) -> anyhow::Result<Constants> {
         self.checked_over(Constants::default())
     }
 
-    /// The constants, `d` where the options do not say.
+    /// The constants, with those of `d` for options that are not given.
     ///
     /// # Errors
     /// As [`ConstantArgs::checked`].
@@ -85,7 +85,7 @@ impl ConstantArgs {
         Ok(constants)
     }
 
-    /// What the options ask for that a run with the constants `run` does not have.
+    /// How the options differ from the constants `run` of a run.
     pub fn contradictions(&self, run: &Constants) -> Vec<String> {
         let all = [
             ("alpha-min", self.alpha_min, run.alpha_min),

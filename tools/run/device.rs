@@ -1,4 +1,4 @@
-//! The device that a verb works on.
+//! The device of a verb, as options.
 
 use crate::ui::screen::say;
 use ivv::gpu::{Gpu, Options};
@@ -7,22 +7,22 @@ use std::ffi::CStr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// Which device.
+/// The options of a device.
 #[derive(clap::Args, Clone, Default)]
 pub struct DeviceArgs {
     /// The device: an index or part of a name from `ivv devices`.
     #[arg(long)]
     device: Option<String>,
-    /// Lanes of the subgroups that kernels run with, where the device takes several; by default what suits the hardware.
+    /// Subgroup size of the kernels, if the device supports several. By default what suits the hardware.
     #[arg(long, value_name = "LANES")]
     subgroup_size: Option<u32>,
-    /// Note each pass as it begins, so that a lost device is told with the pass that it was lost in. Slower on a GPU.
+    /// Records each pass as it begins, so that the error of a lost device names the pass. Slower on a GPU.
     #[arg(long)]
     breadcrumbs: bool,
 }
 
 impl DeviceArgs {
-    /// Opens the device and says which it is and why.
+    /// Opens the device, and prints its name and why it was chosen.
     pub fn open(&self) -> ivv::Result<Arc<Gpu>> {
         self.open_with(Vec::new(), false)
     }
@@ -37,13 +37,12 @@ impl DeviceArgs {
         }
     }
 
-    /// As [`DeviceArgs::open`]; where none is named, the one of several like it that has this number.
+    /// As [`DeviceArgs::open`]; if the options name none, the `nth` of several equal ones.
     pub fn open_nth(&self, nth: usize) -> ivv::Result<Arc<Gpu>> {
         self.open_choice(DeviceChoice { pipeline_cache: cache_folder(), nth, ..self.choice() })
     }
 
-    /// As [`DeviceArgs::open`]: a device that can show pictures in windows where `surface` is not empty, which is what they need;
-    /// with the validation layer, which speaks in the log.
+    /// As [`DeviceArgs::open`], with the extensions `surface` for windows, and with the validation layer, which writes to the log.
     pub fn open_with(&self, surface: Vec<&'static CStr>, validation: bool) -> ivv::Result<Arc<Gpu>> {
         self.open_choice(DeviceChoice { pipeline_cache: cache_folder(), surface, validation, ..self.choice() })
     }

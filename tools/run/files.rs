@@ -5,13 +5,13 @@ use ivv::formats::{Own, write_ply_with};
 use ivv::scene::{Similarity, Splats};
 use std::path::Path;
 
-/// Makes `folder` and those above it.
+/// Makes `folder` and its parents.
 pub fn make_folder(folder: &Path) -> ivv::Result<()> {
     std::fs::create_dir_all(folder)
         .map_err(|e| ivv::Error::data(folder, "", format!("cannot be made: {e}"), "choose another folder with -o"))
 }
 
-/// Writes `value` as JSON for a reader.
+/// Writes `value` as indented JSON.
 pub fn write_json(file: &Path, value: &impl serde::Serialize) -> ivv::Result<()> {
     write_atomic(file, |to| Ok(serde_json::to_writer_pretty(to, value)?))
 }
@@ -23,8 +23,8 @@ pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> i
     serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
 }
 
-/// Writes the Gaussians of a run in the capture's own frame, and returns them; `world` led from there to the frame of
-/// training, and `own` is how they are rendered.
+/// Writes the Gaussians of a run in the capture's own frame, and returns them. `world` maps that frame to the frame of training;
+/// `own` says how they are rendered.
 pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity, own: &Own) -> ivv::Result<Splats> {
     if !world.is_exact_in_f32() {
         tracing::warn!(

@@ -1,5 +1,5 @@
-//! [`Ranks`] by MPI. A thread of its own makes all calls of MPI, which wait for the other processes: the one that trains can then
-//! give up waiting, and write a checkpoint, where they are gone.
+//! [`Ranks`] by MPI. Calls of MPI wait for the other processes, so a thread of its own makes them: if the others are gone, the training
+//! thread can stop waiting and write a checkpoint.
 
 use crate::ui::interrupt::Stop;
 use anyhow::Context;
@@ -14,22 +14,22 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often it is looked whether this process was asked to end.
-const LOOK: Duration = Duration::from_millis(50);
-/// How long after that the others are still waited for. A launcher kills all processes soon after it has asked them to end, Open MPI
-/// by default after a second.
+/// How often a request to end is checked for.
+const POLL: Duration = Duration::from_millis(50);
+/// How long to wait for the others after such a request. A launcher kills all processes soon after it, Open MPI by default after a
+/// second.
 const PATIENCE: Duration = Duration::from_millis(250);
-/// Numbers of one call: MPI counts by 31 bits.
+/// Most numbers of a call: MPI counts with 31 bits.
 const MOST: usize = 1 << 26;
 
 type Job = Box<dyn FnOnce(&SimpleCommunicator) + Send>;
 
-/// The processes that MPI knows.
+/// The processes of MPI.
 pub struct Mpi {
     rank: usize,
     size: usize,
     stop: Stop,
-    /// None once it has ended.
+    /// `None` after the end.
     jobs: Mutex<Option<Sender<Job>>>,
     thread: Mutex<Option<JoinHandle<()>>>,
 }
@@ -38,19 +38,19 @@ impl Mpi {
     /// Joins the other processes; once in a process.
     pub fn begin(stop: Stop) -> anyhow::Result<Self> {
         let (jobs, todo) = channel::<Job>();
-        let (tell, told) = channel();
-        let thread = std::thread::Builder::new().name("mpi".to_owned()).spawn(move || work(&todo, &tell))?;
-        let (rank, size) = told.recv().context("MPI_Init failed")?;
+        let (answer, answers) = channel();
+        let thread = std::thread::Builder::new().name("mpi".to_owned()).spawn(move || work(&todo, &answer))?;
+        let (rank, size) = answers.recv().context("MPI_Init failed")?;
         Ok(Mpi { rank, size, stop, jobs: Mutex::new(Some(jobs)), thread: Mutex::new(Some(thread)) })
     }
 
-    /// What `job` gives, once the other processes have made the same call.
+    /// The result of `job`, which waits until all other processes make the same call.
     fn ask<T: Send + 'static>(&self, job: impl FnOnce(&SimpleCommunicator) -> T + Send + 'static) -> Result<T> {
         let lost = |reason: &str| Error::RanksLost { reason: reason.to_owned() };
-        let (tell, told) = channel();
+        let (answer, answers) = channel();
         let job: Job = Box::new(move |world| {
-            // Who asked may have given up.
-            let _ = tell.send(job(world));
+            // The caller may have stopped waiting.
+            let _ = answer.send(job(world));
         });
         let jobs = self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
         let sent = jobs.is_some_and(|jobs| jobs.send(job).is_ok());
@@ -59,8 +59,8 @@ impl Mpi {
         }
         let mut asked = None;
         loop {
-            match told.recv_timeout(LOOK) {
-                Ok(answer) => return Ok(answer),
+            match answers.recv_timeout(POLL) {
+                Ok(result) => return Ok(result),
                 Err(RecvTimeoutError::Disconnected) => return Err(lost("MPI has ended")),
                 Err(RecvTimeoutError::Timeout) => {}
             }
@@ -88,11 +88,11 @@ impl Mpi {
     }
 }
 
-/// Makes the calls, until none is to come.
-fn work(todo: &Receiver<Job>, tell: &Sender<(usize, usize)>) {
+/// Makes the calls until the channel closes.
+fn work(todo: &Receiver<Job>, answer: &Sender<(usize, usize)>) {
     let Some((universe, _)) = mpi::initialize_with_threading(Threading::Funneled) else { return };
     let world = universe.world();
-    if tell.send((world.rank() as usize, world.size() as usize)).is_ok() {
+    if answer.send((world.rank() as usize, world.size() as usize)).is_ok() {
         todo.iter().for_each(|job| job(&world));
     }
 }
@@ -124,20 +124,20 @@ impl Ranks for Mpi {
     }
 
     fn meet(&self) {
-        let (tell, told) = channel();
+        let (answer, answers) = channel();
         let job: Job = Box::new(move |world| {
             world.barrier();
-            let _ = tell.send(());
+            let _ = answer.send(());
         });
         let jobs = self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
         if jobs.is_some_and(|jobs| jobs.send(job).is_ok()) {
-            // Where MPI has ended there is nobody to wait for.
-            let _ = told.recv();
+            // If MPI has ended there is nobody to wait for.
+            let _ = answers.recv();
         }
     }
 
     fn finish(&self) {
-        // The thread then has no more to do, and leaves MPI when all others do.
+        // The closed channel ends the thread, which leaves MPI when all others do.
         self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
         let thread = self.thread.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
         if let Some(thread) = thread {

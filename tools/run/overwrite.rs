@@ -1,4 +1,4 @@
-//! What `ivv train --overwrite` removes: all that `ivv` wrote for the run that was in the folder, and nothing else.
+//! `ivv train --overwrite`: removes all that `ivv` wrote for the run in the folder, and nothing else.
 
 use ivv::Error;
 use ivv::train::{Checkpoint, Run};
@@ -10,7 +10,7 @@ const RESULTS: [&str; 7] =
     ["scene.ply", "train.json", "train.jsonl", "offsets.json", "cameras.json", "eval.json", "report.html"];
 /// Results of `ivv eval` in a folder of its own.
 const SCORES: [&str; 2] = ["eval.json", "report.html"];
-/// Digits of a frame or a step in the name of a picture, at least.
+/// Least digits of a frame or a step in the name of a picture.
 const DIGITS: usize = 5;
 
 /// Whether `folder` holds checkpoints or results of a run.
@@ -19,13 +19,12 @@ pub fn holds_a_run(folder: &Path) -> ivv::Result<bool> {
     Ok(has_checkpoints || RESULTS.iter().any(|name| folder.join(name).exists()))
 }
 
-/// Removes the run in `folder`, so that nothing of it lies beside `new`: checkpoints, results, renders, and what `ivv eval`
-/// wrote there. Settings stay, to be written anew.
+/// Removes the run in `folder`: checkpoints, results, renders, and what `ivv eval` wrote. Settings stay, since `new` replaces them.
 ///
 /// # Errors
 /// [`Error::Data`] naming what cannot be removed or listed.
 pub fn remove_run(folder: &Path, new: &Run) -> ivv::Result<()> {
-    // Of a run whose run.json is lost the renders of cameras that the new run does not test stay.
+    // If run.json is lost, the renders of cameras that the new run does not test stay.
     let mut cameras = Run::read(folder).map_or(Vec::new(), |old| old.test_cameras);
     cameras.extend(new.test_cameras.iter().cloned());
     Checkpoint::remove_all(&folder.join("checkpoints"))?;
@@ -44,7 +43,7 @@ pub fn remove_run(folder: &Path, new: &Run) -> ivv::Result<()> {
 /// Removes the pictures of `cameras`, and those of evaluations during the run, from `renders` in `folder`.
 fn remove_renders(folder: &Path, cameras: &[String]) -> ivv::Result<()> {
     let renders = folder.join("renders");
-    // Names are from a file: they must not lead out of the folder.
+    // Names come from a file and must not lead out of the folder.
     let is_within = |name: &&str| Path::new(name).components().all(|part| matches!(part, Component::Normal(_)));
     for name in cameras.iter().map(String::as_str).filter(is_within).chain(["progress"]) {
         let pictures = renders.join(name);
@@ -56,14 +55,14 @@ fn remove_renders(folder: &Path, cameras: &[String]) -> ivv::Result<()> {
     Ok(())
 }
 
-/// Whether `file` is a picture that is named after a frame or a step.
+/// Whether `file` is a picture named after a frame or a step.
 fn is_numbered(file: &Path) -> bool {
     let stem = file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     let is_number = stem.len() >= DIGITS && stem.bytes().all(|byte| byte.is_ascii_digit());
     is_number && file.extension().is_some_and(|ending| ending == "png")
 }
 
-/// What is in `folder`, which need not be there.
+/// The entries of `folder`, which may be missing.
 fn entries(folder: &Path) -> ivv::Result<Vec<PathBuf>> {
     let cannot = |e| Error::data(folder, "", format!("cannot be listed: {e}"), "check its permissions");
     match std::fs::read_dir(folder) {
@@ -81,7 +80,7 @@ fn remove(file: &Path) -> ivv::Result<()> {
     }
 }
 
-/// A folder that holds something of somebody else's stays.
+/// Removes `folder` unless it contains something else.
 fn remove_if_empty(folder: &Path) {
     let _ = std::fs::remove_dir(folder);
 }

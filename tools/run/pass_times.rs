@@ -1,4 +1,4 @@
-//! Times of passes, by their labels.
+//! Times of passes, by label.
 
 use crate::ui::screen::print_table;
 use ivv::stage::PassReport;
@@ -10,7 +10,7 @@ pub struct TimedPass {
     pub label: String,
     /// Passes with this label.
     pub dispatches: f64,
-    /// What the time grows with, in all.
+    /// Units of work in all.
     pub units: f64,
     /// Milliseconds in all.
     pub ms: f64,
@@ -24,7 +24,7 @@ impl From<&PassReport> for TimedPass {
 }
 
 impl TimedPass {
-    /// The same `factor` times.
+    /// The pass, with all its numbers times `factor`.
     fn times(mut self, factor: f64) -> Self {
         self.dispatches *= factor;
         self.units *= factor;
@@ -32,7 +32,7 @@ impl TimedPass {
         self
     }
 
-    /// Adds `other` but for its label.
+    /// Adds the numbers of `other`.
     fn add(&mut self, other: &TimedPass) {
         self.dispatches += other.dispatches;
         self.units += other.units;
@@ -40,7 +40,7 @@ impl TimedPass {
     }
 }
 
-/// The mean of `n` profiles, by label in the order of their appearance.
+/// The mean of `n` profiles, by label in order of appearance.
 pub fn mean(passes: impl IntoIterator<Item = TimedPass>, n: usize) -> Vec<TimedPass> {
     let mut sum: Vec<TimedPass> = Vec::new();
     for pass in passes {
@@ -52,7 +52,7 @@ pub fn mean(passes: impl IntoIterator<Item = TimedPass>, n: usize) -> Vec<TimedP
     sum.into_iter().map(|line| line.times(1.0 / n.max(1) as f64)).collect()
 }
 
-/// All passes as one line called `label`; none when there is no pass.
+/// The sum of all passes, called `label`; `None` if there is no pass.
 pub fn total(passes: &[TimedPass], label: &str) -> Option<TimedPass> {
     let (first, rest) = passes.split_first()?;
     let mut sum = TimedPass { label: label.to_owned(), ..first.clone() };

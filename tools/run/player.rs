@@ -8,12 +8,12 @@ use sha2::{Digest, Sha256};
 use std::path::Path;
 
 /// A file of the player.
-pub struct Part {
+pub struct PlayerFile {
     /// Its name, beside the others.
     pub name: &'static str,
-    /// What it is, for a browser.
+    /// Its media type.
     pub media_type: &'static str,
-    /// What it holds.
+    /// Its content.
     pub text: &'static str,
 }
 
@@ -22,7 +22,7 @@ const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
 /// Files of a folder of `assets`: name and kind.
 macro_rules! parts {
     ($folder:literal: $($name:literal, $media_type:expr;)+) => {
-        &[$(Part {
+        &[$(PlayerFile {
             name: $name,
             media_type: $media_type,
             text: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/", $folder, "/", $name)),
@@ -31,7 +31,7 @@ macro_rules! parts {
 }
 
 /// All files of the player.
-pub const PARTS: &[Part] = parts! { "player":
+pub const PLAYER_FILES: &[PlayerFile] = parts! { "player":
     "index.html", "text/html; charset=utf-8";
     "style.css", "text/css; charset=utf-8";
     "icon.svg", "image/svg+xml";
@@ -57,59 +57,59 @@ pub const PARTS: &[Part] = parts! { "player":
 };
 
 /// The page of a run that trains.
-pub const LIVE: &[Part] = parts! { "live":
+pub const LIVE_PAGE: &[PlayerFile] = parts! { "live":
     "index.html", "text/html; charset=utf-8";
     "live.css", "text/css; charset=utf-8";
     "live.js", JAVASCRIPT;
 };
 
-/// The modules that the page and its worker begin with.
+/// The entry modules of the page and its worker.
 const PAGE: &str = "main.js";
 const WORKER: &str = "worker.js";
 
-/// What the folder's page may load: its own files.
+/// The policy of the folder's page: it may load its own files.
 pub const POLICY: &str =
     "default-src 'self'; worker-src 'self' blob:; style-src 'self'; connect-src 'self'; media-src 'self' blob:";
 
-/// Bytes of the longest scene in a page. It is text there, four characters for three bytes, and Chromium has the shortest
-/// longest string: 2^29 - 24 characters.
+/// Bytes of the longest scene in a page. There it is text, four characters for three bytes, and of all browsers Chromium allows the
+/// shortest strings: 2^29 - 24 characters.
 const MOST_IN_PAGE: usize = ((1 << 29) - 24) / 4 * 3;
 
 /// Name of the scene beside the page.
 pub const SCENE: &str = "scene.4dgs";
 
 /// The file of this name.
-fn part(name: &str) -> Option<&'static Part> {
-    PARTS.iter().find(|part| part.name == name)
+fn player_file(name: &str) -> Option<&'static PlayerFile> {
+    PLAYER_FILES.iter().find(|file| file.name == name)
 }
 
-/// Writes the player into `folder`, which is there and holds a scene; the page last, so that it is never without the rest.
+/// Writes the player into `folder`, which exists and contains a scene. The page comes last, so that it is never incomplete.
 ///
 /// # Errors
 /// Those of the files.
 pub fn write_player(folder: &Path) -> ivv::Result<()> {
-    PARTS
+    PLAYER_FILES
         .iter()
         .rev()
-        .try_for_each(|part| write_atomic(&folder.join(part.name), |to| to.write_all(part.text.as_bytes())))
+        .try_for_each(|file| write_atomic(&folder.join(file.name), |to| to.write_all(file.text.as_bytes())))
 }
 
 /// Bytes of the player.
 pub fn n_bytes() -> u64 {
-    PARTS.iter().map(|part| part.text.len() as u64).sum()
+    PLAYER_FILES.iter().map(|file| file.text.len() as u64).sum()
 }
 
-/// The player and a scene as one page, which opens from a disk too and will be the file `to`.
+/// The player and a scene as one page, for the file `to`. It also opens without a server.
 ///
 /// # Errors
-/// [`Error::Data`] when browsers cannot take a scene of this length from within a page.
+/// [`Error::Data`] if the scene is too long for a page.
 pub fn single_file(to: &Path, scene: &[u8]) -> ivv::Result<String> {
     check_length(to, scene.len())?;
-    let text = |name: &str| part(name).map_or("", |part| part.text);
+    let text = |name: &str| player_file(name).map_or("", |file| file.text);
     let joined = |name: &str| {
         let mut modules = Vec::new();
         with_imports(name, &mut Vec::new(), &mut modules);
-        modules.iter().map(|part| bare(part.text)).collect::<Vec<_>>().join("\n")
+        modules.iter().map(|file| bare(file.text)).collect::<Vec<_>>().join("\n")
     };
     let (script, worker, style) = (joined(PAGE), joined(WORKER), text("style.css"));
     let hash = |text: &str| format!("'sha256-{}'", BASE64.encode(Sha256::digest(text)));
@@ -137,7 +137,7 @@ pub fn single_file(to: &Path, scene: &[u8]) -> ivv::Result<String> {
     Ok(page)
 }
 
-/// Refuses a scene of so many bytes that its text in a page would be longer than a browser's strings can be.
+/// Refuses a scene whose text would be longer than the strings of a browser.
 fn check_length(to: &Path, n_bytes: usize) -> ivv::Result<()> {
     if n_bytes <= MOST_IN_PAGE {
         return Ok(());
@@ -149,8 +149,8 @@ fn check_length(to: &Path, n_bytes: usize) -> ivv::Result<()> {
 }
 
 /// Appends the module `name` after all that it imports, each once.
-fn with_imports(name: &str, met: &mut Vec<&'static str>, to: &mut Vec<&'static Part>) {
-    let Some(module) = part(name).filter(|module| !met.contains(&module.name)) else { return };
+fn with_imports(name: &str, met: &mut Vec<&'static str>, to: &mut Vec<&'static PlayerFile>) {
+    let Some(module) = player_file(name).filter(|module| !met.contains(&module.name)) else { return };
     met.push(module.name);
     // Comments name types as `import('./x.js')`, which is not this.
     for import in module.text.split(" from './").skip(1) {
@@ -159,7 +159,7 @@ fn with_imports(name: &str, met: &mut Vec<&'static str>, to: &mut Vec<&'static P
     to.push(module);
 }
 
-/// A module without its imports and without the word `export`, both of which stand at the beginning of a line.
+/// A module without its imports and without the word `export`, both at the beginning of a line.
 fn bare(module: &str) -> String {
     let mut text = String::with_capacity(module.len());
     let mut is_import = false;

@@ -1,4 +1,4 @@
-//! The processes of one training, which `mpirun` or `srun` started together.
+//! The processes of one training, started together by `mpirun` or `srun`.
 
 use crate::ui::interrupt::Stop;
 use anyhow::ensure;
@@ -8,34 +8,34 @@ use ivv::train::{Config, Ranks, any};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 
-/// What launchers tell each process: how many there are, by Open MPI, by MPICH and its kin, and by Slurm for those of a step.
+/// Variables of launchers for the number of processes: of Open MPI, MPICH and its kin, and Slurm for a step.
 const SIZES: [&str; 3] = ["OMPI_COMM_WORLD_SIZE", "PMI_SIZE", "SLURM_STEP_NUM_TASKS"];
-/// Of these too: which of the processes of its machine it is.
+/// The same for the number of a process on its machine.
 const LOCAL_RANKS: [&str; 4] = ["OMPI_COMM_WORLD_LOCAL_RANK", "MPI_LOCALRANKID", "PMI_LOCAL_RANK", "SLURM_LOCALID"];
 
-/// And of these: how many processes its machine has. Slurm tells of all machines, as in `4(x2),3`.
+/// The same for the processes of its machine. Slurm lists all machines, as in `4(x2),3`.
 const LOCAL_SIZES: [&str; 3] = ["OMPI_COMM_WORLD_LOCAL_SIZE", "MPI_LOCALNRANKS", "SLURM_STEP_TASKS_PER_NODE"];
 
-/// The processes that train one scene; of one that was started alone there are no others.
+/// The processes that train one scene; empty if this one was started alone.
 #[derive(Clone, Default)]
 pub struct Team(Option<Arc<dyn Ranks>>);
 
-/// The number that a launcher told in one of these variables, the first one in it.
-fn told(variables: &[&str]) -> Option<usize> {
+/// The first number in the first of these variables that has one.
+fn launcher_number(variables: &[&str]) -> Option<usize> {
     let first = |text: String| text.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok();
     variables.iter().find_map(|name| first(std::env::var(name).ok()?))
 }
 
-/// Which of the processes of this machine it is.
+/// The number of this process on its machine.
 pub fn local_rank() -> usize {
-    told(&LOCAL_RANKS).unwrap_or(0)
+    launcher_number(&LOCAL_RANKS).unwrap_or(0)
 }
 
 impl Team {
-    /// All processes that were started with this one; each must call it.
+    /// All processes that were started with this one. Each must call it.
     pub fn join(stop: &Stop) -> anyhow::Result<Self> {
-        match told(&SIZES) {
-            Some(n @ 2..) => Ok(Team(Some(joined(n, stop)?))),
+        match launcher_number(&SIZES) {
+            Some(n @ 2..) => Ok(Team(Some(join_mpi(n, stop)?))),
             _ => Ok(Team(None)),
         }
     }
@@ -45,41 +45,41 @@ impl Team {
         self.0.clone()
     }
 
-    /// Processes.
+    /// Number of processes.
     pub fn size(&self) -> usize {
         self.0.as_ref().map_or(1, |ranks| ranks.size())
     }
 
-    /// Processes that share this machine; all, where nothing tells.
+    /// Number of processes on this machine; all, if no launcher says.
     pub fn local_size(&self) -> usize {
-        told(&LOCAL_SIZES).unwrap_or(usize::MAX).clamp(1, self.size())
+        launcher_number(&LOCAL_SIZES).unwrap_or(usize::MAX).clamp(1, self.size())
     }
 
-    /// Whether this is the one that writes.
+    /// Whether this process writes the run folder.
     pub fn leads(&self) -> bool {
         self.0.as_ref().is_none_or(|ranks| ranks.rank() == 0)
     }
 
-    /// Whether any of the processes says so.
+    /// Whether `own` is true for any process.
     pub fn any(&self, own: bool) -> ivv::Result<bool> {
         any(self.0.as_deref(), own)
     }
 
-    /// Waits until all processes have called it, however long that takes.
+    /// Waits until all processes have called it.
     pub fn meet(&self) {
         if let Some(ranks) = &self.0 {
             ranks.meet();
         }
     }
 
-    /// Leaves the other processes, once all steps are taken.
+    /// Leaves the other processes, after the last step.
     pub fn finish(&self) {
         if let Some(ranks) = &self.0 {
             ranks.finish();
         }
     }
 
-    /// Refuses settings whose steps these processes cannot share.
+    /// Refuses a batch that these processes cannot share.
     pub fn check(&self, config: &Config) -> anyhow::Result<()> {
         let (n, batch) = (self.size(), config.batch as usize);
         let above = batch.div_ceil(n) * n;
@@ -91,7 +91,7 @@ impl Team {
         Ok(())
     }
 
-    /// Refuses to go on where the processes have other scenes than this one has, `splats`, after step `step`.
+    /// Refuses to continue if another process has another scene than `splats` after `step`.
     pub fn agree(&self, splats: &Splats, step: u64) -> ivv::Result<()> {
         let Some(ranks) = &self.0 else { return Ok(()) };
         let own = hash(splats);
@@ -109,7 +109,7 @@ impl Team {
     }
 }
 
-/// Tells scenes apart by any bit.
+/// A hash of all bits of a scene.
 pub fn hash(splats: &Splats) -> sha2::digest::Output<Sha256> {
     let Splats { position, rotation, scale, opacity, sh, motion, .. } = splats;
     let parts: [&[u8]; 6] = [
@@ -124,7 +124,7 @@ pub fn hash(splats: &Splats) -> sha2::digest::Output<Sha256> {
 }
 
 #[cfg(not(feature = "mpi"))]
-fn joined(n: usize, _: &Stop) -> anyhow::Result<Arc<dyn Ranks>> {
+fn join_mpi(n: usize, _: &Stop) -> anyhow::Result<Arc<dyn Ranks>> {
     anyhow::bail!(
         "this is one of {n} processes that were started together, and this program was built without MPI; build it with \
          `tools/setup.sh mpi` and `cargo build --release --features mpi`, or start one process"
@@ -132,7 +132,7 @@ fn joined(n: usize, _: &Stop) -> anyhow::Result<Arc<dyn Ranks>> {
 }
 
 #[cfg(feature = "mpi")]
-fn joined(n: usize, stop: &Stop) -> anyhow::Result<Arc<dyn Ranks>> {
+fn join_mpi(n: usize, stop: &Stop) -> anyhow::Result<Arc<dyn Ranks>> {
     let found = crate::run::mpi::Mpi::begin(stop.clone())?;
     ensure!(
         found.size() == n,

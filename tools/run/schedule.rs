@@ -6,19 +6,19 @@ const PROFILED: u64 = 5;
 /// How often a run is saved and scored.
 #[derive(clap::Args)]
 pub struct ScheduleArgs {
-    /// Steps between checkpoints, which is the most that a lost device can cost. By default a tenth of the run.
+    /// Steps between checkpoints: the most that a lost device can cost. By default a tenth of the run.
     #[arg(long)]
     checkpoint_every: Option<u64>,
     /// Steps between evaluations of some test images; 0 for none. By default a tenth of the run.
     #[arg(long)]
     eval_every: Option<u64>,
-    /// Also evaluates after these steps, separated by commas.
+    /// Also evaluate after these steps, separated by commas.
     #[arg(long, value_delimiter = ',')]
     eval_at: Vec<u64>,
-    /// Test images of such an evaluation, spread evenly over all. The end of the run takes all.
+    /// Test images of such an evaluation, spread evenly over all. The end of the run evaluates all.
     #[arg(long, default_value_t = 16)]
     pub eval_images: usize,
-    /// At the end, fits the time offset of every test camera to its own images, and scores them at these offsets too.
+    /// At the end, fit the time offset of every test camera to its own images, and score them at these offsets too.
     #[arg(long)]
     pub fit_offsets: bool,
 }

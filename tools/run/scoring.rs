@@ -17,14 +17,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Once};
 
-/// Steps of the fit of a test camera's time offset.
+/// Iterations of the fit of a test camera's time offset.
 const FIT_ITERATIONS: usize = 4;
-/// Test views that a report shows at most.
+/// Most test views in a report.
 const EXAMPLES: usize = 8;
-/// Test views that an evaluation during the run shows.
+/// Test views in the report of an evaluation during the run.
 const SHOWN: usize = 3;
 
-/// Everything about a run that its scores depend on, but for the scene.
+/// All that the scores of a run depend on, except the scene.
 #[derive(Clone, Copy)]
 pub struct Scorer<'a> {
     pub gpu: &'a Arc<Gpu>,
@@ -34,7 +34,7 @@ pub struct Scorer<'a> {
 }
 
 impl Scorer<'_> {
-    /// Scores `splats` on `frames`, and shows a few of them; none when there is no frame, or masks hide all.
+    /// Scores `splats` on `frames`, with a few examples; `None` if there is no frame, or masks hide all.
     pub fn some(
         &self,
         splats: &Splats,
@@ -50,7 +50,7 @@ impl Scorer<'_> {
             if shown.contains(&(camera, frame)) {
                 renders.push((camera, frame, rendered.clone()));
             }
-            progress.step(&self.told(camera, frame));
+            progress.step(&self.image_name(camera, frame));
             Ok(())
         })?;
         warn_of_lpips(&mut meter);
@@ -59,7 +59,7 @@ impl Scorer<'_> {
         for (camera, frame, render) in renders {
             let name = &self.capture.cameras[camera].name;
             let is_of = |scored: &&ViewScores| scored.camera == *name && scored.frame == frame;
-            // A view that its mask hides has no scores.
+            // A hidden view has no scores.
             if let Some(scored) = evaluation.views.iter().find(is_of) {
                 let truth = self.capture.picture(camera, frame)?;
                 examples.push(Example { view: scored.view.clone(), why: "", scores: scored.scores, truth, render });
@@ -68,7 +68,7 @@ impl Scorer<'_> {
         Ok(Some((evaluation, examples)))
     }
 
-    /// Writes what an evaluation during the run shows: a strip of `examples`, truth above rendering, and the report so far.
+    /// Writes a strip of `examples`, truth above rendering, and the report so far.
     pub fn progress(
         &self,
         (splats, evaluation, examples): (&Splats, Evaluation, &[Example]),
@@ -89,9 +89,9 @@ impl Scorer<'_> {
         in_parallel(write_strip, || report.write(&output.join("report.html")))
     }
 
-    /// Scores what `renderer` shows, which `scene` holds, on all test views, and once more at the time offsets `fits` by camera where there
-    /// are any; writes eval.json and the renders into `output`. Returns the scores and some views for the report; none when
-    /// there is no test view, or masks hide all.
+    /// Scores the scene of `renderer`, from the file `scene`, on all test views, and again at the time offsets `fits` by camera if there
+    /// are any. Writes eval.json and the renders into `output`. Returns the scores, and some views for the report; `None` if there is no
+    /// test view, or masks hide all.
     pub fn all(
         &self,
         (mut renderer, size): (Renderer, SceneSize),
@@ -106,7 +106,7 @@ impl Scorer<'_> {
             let folder = output.join("renders").join(&self.capture.cameras[camera].name);
             make_folder(&folder)?;
             rendered.write_png(&folder.join(format!("{frame:05}.png")))?;
-            progress.step(&self.told(camera, frame));
+            progress.step(&self.image_name(camera, frame));
             Ok(())
         };
         let sight = Sight::new(self.capture, self.config.background);
@@ -136,7 +136,7 @@ impl Scorer<'_> {
         Ok((Some(scores), examples))
     }
 
-    /// By test camera, its time offset fitted to its own images; empty where the run did not learn offsets.
+    /// The time offset of each test camera, fitted to its own images; empty if the run did not learn offsets.
     pub fn fitted_offsets(&self, splats: &Splats) -> ivv::Result<BTreeMap<usize, OffsetFit>> {
         let Scorer { gpu, capture, run, config } = self;
         let mut renderer = Renderer::new((*gpu).clone(), splats, run.constants)?;
@@ -160,8 +160,8 @@ impl Scorer<'_> {
         self.run.constants_of_capture().near
     }
 
-    /// An image, as progress tells of it.
-    fn told(&self, camera: usize, frame: u32) -> String {
+    /// The name of an image in lines of progress.
+    fn image_name(&self, camera: usize, frame: u32) -> String {
         format!("{} frame {frame}", self.capture.cameras[camera].name)
     }
 
@@ -180,13 +180,13 @@ impl Scorer<'_> {
         let sight = Sight { offsets, ..Sight::new(self.capture, self.config.background) };
         let mut progress = Progress::new("evaluation at fitted offsets", frames.len());
         let scored = evaluate(renderer, meter, &sight, frames, step, |camera, frame, _| {
-            progress.step(&self.told(camera, frame));
+            progress.step(&self.image_name(camera, frame));
             Ok(())
         })?;
         Ok(scored.map(|evaluation| evaluation.mean))
     }
 
-    /// Writes the report into `output`, with what `run_folder` tells of the training; returns its path.
+    /// Writes the report into `output`, with the training log of `run_folder`; returns its path.
     pub fn report(
         &self,
         scores: Option<&SceneScores>,
@@ -195,7 +195,7 @@ impl Scorer<'_> {
         output: &Path,
     ) -> ivv::Result<PathBuf> {
         let name = name_of(output);
-        // Reports of other scenes, and of a run that goes on, have folders of their own: the totals say nothing of those.
+        // Reports of other scenes and of unfinished runs have folders of their own; the totals are not theirs.
         let totals = if output == run_folder { totals(run_folder) } else { serde_json::Value::Null };
         let log = Log::open(run_folder, u64::MAX);
         let Scorer { run, config, .. } = self;
@@ -207,7 +207,7 @@ impl Scorer<'_> {
     }
 }
 
-/// Says how many test images of `run` are images that it trained on, too.
+/// Warns of test images of `run` that it also trains on.
 pub fn warn_of_shared_pictures(run: &Run) {
     let n = run.fingerprints.as_ref().map_or(0, |all| all.n_shared(&run.test_cameras));
     if n > 0 {
@@ -219,7 +219,7 @@ pub fn warn_of_shared_pictures(run: &Run) {
     }
 }
 
-/// Says, once in a process, why a view has no LPIPS although there are weights for it.
+/// Warns, once in a process, that a view has no LPIPS although there are weights.
 fn warn_of_lpips(meter: &mut Meter) {
     static WARNS: Once = Once::new();
     if let Some(fault) = meter.take_fault_of_lpips() {
@@ -227,7 +227,7 @@ fn warn_of_lpips(meter: &mut Meter) {
     }
 }
 
-/// Means of the views at the seams of the plan in `folder`, and of the others; none where there is no plan, or no view of either.
+/// Means of the views at the seams of the plan in `folder`, and of the others; `None` if there is no plan, or no view of either.
 fn seams(folder: &Path, evaluation: &Evaluation) -> ivv::Result<Option<[Scores; 2]>> {
     if !Segments::file(folder).is_file() {
         return Ok(None);
@@ -237,13 +237,13 @@ fn seams(folder: &Path, evaluation: &Evaluation) -> ivv::Result<Option<[Scores; 
     Ok(mean(true).zip(mean(false)).map(|(at, elsewhere)| [at, elsewhere]))
 }
 
-/// What the report calls the run in `output`.
+/// The name of the run in `output`, for its report.
 fn name_of(output: &Path) -> String {
     let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
     path.file_name().map_or("run".into(), |name| name.to_string_lossy()).into_owned()
 }
 
-/// `train.json` of a run; null where it is absent: a run that was copied without it still has scores.
+/// `train.json` of a run, or null: a run that was copied without it still has scores.
 pub fn totals(run_folder: &Path) -> serde_json::Value {
     read_json(&run_folder.join("train.json"), "").unwrap_or_default()
 }

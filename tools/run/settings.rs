@@ -16,18 +16,18 @@ pub struct SettingArgs {
     /// Steps, instead of what the epochs give; with `train --resume`, of the whole run.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// A preset to start from: exact, balanced, fast, small, or the path of a preset's .json file;
-    /// `ivv bench trade` measures them.
+    /// The preset to start from: exact, balanced, fast, small, or the path of a preset's .json file. `ivv bench trade` compares
+    /// them.
     #[arg(long)]
     preset: Option<String>,
     /// A JSON file of settings, such as an earlier run's config.json. It overrides the preset.
     #[arg(long)]
     config: Option<PathBuf>,
-    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2; `ivv train --list-settings` lists all. It
-    /// overrides the file; may be given several times.
+    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2. It overrides the file and may be given several
+    /// times. `ivv train --list-settings` lists all.
     #[arg(long = "set")]
     set: Vec<String>,
-    /// Most Gaussians, those that the run begins with among them.
+    /// Most Gaussians of the scene, including the first ones.
     #[arg(long)]
     max_gaussians: Option<usize>,
     /// Seed of the image order, the first Gaussians and density control.
@@ -38,7 +38,7 @@ pub struct SettingArgs {
     sh_degree: Option<u32>,
 }
 
-/// The settings that KEY=VALUE changes; keys of nested ones with dots.
+/// The patch of KEY=VALUE; dots separate the parts of nested keys.
 pub fn patch(set: &str) -> anyhow::Result<Value> {
     let (key, text) = set.split_once('=').context("expected KEY=VALUE")?;
     let pointer = format!("/{}", key.replace('.', "/"));
@@ -54,7 +54,7 @@ pub fn patch(set: &str) -> anyhow::Result<Value> {
     Ok(patch)
 }
 
-/// The settings in which `asked` differs from `has`, with their values.
+/// Appends the settings in which `asked` differs from `has`.
 fn differences(key: &str, has: &Value, asked: &Value, found: &mut Vec<String>) {
     match (has, asked) {
         (Value::Object(has), Value::Object(asked)) => {
@@ -68,13 +68,13 @@ fn differences(key: &str, has: &Value, asked: &Value, found: &mut Vec<String>) {
     }
 }
 
-/// What `option` asks for where a run, which keeps what it has, has something else.
+/// The message for an option that asks for another value than a run has and keeps.
 pub fn contradiction(option: impl Display, has: impl Display, asked: impl Display) -> String {
     format!("{option}: the run has {has}, the option asks for {asked}")
 }
 
 impl SettingArgs {
-    /// `run` for as long as --steps or --epochs ask. Epochs count only where no steps are set.
+    /// `run` with the length of --steps or --epochs. Epochs count only if no steps are set.
     pub fn extended(&self, run: &Config) -> Config {
         let mut config = run.clone();
         if let Some(epochs) = self.epochs {
@@ -89,7 +89,7 @@ impl SettingArgs {
         self.config.as_deref()
     }
 
-    /// What else the flags ask for that `run` does not have.
+    /// How the other options differ from `run`.
     pub fn contradictions(&self, run: &Config) -> anyhow::Result<Vec<String>> {
         let asked = Config { steps: run.steps, epochs: run.epochs, ..self.on(run)? };
         let mut found = Vec::new();
@@ -97,7 +97,7 @@ impl SettingArgs {
         Ok(found)
     }
 
-    /// The defaults, then the preset, then the file, then each `--set`, then the flags.
+    /// The defaults, overridden by the preset, the file, each `--set` and the other options, in this order.
     pub fn resolve(&self) -> anyhow::Result<Config> {
         self.on(&Config::default())
     }
@@ -113,7 +113,7 @@ impl SettingArgs {
             let remedy = "start from the config.json of a run";
             let settings: Value = read_json(file, remedy)?;
             check_settings(&settings).map_err(|fault| ivv::Error::data(file, "", fault, remedy))?;
-            // As settings too: what is wrong is then a fault of the file.
+            // Read it as settings too, so that an error names the file.
             read_json::<Config>(file, remedy)?;
             merge(&mut value, &settings);
         }

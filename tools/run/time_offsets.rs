@@ -20,12 +20,12 @@ pub struct OffsetRow {
     pub how: Origin,
     /// Frames.
     pub offset: f64,
-    /// Frames, with the scene held fixed, so that an offset may be off by more; none where the pictures do not say.
+    /// Frames, for a fixed scene, so the true error may be larger; none if the pictures do not determine the offset.
     pub standard_error: Option<f64>,
-    /// Whether the fit ended at the edge of the search, 2 frames: the offset may lie beyond.
+    /// Whether the fit ended at the edge of the search, 2 frames: the true offset may be larger.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub at_bound: bool,
-    /// Frames, less the mean of the learnt cameras', which nothing can tell; where the capture knows.
+    /// Frames, relative to the mean of the learnt cameras, which cannot be observed; if the capture has the truth.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub truth: Option<f64>,
 }
@@ -34,16 +34,16 @@ pub struct OffsetRow {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
-    /// With the scene.
+    /// Learnt with the scene.
     Learnt,
-    /// Not at all: the pictures do not say what it is, and it was set to 0.
+    /// Set to 0, because the pictures do not determine it.
     Frozen,
-    /// A test camera's, after the training, with the scene held fixed.
+    /// Fitted for a test camera after the training, with a fixed scene.
     Fitted,
 }
 
-/// The table of a run, with the test cameras' offsets `fitted` afterwards, written into `output`; empty where no offset was to
-/// be learnt.
+/// Writes the table of a run into `output`, with the offsets of test cameras that were `fitted` afterwards; empty if the run learns no
+/// offset.
 pub fn table(
     trainer: &mut Trainer,
     scorer: &Scorer,
@@ -99,7 +99,7 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
     capture.cameras.iter().enumerate().filter(is_listed).map(row).collect()
 }
 
-/// How well the learnt offsets agree with the true ones; none without truth.
+/// The agreement of learnt and true offsets; `None` without truth.
 pub fn agreement(rows: &[OffsetRow]) -> Option<Agreement> {
     let learnt = rows.iter().filter(|row| row.how == Origin::Learnt);
     let pairs: Vec<(f64, f64)> = learnt.filter_map(|row| Some((row.offset, row.truth?))).collect();
@@ -112,7 +112,7 @@ fn warning(rows: &[OffsetRow]) -> Option<String> {
     let names = at_bound.join(", ");
     (!at_bound.is_empty()).then(|| {
         format!(
-            "the clocks of {names} are {OFFSET_BOUND} frames or more from the others', which is as far as training looks: prepare the \
+            "the clocks of {names} are {OFFSET_BOUND} frames or more from the others', the limit of training: prepare the \
              capture again with --shift CAMERA=FRAMES, or with --shift sound where the videos have sound"
         )
     })
@@ -136,7 +136,7 @@ pub fn print(rows: &[OffsetRow]) {
         out!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
     }
     out!(
-        "+-: of what the camera's pictures say and how far their own best value is; doubled, for what the scene takes up of a clock"
+        "+-: standard error from the camera's pictures and their own best value, doubled because the scene absorbs part of an offset"
     );
     if let Some(Agreement { rms_error, correlation }) = agreement(rows) {
         let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.3}"));

@@ -1,4 +1,4 @@
-//! `train.json`: what a run came to.
+//! `train.json`: the totals of a run.
 
 use crate::run::pass_times::{TimedPass, mean, total};
 use ivv::gpu::Gpu;
@@ -6,7 +6,7 @@ use ivv::scene::Splats;
 use ivv::train::{Config, Kind, Log, Run};
 use serde_json::{Value, json};
 
-/// Of a line of the profile in train.jsonl.
+/// A profiled step in train.jsonl.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub struct ProfiledStep {
     /// The step.
@@ -17,22 +17,22 @@ pub struct ProfiledStep {
     pub bytes_by_buffer: std::collections::BTreeMap<String, u64>,
 }
 
-/// Seconds of a run.
+/// Times of a run.
 #[derive(serde::Serialize)]
 pub struct Seconds {
     /// Since this process began.
     pub seconds: f64,
-    /// The same of all processors together; see [`cpu_seconds`].
+    /// CPU time; see [`cpu_seconds`].
     pub cpu_seconds: Option<f64>,
-    /// In steps and density control, over all processes of the run.
+    /// In steps and density control, since the run began.
     pub seconds_stepping: f64,
-    /// The same over the number of steps.
+    /// The same per step.
     pub seconds_per_step: f64,
-    /// In which steps had to wait for images.
+    /// Waiting for images.
     pub waited_for_images_s: f64,
 }
 
-/// Everything that is the same whatever the scores.
+/// All totals but the scores.
 pub fn totals(
     gpu: &Gpu,
     steps_done: u64,
@@ -75,20 +75,20 @@ pub fn totals(
     Ok(value)
 }
 
-/// Most memory that this process ever held, a software driver's included; `None` where the system does not tell (not Linux).
+/// Peak memory of this process, including a software driver; `None` except on Linux.
 fn host_peak_bytes() -> Option<u64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
     Some(1024 * line.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
 }
 
-/// Time of the processors that this process took so far, all its threads together, a software driver's included; `None` where
-/// the system does not tell (not Linux). Unlike seconds it hardly depends on what else runs on the machine.
+/// CPU time of this process so far, over all threads and including a software driver; `None` except on Linux. Unlike wall time it
+/// hardly depends on what else runs on the machine.
 pub fn cpu_seconds() -> Option<f64> {
-    // Linux counts in hundredths of a second here, whatever its own clock does.
+    // Linux counts in hundredths of a second here, whatever its clock rate.
     const TICKS: f64 = 100.0;
     let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
-    // The name of the program stands in brackets and may hold anything; user and system time are the 12th and 13th behind it.
+    // The program's name is in brackets and may contain anything; user and system time are the 12th and 13th fields after it.
     let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
     let ticks = |index: usize| fields.get(index)?.parse::<f64>().ok();
     Some((ticks(11)? + ticks(12)?) / TICKS)

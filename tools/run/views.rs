@@ -1,4 +1,4 @@
-//! Views that a verb is asked for: those of a capture, of a run's capture, or of a cameras file.
+//! The views of a verb: from a capture, from a run's capture, or from a cameras file.
 
 use crate::run::capture::{self, CaptureArgs};
 use crate::run::files::read_json;
@@ -9,9 +9,9 @@ use ivv::train::{Config, Run};
 use std::ops::Range;
 use std::path::Path;
 
-/// Which views of a capture.
+/// Options that choose views of a capture.
 #[derive(clap::Args)]
-// `--frames` chooses here.
+// Here `--frames` chooses views.
 #[command(mut_arg("max_frames", |of_capture| of_capture.visible_alias(None)))]
 pub struct ViewArgs {
     /// Takes only this camera of the capture; can be given several times.
@@ -40,25 +40,25 @@ fn frames(text: &str) -> Result<Range<u32>, String> {
     if range.is_empty() { Err(fault()) } else { Ok(range) }
 }
 
-/// A normalised time of a clip, for options.
+/// Parses a normalised time of a clip.
 pub fn clip_time(text: &str) -> Result<f64, String> {
     let time = text.parse::<f64>().ok().filter(|time| (0.0..=1.0).contains(time));
     time.ok_or_else(|| format!("expected a time from 0 (the clip's start) to 1 (its end), found {text}"))
 }
 
 impl ViewArgs {
-    /// Whether they choose.
+    /// Whether an option chooses views.
     pub fn choose(&self) -> bool {
         !self.names.is_empty() || self.frames.is_some()
     }
 
-    /// How a capture is read.
+    /// How to read the capture.
     pub fn settings(&self) -> CaptureSettings {
-        // Which of them would be test cameras does not matter here; a capture of one image has its view too.
+        // Test cameras do not matter here, and a capture of one image has a view too.
         CaptureSettings { test_every: 0, ..self.read.settings() }
     }
 
-    /// Refuses options of how a capture is read that are not those of `run`, which is read as it was for the training.
+    /// Refuses options of how to read a capture that differ from those of `run`.
     pub fn agree_with(&self, run: &Run) -> anyhow::Result<()> {
         let differ = self.read.differ_from(run);
         ensure!(
@@ -69,7 +69,7 @@ impl ViewArgs {
         Ok(())
     }
 
-    /// Refuses options of how a capture is read where none is.
+    /// Refuses options of how to read a capture if none is read.
     pub fn need_no_capture(&self, instead: &str) -> anyhow::Result<()> {
         ensure!(
             self.read.are_default(),
@@ -78,11 +78,11 @@ impl ViewArgs {
         Ok(())
     }
 
-    /// A view of each image of `capture` that is asked for, camera by camera. At a given `time` a camera that rests is
-    /// taken once. Photographs, which were taken at another time than the clip, only where they are named.
+    /// A view of each chosen image of `capture`, camera by camera. At a given `time` a static camera has one view. Photographs, which
+    /// were taken at another time than the clip, must be named.
     ///
     /// # Errors
-    /// When the capture has no such camera or no such frame.
+    /// If the capture has no such camera or no such frame.
     pub fn of(&self, capture: &Capture, time: Option<f64>) -> anyhow::Result<Vec<View>> {
         let has = |name: &String| capture.cameras.iter().any(|camera| camera.name == *name);
         if let Some(name) = self.names.iter().find(|name| !has(name)) {
@@ -109,7 +109,7 @@ impl ViewArgs {
         Ok(views)
     }
 
-    /// The views of the capture of the run in `folder`, over the run's background; the capture may have `moved_to`.
+    /// The views of the capture of the run in `folder`, over the run's background. `moved_to` is where the capture is now.
     pub fn of_run(&self, folder: &Path, moved_to: Option<&Path>, time: Option<f64>) -> anyhow::Result<Vec<View>> {
         let run = Run::read(folder)?;
         self.agree_with(&run)?;

@@ -1,12 +1,12 @@
-//! What a training takes of a device.
+//! The memory that a training needs.
 
 use ivv::gpu::Gpu;
 use ivv::scene::capture::Capture;
 use ivv::train::{Config, ImageMemory, Limits, Setup, Workload};
 use ivv::vk::DeviceKind;
 
-/// A training on `capture` with as many Gaussians as are allowed, which all move where it is a clip, and with so many bytes of decoded
-/// images in the host's memory; and what the device has.
+/// A training on `capture` with the most Gaussians that `config` allows, all dynamic if it is a clip, and with `cache_bytes` of decoded
+/// images in host memory; and the limits of the device.
 ///
 /// # Errors
 /// Those of the weights of LPIPS.

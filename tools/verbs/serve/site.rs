@@ -2,7 +2,7 @@
 
 use super::live::{Events, LiveRun};
 use super::scene::{FilePart, ServedScene};
-use crate::run::player::{LIVE, PARTS, POLICY, Part, SCENE};
+use crate::run::player::{LIVE_PAGE, PLAYER_FILES, POLICY, PlayerFile, SCENE};
 use bytes::Bytes;
 use http_body_util::{Either, Full};
 use hyper::header::{self, HeaderValue};
@@ -100,7 +100,7 @@ impl Site {
                     plain_text(StatusCode::NOT_FOUND, "expected the file of the scene, found none that can be read")
                 }
             },
-            Content::Scene(_) | Content::File(_) => of_part(PARTS, path),
+            Content::Scene(_) | Content::File(_) => of_part(PLAYER_FILES, path),
             Content::Run(live) => match path.strip_prefix("at/").and_then(|rest| rest.split_once('/')) {
                 Some((name, SCENE)) => match live.scene(name).await {
                     Some(scene) => return of_scene(&scene, request),
@@ -108,10 +108,10 @@ impl Site {
                         plain_text(StatusCode::NOT_FOUND, "expected one of the newest scenes, found none of this name")
                     }
                 },
-                Some((_, rest)) => of_part(PARTS, rest),
+                Some((_, rest)) => of_part(PLAYER_FILES, rest),
                 None if path == "report.html" => of_report(live),
-                None if path == "icon.svg" => of_part(PARTS, path),
-                None => of_part(LIVE, path),
+                None if path == "icon.svg" => of_part(PLAYER_FILES, path),
+                None => of_part(LIVE_PAGE, path),
             },
         };
         other.map(Either::Left)
@@ -210,7 +210,7 @@ fn part_of(asked: &str, length: usize) -> Asked {
 }
 
 /// A file of the page; its first one where none is named.
-fn of_part(parts: &'static [Part], name: &str) -> Response<Full<Bytes>> {
+fn of_part(parts: &'static [PlayerFile], name: &str) -> Response<Full<Bytes>> {
     let name = if name.is_empty() { "index.html" } else { name };
     parts.iter().find(|part| part.name == name).map_or_else(
         || plain_text(StatusCode::NOT_FOUND, "expected a file of the page, found none of this name"),

@@ -188,7 +188,7 @@ struct Training<'scope, 'env> {
 }
 
 impl Training<'_, '_> {
-    /// TrainingProgress to the end.
+    /// Takes all steps.
     fn train(&mut self, stop: &Stop) -> anyhow::Result<()> {
         if self.session.steps() == 0 {
             // Whatever happens from here on, there is a checkpoint to go on from.
