@@ -34,53 +34,52 @@ struct Cli {
     /// Least severity of the log on standard error: error, warn, info, debug or trace.
     #[arg(long, global = true, default_value = "warn")]
     log_level: tracing::Level,
-    /// Writes what the command spent its time on to FILE, in Chrome's trace format, for ui.perfetto.dev or chrome://tracing;
-    /// with --log-level trace every pass of the device too.
+    /// Writes a trace of the command to FILE, in Chrome's format, for ui.perfetto.dev or chrome://tracing. With --log-level trace it
+    /// has every pass of the device.
     #[arg(long, global = true, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// Writes results, and errors too, as JSON on standard output.
+    /// Writes results and errors as JSON on standard output.
     #[arg(long, global = true)]
     json: bool,
-    /// Leaves out messages and progress: standard error has warnings and errors only.
+    /// Hides messages and progress: standard error has only warnings and errors.
     #[arg(short, long, global = true)]
     quiet: bool,
 }
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Lists Vulkan devices with their limits and features, and says which one is picked and why.
+    /// Lists Vulkan devices with their limits and features, and which one is chosen and why.
     Devices(devices::Args),
     /// Turns recordings into a capture folder: decodes video, undistorts, triangulates points, estimates flow.
     Prepare(prepare::Args),
-    /// Lists everything that is wrong with a capture, and what it holds.
+    /// Lists all faults of a capture, and its contents.
     Check(check::Args),
-    /// Shows what a scene holds: static and dynamic Gaussians, SH degree, bytes, extent. Or writes the views of a capture as a
+    /// Shows the contents of a scene: static and dynamic Gaussians, SH degree, bytes, extent. Or writes the views of a capture as a
     /// cameras file.
     Inspect(inspect::Args),
     /// Renders views of a run or a scene, one file per view and format, named after the view; or a video along a path, with
     /// sound, or around the scene.
     Render(render::Args),
-    /// Sound: finds speakers, and renders what is heard along a path.
+    /// Sound: finds speakers, and renders the sound along a path.
     Sound(sound::Args),
-    /// Fits Gaussians to the images of a capture. Or only plans that, lists the settings, or writes the first Gaussians.
+    /// Trains a scene on the images of a capture. Or only plans the training, lists the settings, or writes the first Gaussians.
     Train(train::Args),
-    /// Trains a long clip in parts, each in the memory of its own frames, on one machine or as jobs of many.
+    /// Trains a long clip in segments, on one machine or as jobs of many.
     Segments(segments::Args),
-    /// Scores the test views of a run again from its folder, and writes its report.
+    /// Scores the test views of a run again, and writes its report.
     Eval(eval::Args),
     /// Compares settings: trains each arm of a study with several seeds on captures, and tabulates and plots the scores. Or compares
-    /// finished runs, and may add them to a history of measurements.
+    /// finished runs, and adds them to a history.
     Bench(bench::Args),
-    /// Measures the device, and how close each pass of a step or a frame comes to it; captures and replays single kernels.
+    /// Measures each pass of a step or a frame against the limits of the device; dumps and replays single kernels.
     Profile(profile::Args),
-    /// Writes a scene in another format, or as it looks at one time.
+    /// Writes a scene in another format, or at one moment.
     Export(export::Args),
-    /// Serves a scene with the browser player on this machine.
+    /// Serves a scene or a run in training with the browser player.
     Serve(serve::Args),
-    /// Shows a scene in a window, by the engine itself: where you look, with sound and the times of frames and passes. Of programs
-    /// built with `--features play`.
+    /// Shows a scene in a native window, with sound and the times of frames and passes. Needs a build with `--features play`.
     Play(play::Args),
-    /// Writes a synthetic capture of a room with moving things, with its ground truth.
+    /// Writes a synthetic capture of a room with moving objects, with its ground truth.
     Synth(synth::Args),
     /// Commands for developers: a check of the device, gradients, the demo scene, completions, manual pages.
     #[command(hide = true)]

@@ -10,21 +10,20 @@ use std::path::PathBuf;
 /// Options of `ivv train`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume
-    /// only where it has moved.
+    /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume only if it
+    /// has moved.
     #[arg(required_unless_present_any = ["resume", "list_settings"])]
     pub capture: Option<PathBuf>,
-    /// The run folder: run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders,
-    /// report.html.
+    /// The run folder, for run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders and report.html.
     #[arg(short, long, required_unless_present_any = ["list_settings", "only_init"])]
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub settings: SettingArgs,
-    /// Bytes of images to decode ahead; by default a quarter of the machine's memory, divided by the processes of the run on it.
+    /// Bytes of images to decode ahead. By default a quarter of the machine's memory, divided by the processes of the run on it.
     #[arg(long)]
     pub cache_bytes: Option<u64>,
-    /// Bytes of images to keep in the device's memory, where steps on them need neither decoding nor a copy. By default three
-    /// quarters of what the memory plan leaves, or none where that is the machine's own memory.
+    /// Bytes of images to keep in device memory, which saves decoding and copying them. By default three quarters of what the memory
+    /// plan leaves free, or none if the device uses host memory.
     #[arg(long)]
     pub device_image_bytes: Option<u64>,
     /// Steps between two lines of train.jsonl.
@@ -32,33 +31,31 @@ pub struct Args {
     pub log_every: u64,
     #[command(flatten)]
     pub read: CaptureArgs,
-    /// A cameras file (JSON) of views, in the capture's world, that the scene will be seen from: training keeps clear what lies
-    /// just before them. run.json and the report name them; do not give the cameras that you test on.
+    /// A cameras file (JSON) of views, in the capture's world, from which the scene will be seen: training keeps the space just before
+    /// them clear. run.json and the report name them. Do not give the cameras that you test on.
     #[arg(long, conflicts_with = "resume")]
     pub viewpoints: Option<PathBuf>,
-    /// Continues the run in the run folder from its newest checkpoint, with its settings, cameras and constants. With --steps
-    /// or --epochs it goes on for as long as these say, an ended run too: learning rates and density control are then those
-    /// of a run of that length, which may raise the rates and lower the scores for a while.
+    /// Continues the run in the run folder from its newest checkpoint, with its settings, cameras and constants. --steps or --epochs
+    /// change its length, also after its end: learning rates and density control are then those of a run of the new length, which may
+    /// raise the rates and lower the scores for a while.
     #[arg(long)]
     pub resume: bool,
-    /// Trains what moves on top of another run on the same cameras, which has ended: its static Gaussians stay as they are, and so
-    /// does what it learnt of clocks and poses. The run starts with its dynamic Gaussians that live in this part of the clip, and with
-    /// new ones of what moves in the images.
+    /// Trains the dynamic part on top of a finished run on the same cameras. That run's static Gaussians, time offsets and poses stay
+    /// fixed. The new run starts with its dynamic Gaussians in this part of the clip, and with new ones from motion in the images.
     #[arg(long, value_name = "RUN", conflicts_with = "resume")]
     pub base: Option<PathBuf>,
-    /// Replaces the run in the run folder, with all that `ivv` wrote there for it. It stays until capture and settings are
-    /// known to be good and the first Gaussians are there.
+    /// Replaces the run in the run folder, with all that `ivv` wrote for it. It is removed only after capture and settings are checked
+    /// and the first Gaussians are made.
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
     #[command(flatten)]
     pub schedule: ScheduleArgs,
     #[command(flatten)]
     pub instead: InsteadArgs,
-    /// Print the mean time of every pass of a step.
+    /// Prints the mean time of every pass of a step.
     #[arg(long)]
     pub profile: bool,
-    /// Shows the training in a browser, at this port of this machine: its course, test views, and the scene as of the newest
-    /// checkpoint, to walk in.
+    /// Shows the training in a browser, at this port of this machine: its curves, test views, and the scene of the newest checkpoint.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8080")]
     pub view: Option<u16>,
     #[command(flatten)]
@@ -67,18 +64,17 @@ pub struct Args {
     pub device: DeviceArgs,
 }
 
-/// Options for something else than a training.
+/// Options that replace the training.
 #[derive(clap::Args)]
 pub struct InsteadArgs {
-    /// Only tells what the run will take: steps, memory, bytes on the disk; as if the clip had so many frames, where that is given.
-    /// Nothing is written.
+    /// Only prints the steps, memory and disk space of the run, for a clip of FRAMES frames if that is given. Writes nothing.
     #[arg(long, value_name = "FRAMES", num_args = 0..=1, conflicts_with = "resume")]
     pub plan: Option<Option<u32>>,
-    /// With `--plan`: plans for a card that is not here: H200, RTX4090, RX7900XTX or A770.
+    /// With `--plan`: plans for another card: H200, RTX4090, RX7900XTX or A770.
     #[arg(long, value_name = "CARD", requires = "plan")]
     pub card: Option<String>,
-    /// Only lists the settings of a run: default, unit, range, meaning, and the presets that change each; those whose names begin with
-    /// NAME, such as density or lr.scale, where that is given.
+    /// Only lists the settings of a run: default, unit, range, meaning, and the presets that change each. With NAME, such as density or
+    /// lr.scale, those whose names begin with it.
     #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with_all = ["capture", "output", "resume", "plan"])]
     pub list_settings: Option<Option<String>>,
     /// Only writes the first Gaussians of the run to this file, a PLY in the capture's own frame.

@@ -1,4 +1,4 @@
-//! The first Gaussians of a run alone: `ivv train --only-init`.
+//! `ivv train --only-init`: the first Gaussians of a run.
 
 use crate::run::files::write_scene;
 use crate::ui::progress::Progress;
@@ -9,7 +9,7 @@ use ivv::formats::Own;
 use ivv::train::{Config, initialise};
 use std::path::Path;
 
-/// Writes what the training that `args` ask for would begin with to `file`.
+/// Writes the first Gaussians of the training of `args` to `file`.
 pub fn write_initial_scene(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
     // Higher degrees are 0 at first, and make the file larger.
     let config = Config { sh_degree: 0, ..args.settings.resolve()? };

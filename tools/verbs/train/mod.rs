@@ -52,7 +52,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let setup = TrainingSetup::new(args, team.leads())?;
     team.check(&setup.config)?;
-    // All have read what they begin with before one of them writes.
+    // All processes read their input before one of them writes.
     team.any(false)?;
     let TrainingSetup { gpu, run, capture, config, total, output, checkpoints, resumed, .. } = &setup;
     if config.loss.lacks_lpips_weights() {
@@ -88,7 +88,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         config.sh_degree
     );
     if session.trainer().shows_background() && (config.vary_background || config.backdrop > 0) {
-        say!("the images show the background: it stays as it is, and the scene gets no backdrop");
+        say!("the images show the background, so it does not vary and the scene gets no backdrop");
     }
     if team.size() > 1 {
         let own = config.batch as usize / team.size();
@@ -119,7 +119,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     })
 }
 
-/// Does what `args` ask for instead of a training, and says whether they do.
+/// Does what `args` ask for instead of a training; returns false if they ask for a training.
 fn instead(args: &Args, json: bool) -> anyhow::Result<bool> {
     let InsteadArgs { plan, list_settings, only_init, card: _ } = &args.instead;
     if let Some(name) = list_settings {
@@ -134,7 +134,7 @@ fn instead(args: &Args, json: bool) -> anyhow::Result<bool> {
     Ok(true)
 }
 
-/// Takes the steps of a run that another process leads.
+/// Takes the steps of a run whose folder another process writes.
 fn follow(mut session: Session, total: u64, schedule: &Schedule, team: &Team, stop: &Stop) -> anyhow::Result<()> {
     session.settle()?;
     while session.steps() < total {
@@ -142,10 +142,10 @@ fn follow(mut session: Session, total: u64, schedule: &Schedule, team: &Team, st
         session.take_events();
         session.settle()?;
         if team.any(stop.is_asked())? {
-            // A launcher kills the others as soon as one has ended, so all wait for the checkpoint. None leaves MPI then: a launcher
-            // that was asked to end no longer answers those who do, and kills them before they have said what is left.
+            // A launcher kills the others as soon as one has ended, so all wait for the checkpoint. None leaves MPI: a launcher that was
+            // asked to end no longer answers such a process, and kills it before it has printed how to continue.
             team.meet();
-            return Err(Interrupted("the process that leads wrote a checkpoint; continue with --resume").into());
+            return Err(Interrupted("the first process wrote a checkpoint; continue with --resume").into());
         }
         if schedule.is_checkpoint_due(session.steps()) {
             let (splats, step) = (session.trainer().splats()?, session.steps());
@@ -156,26 +156,26 @@ fn follow(mut session: Session, total: u64, schedule: &Schedule, team: &Team, st
     Ok(())
 }
 
-/// An evaluation during the run, and what is shown of it.
+/// An evaluation during the run, with examples.
 struct Scored {
     splats: Splats,
     evaluation: Evaluation,
     examples: Vec<Example>,
 }
 
-/// A run under way, with its folder.
+/// A training, with its run folder.
 struct Training<'scope, 'env> {
     args: &'env Args,
     output: &'env Path,
     scorer: Scorer<'env>,
     session: Session<'env>,
-    /// The processes that share its steps.
+    /// The processes that share the steps.
     team: Team,
     /// Where checkpoints and reports are written.
     writer: BackgroundWriter<'scope, 'env>,
     total: u64,
     checkpoints: PathBuf,
-    /// What is scored during the run.
+    /// The test images that are scored during the run.
     some_test: Vec<(usize, u32)>,
     schedule: Schedule<'env>,
     progress: TrainingProgress,
@@ -183,7 +183,7 @@ struct Training<'scope, 'env> {
     /// For the page that shows the run.
     latest_line: LatestLine,
     start: Instant,
-    /// Of stepping, in processes before this one.
+    /// Seconds of steps in processes before this one.
     seconds_before: f64,
 }
 
@@ -191,7 +191,7 @@ impl Training<'_, '_> {
     /// Takes all steps.
     fn train(&mut self, stop: &Stop) -> anyhow::Result<()> {
         if self.session.steps() == 0 {
-            // Whatever happens from here on, there is a checkpoint to go on from.
+            // From here on there is always a checkpoint to resume.
             self.write(None, true)?;
             self.writer.wait()?;
         }
@@ -235,9 +235,9 @@ impl Training<'_, '_> {
         Ok(())
     }
 
-    /// Begins to write a checkpoint, where it `is_due` or the scores are the best so far, and what `scored` shows.
+    /// Starts to write `scored`, and a checkpoint if it `is_due` or the scores are the best so far.
     fn write(&mut self, scored: Option<Scored>, is_due: bool) -> ivv::Result<()> {
-        // All before is written then, the best checkpoint so far among it.
+        // After this the best checkpoint so far is on the disk.
         self.writer.wait()?;
         let psnr = scored.as_ref().map(|scored| scored.evaluation.mean.psnr);
         let best = Checkpoint::best(&self.checkpoints)?.map(|(_, psnr)| psnr);
@@ -264,17 +264,17 @@ impl Training<'_, '_> {
             };
             in_parallel(save, show)
         })?;
-        // A CPU driver's steps would share their cores with it.
+        // The steps of a CPU driver need the cores.
         if scorer.gpu.caps().kind == DeviceKind::Cpu { self.writer.wait() } else { Ok(()) }
     }
 
-    /// Keeps what can be kept of a run that `error` ends, and adds to the error what that is and how to go on: the last step
-    /// where the device still answers, the newest checkpoint otherwise.
+    /// Saves what is left of a run that `error` ends, the last step if the device still answers, and adds to the error what is saved and
+    /// how to continue.
     fn failed(&mut self, error: anyhow::Error) -> anyhow::Error {
         if error.downcast_ref::<Interrupted>().is_some() {
             return error;
         }
-        // A fault of what is still being written is not what ended the run.
+        // An error of the writer did not end the run.
         let _ = self.writer.wait();
         let world = self.scorer.run.world;
         let is_lost = matches!(error.downcast_ref(), Some(ivv::Error::DeviceLost { .. }));
@@ -294,7 +294,7 @@ impl Training<'_, '_> {
         rescue::describe(error, self.session.trainer().ended(), &self.checkpoints, self.output)
     }
 
-    /// Does what is due after the last step, and notes what has happened.
+    /// Does the work that is due after the last step, and reports the events.
     fn settle(&mut self) -> anyhow::Result<()> {
         self.note_events()?;
         self.session.settle()?;
@@ -314,11 +314,11 @@ impl Training<'_, '_> {
                 }
                 Event::Poses { pixels, are_learnt } => say!("{}", camera_poses::verdict(pixels, are_learnt)),
                 Event::Backdrop { n, is_added: true } => {
-                    say!("added {} behind the scene, where no training camera looks", count(n, "Gaussian"));
+                    say!("added {} behind the scene, out of view of the training cameras", count(n, "Gaussian"));
                 }
                 Event::Backdrop { n, .. } => alert!(
                     "no backdrop: with its {} the scene would have more than max_gaussians, {}; what no training camera \
-                     looks at stays empty. Train with a larger --max-gaussians, or silence this with --set backdrop=0",
+                     sees stays empty. Train with a larger --max-gaussians, or silence this with --set backdrop=0",
                     count(n, "Gaussian"),
                     self.scorer.config.max_gaussians
                 ),
@@ -330,7 +330,7 @@ impl Training<'_, '_> {
         Ok(())
     }
 
-    /// Shows what a step did, and logs it where that is due or density control followed.
+    /// Shows a step, and logs it if that is due or density control followed.
     fn note(&mut self, report: &StepReport) -> anyhow::Result<()> {
         self.progress.show(report);
         let is_due = self.schedule.is_checkpoint_due(report.step) || report.step.is_multiple_of(self.args.log_every);
@@ -344,7 +344,7 @@ impl Training<'_, '_> {
         Ok(())
     }
 
-    /// Scores some test views where that is due.
+    /// Scores some test views if that is due.
     fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<Scored>> {
         if !self.schedule.is_evaluation_due(step) {
             return Ok(None);
@@ -384,7 +384,7 @@ impl Training<'_, '_> {
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
         let own = Look::new(self.scorer.run, self.scorer.config).unusual();
         let written = write_scene(&scene, &splats, &world, &own)?;
-        // What the file holds is scored.
+        // Score the scene of the file.
         let splats = world.splats(&written);
         let seconds_stepping = self.seconds_before + self.session.seconds();
         let seconds = Seconds {

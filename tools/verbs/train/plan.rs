@@ -12,11 +12,11 @@ use ivv::train::{Checkpoint, Limits, Plan, Workload};
 use ivv::words::count;
 use serde_json::json;
 
-/// Prints what the training that `args` ask for would take, as if the clip had `frames` frames where that is given. Writes nothing.
+/// Prints the plan of the training of `args`, for a clip of `frames` frames if that is given. Writes nothing.
 pub fn print(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()> {
     let config = args.settings.resolve()?;
     let path =
-        args.capture.as_deref().context("--plan: expected a CAPTURE; a run that goes on has a plan in train.json")?;
+        args.capture.as_deref().context("--plan: expected a CAPTURE; a resumed run has its plan in train.json")?;
     let capture = capture::open(path, &args.read.settings())?;
     let card = args.instead.card.as_deref().map(Card::named).transpose().map_err(anyhow::Error::msg)?;
     let gpu = match card {
@@ -35,7 +35,7 @@ pub fn print(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()>
         image_bytes: decoded,
         cache_bytes: cache_bytes.min(decoded),
         kept_image_bytes: args.device_image_bytes,
-        // All of a clip's may turn out to move.
+        // All Gaussians of a clip may become dynamic.
         dynamic: if frames > 1 { work.gaussians } else { 0 },
         ..work
     };
@@ -44,7 +44,7 @@ pub fn print(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()>
     let checkpoint = Checkpoint::bytes(most, if frames > 1 { most } else { 0 }, config.sh_degree);
     let (steps, each) = (config.total(images), file_bytes(&capture));
     let seen = steps.saturating_mul(u64::from(config.batch));
-    // What the cache holds is read once.
+    // Images in the cache are read once.
     let reads = if decoded <= cache_bytes { images.min(seen) } else { seen };
     let (of_images, read) = ((each * images as f64) as u64, (each * reads as f64) as u64);
     if json {

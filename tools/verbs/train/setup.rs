@@ -20,7 +20,7 @@ use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-/// A run that is about to begin or go on. Its folder is locked as long as this lives, by the process that writes there.
+/// A run that is about to start or resume. The process that writes its folder holds the lock while this lives.
 pub struct TrainingSetup {
     lock: Option<RunLock>,
     pub gpu: Arc<Gpu>,
@@ -32,15 +32,15 @@ pub struct TrainingSetup {
     /// The run folder.
     pub output: PathBuf,
     pub checkpoints: PathBuf,
-    /// Where the run goes on from.
+    /// The checkpoint to start from.
     pub resumed: Option<Checkpoint>,
-    /// Whether the folder holds another run until [`TrainingSetup::replace`].
+    /// Whether the folder contains another run until [`TrainingSetup::replace`].
     replaces: bool,
 }
 
 impl TrainingSetup {
-    /// As `args` say. Nothing is written or removed before all that is needed is there, and nothing at all where another process of
-    /// the run `leads`.
+    /// The run of `args`. Nothing is written or removed before all input is read and checked, and nothing at all unless this process
+    /// `leads` the run.
     pub fn new(args: &Args, leads: bool) -> anyhow::Result<Self> {
         if args.resume { Self::resumed_run(args, leads) } else { Self::new_run(args, leads) }
     }
@@ -97,8 +97,7 @@ impl TrainingSetup {
         Ok(setup)
     }
 
-    /// Removes the run in `folder` that this one replaces, if there is one. To be called once nothing can be wrong with the
-    /// capture and the settings.
+    /// Removes the run in `folder` that this one replaces, if any. Call it after capture and settings are checked.
     pub fn replace(&self, folder: &Path) -> ivv::Result<()> {
         if !self.replaces {
             return Ok(());
@@ -109,7 +108,7 @@ impl TrainingSetup {
 
     fn write_settings(&self, folder: &Path) -> ivv::Result<()> {
         write_json(&folder.join("config.json"), &self.config)?;
-        // What a run takes from its base is in no other file: killed before its next checkpoint, it still goes on from that.
+        // No other file has what a run takes from its base. If it is killed before its next checkpoint, it resumes from this one.
         if let Some(base) = &self.resumed {
             base.write(&self.checkpoints)?;
         }
@@ -131,15 +130,15 @@ impl TrainingSetup {
         check_agreement(args, &planned, &run)?;
         if let (true, Some(new)) = (leads, new_since(&file)) {
             alert!(
-                "the run was begun by another version of ivv, without these settings, which now have their defaults: {new}. To \
-                 have one method throughout, train anew"
+                "another version of ivv started the run, without these settings, which now have their defaults: {new}. To \
+                 have one method throughout, train again from the start"
             );
         }
         let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
         if leads && !changes.is_empty() {
             alert!(
-                "warning: {} is not what the run has learnt from so far: {changes}. It goes on with what is there now; to have one \
-                 capture throughout, restore it, or train anew",
+                "warning: {} is not what the run has learnt from so far: {changes}. It continues with the capture as it is now; to have one \
+                 capture throughout, restore it, or train again from the start",
                 capture.path.display()
             );
         }
@@ -159,8 +158,8 @@ impl TrainingSetup {
         let done = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.step);
         ensure!(
             total >= done,
-            "the run has done {}: expected at least as many, found {total}; give more with --steps or --epochs, or train anew in \
-             another folder",
+            "the run has done {}: expected at least as many, found {total}; give more with --steps or --epochs, or train in another \
+             folder",
             count(done, "step")
         );
         let is_extended = total != planned_total;
@@ -170,7 +169,7 @@ impl TrainingSetup {
         if checkpoint.is_none() {
             say!("no checkpoint was written yet: the run begins again with its own settings");
         }
-        // A file that was lost or damaged is renewed.
+        // Renew a lost or damaged file.
         let is_stale = (is_extended && checkpoint.is_none()) || read_json::<Config>(&file, "").is_err();
         if leads && is_stale {
             write_json(&file, &config)?;
@@ -179,7 +178,7 @@ impl TrainingSetup {
         Ok(TrainingSetup { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces: false })
     }
 
-    /// Says of `session`, which begins, what is worth a warning.
+    /// Warns of problems of `session` at its start.
     pub fn warn(&self, session: &mut Session) {
         if let n @ 1.. = session.n_left_out() {
             alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
@@ -195,7 +194,7 @@ impl TrainingSetup {
         }
     }
 
-    /// Makes `session`, which goes on from [`TrainingSetup::resumed`], go on for as long as is asked, and keeps that.
+    /// Extends `session`, which resumes [`TrainingSetup::resumed`], to the length that is asked for, and saves that.
     pub fn extend(&self, session: &mut Session) -> anyhow::Result<()> {
         let Some(checkpoint) = self.resumed.as_ref().filter(|checkpoint| checkpoint.total != self.total) else {
             return Ok(());
@@ -204,7 +203,7 @@ impl TrainingSetup {
         if self.lock.is_none() {
             return Ok(());
         }
-        // A run that is killed before its next checkpoint still goes on to the new end.
+        // If the run is killed before its next checkpoint, it still keeps the new length.
         let owed = Owed { density: false, ..now };
         Checkpoint { world: self.run.world, owed, ..session.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
@@ -236,12 +235,12 @@ pub fn capture(args: &Args, config: &Config) -> anyhow::Result<Capture> {
     Ok(capture)
 }
 
-/// What a run learns from: photographs show what rests, which teaches a run nothing that leaves that alone.
+/// The capture that a run trains on. Photographs show static objects, so a run with a fixed static scene leaves them out.
 pub fn training_capture(capture: Capture, config: &Config) -> Capture {
     if config.trains_static { capture } else { capture.without_photos() }
 }
 
-/// Images that are trained on.
+/// Number of training images.
 fn n_training_images(capture: &Capture) -> ivv::Result<u64> {
     match capture.training_frames().len() {
         0 => Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`")),
@@ -249,7 +248,7 @@ fn n_training_images(capture: &Capture) -> ivv::Result<u64> {
     }
 }
 
-/// Locks a run's folder and removes what killed processes left there half written.
+/// Locks a run's folder and removes the unfinished files of killed processes.
 fn lock_folder(folder: &Path) -> ivv::Result<RunLock> {
     let lock = RunLock::take(folder)?;
     let parts = [("", 0), ("checkpoints", 0), ("renders", 1)].map(|(name, depth)| (folder.join(name), depth));
@@ -290,7 +289,7 @@ fn settings_of_a_run_without_checkpoint(folder: &Path, file: &Path) -> ivv::Resu
     read_json(file, "the run has no checkpoint either: train again with --overwrite")
 }
 
-/// The settings that the `file` of a run's settings lacks, since an earlier version had none of the name; none if it has all.
+/// The settings that the `file` of a run lacks because an earlier version did not have them; `None` if it has all.
 fn new_since(file: &Path) -> Option<String> {
     let written: Value = read_json(file, "").ok()?;
     let lacks = |setting: &&Setting| setting.of(&written).is_none();
