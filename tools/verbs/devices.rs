@@ -6,7 +6,7 @@ use ivv::vk::{Device, DeviceChoice, list_devices};
 /// Options of `ivv devices`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The device to pick, as elsewhere: an index or part of a name.
+    /// The device to choose: an index or part of a name.
     #[arg(long)]
     device: Option<String>,
 }

@@ -20,22 +20,22 @@ pub struct Args {
     /// The folder of a run of `ivv train`. Where it has not ended, its newest checkpoint is scored, into
     /// RUN/eval/step-STEP.
     run: PathBuf,
-    /// Another scene to score, with the rendering constants that its file names and otherwise the usual ones; its scores go to
-    /// RUN/eval/NAME, named as its folder, or as its file with the ending.
+    /// Another scene to score, with the rendering constants of its file or the usual ones. The scores go to RUN/eval/NAME, named after
+    /// its folder, or after its file with the ending.
     #[arg(long)]
     scene: Option<PathBuf>,
-    /// The capture, if it has moved since the run.
+    /// Where the run's capture is now, if it has moved.
     #[arg(long)]
     capture: Option<PathBuf>,
-    /// Fits the time offset of every test camera to its own images, and gives the scores at these offsets too.
+    /// Fits the time offset of every test camera to its own images, and also scores at these offsets.
     #[arg(long)]
     fit_offsets: bool,
     #[command(flatten)]
     device: DeviceArgs,
 }
 
-/// What the scores of `scene` are called: as its folder, where all scenes of such folders have one name, else as its file, with the
-/// ending: files of several formats may be of one scene. And the steps of the run of that folder, 0 where there is none.
+/// The name of the scores of `scene`, and the steps of its run, or 0. The name is that of its folder if it is a scene.ply, else that of
+/// its file with the ending, since files of several formats may be of one scene.
 fn own_name(scene: &Path) -> anyhow::Result<(OsString, u64)> {
     let path = std::fs::canonicalize(scene).with_context(|| format!("{}: cannot be found", scene.display()))?;
     let of_folder = path.file_name() == Some(OsStr::new("scene.ply"));
@@ -51,14 +51,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
     if !changes.is_empty() {
         alert!(
-            "warning: {} is not what the run was trained on: {changes}. The scores are of what it is now",
+            "warning: {} differs from what the run was trained on: {changes}. The scores are for its present state",
             capture.path.display()
         );
     }
     warn_of_shared_pictures(&run);
     let source = Source::open(args.scene.as_ref().unwrap_or(&args.run))?;
     if args.scene.is_some() {
-        // Score the picture that other viewers draw: they do not know the run's constants.
+        // Score what other viewers draw, which do not know the run's constants.
         run.constants = run.constants_of_training(source.look.constants);
     }
     let shown = source.seen()?;
@@ -86,7 +86,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Gaussians::Parts(mut clip) => {
             anyhow::ensure!(
                 !args.fit_offsets,
-                "--fit-offsets: expected a scene that is always there, found a clip in parts; give a segment's folder"
+                "--fit-offsets does not support joined clips; give the run folder of a segment"
             );
             let (size, world) = (SceneSize::of_parts(&mut *clip)?, run.world);
             let clip = Box::new(Mapped::new(clip, move |splats| world.splats(&splats)));

@@ -19,17 +19,17 @@ pub struct Args {
     /// scene.ply, or the newest checkpoint where it has not ended. With --cameras a capture, or the folder of a run.
     #[arg(value_name = "SCENE|RUN|CAPTURE")]
     scene: PathBuf,
-    /// Instead writes the views of the capture, or of that of the run, to this file (JSON).
+    /// Instead writes the views of the capture, or of the run's capture, to this file (JSON).
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// The capture of the run, if it has moved.
+    /// Where the run's capture is now, if it has moved.
     #[arg(long)]
     capture: Option<PathBuf>,
     #[command(flatten)]
     views: ViewArgs,
 }
 
-/// Options but the first two say which views --cameras writes.
+/// All options but the first two need --cameras.
 fn of_cameras(arg: clap::Arg) -> clap::Arg {
     if ["scene", "cameras"].contains(&arg.get_id().as_str()) { arg } else { arg.requires("cameras") }
 }
@@ -82,33 +82,33 @@ fn cameras(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A file with a clock. Its contents are printed even where its Gaussians cannot be ours at all times.
+/// Inspects a `.4dgs`. Its contents are printed even if its Gaussians cannot be converted to ours.
 fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
     let file = FourDgs::read(scene)?;
-    let (told, notes) = (file.summary(), file.notes());
+    let (contents, notes) = (file.summary(), file.notes());
     let summary = file.splats().map(|splats| splats.by_degree().summary());
     if json {
         let mut value = summary.as_ref().map_or_else(|_| Ok(serde_json::json!({})), serde_json::to_value)?;
-        value["fourdgs"] = serde_json::to_value(&told)?;
+        value["fourdgs"] = serde_json::to_value(&contents)?;
         value["notes"] = serde_json::to_value(&notes)?;
         return print_json(&value);
     }
     match &summary {
         Ok(summary) => print(scene, summary),
         Err(fault) => {
-            out!("{}: {} Gaussians, SH degree {}", scene.display(), told.gaussian_count, told.sh_degree);
+            out!("{}: {} Gaussians, SH degree {}", scene.display(), contents.gaussian_count, contents.sh_degree);
             out!("at one moment: {fault}");
         }
     }
     notes.iter().for_each(|note| say!("{}: {note}", scene.display()));
     out!(
         "clip:          {:.3} s in {}, by {}; temporal factors from {:.4}",
-        told.duration_sec,
-        count(told.chunk_intervals.len(), "chunk"),
-        told.library,
-        told.cutoff
+        contents.duration_sec,
+        count(contents.chunk_intervals.len(), "chunk"),
+        contents.library,
+        contents.cutoff
     );
-    for source in &told.audio_sources {
+    for source in &contents.audio_sources {
         let kind = if source.spatial { "from a place" } else { "from everywhere" };
         out!("sound:         `{}`, {:.3} s of {}, {kind}", source.name, source.duration_sec, source.codec);
     }
@@ -155,7 +155,7 @@ fn print(scene: &Path, summary: &Summary) {
     }
 }
 
-/// What the reviews of the run said that `scene` is of; none of another file.
+/// The reviews of the run of `scene`; empty for another file.
 fn reviews(scene: &Path) -> Vec<Review> {
     let totals = scene.with_file_name("train.json");
     let totals: Value =

@@ -11,11 +11,10 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-/// How often the shaders are looked at.
+/// How often the shaders are checked for changes.
 const EVERY: Duration = Duration::from_millis(300);
 
-/// Calls `show` with each version of `kernel` that compiles, until Ctrl-C. One that does not compile, or has other bindings,
-/// is told of, and the one before stays.
+/// Calls `show` with each version of `kernel` that compiles, until Ctrl-C. The errors of other versions are printed.
 pub fn watch(
     kernel: &'static KernelInfo,
     mut show: impl FnMut(&'static KernelInfo) -> anyhow::Result<()>,
@@ -36,7 +35,7 @@ pub fn watch(
             Err(fault) => alert!("{fault:#}"),
         }
     }
-    Err(Interrupted("the shaders are watched no more").into())
+    Err(Interrupted("stopped watching shaders").into())
 }
 
 /// When a shader was last written.
@@ -54,7 +53,7 @@ fn newest(root: &Path) -> anyhow::Result<SystemTime> {
     Ok(newest)
 }
 
-/// `kernel` from its source of now. It is kept for the rest of the process, as pipelines expect of a kernel.
+/// `kernel` from its present source. It stays in memory to the end of the process, as pipelines expect of a kernel.
 fn compile(root: &Path, kernel: &'static KernelInfo, version: u32) -> anyhow::Result<&'static KernelInfo> {
     let spirv = std::env::temp_dir().join(format!("ivv-{}-{}.spv", kernel.name, std::process::id()));
     let output = Command::new(env!("IVV_SHADER_COMPILER"))
@@ -66,17 +65,17 @@ fn compile(root: &Path, kernel: &'static KernelInfo, version: u32) -> anyhow::Re
     let bytes = std::fs::read(&spirv);
     let _ = std::fs::remove_file(&spirv);
     // The first lines are the build script's own.
-    let told = String::from_utf8_lossy(&output.stdout);
+    let printed = String::from_utf8_lossy(&output.stdout);
     anyhow::ensure!(
-        told.ends_with(&summary(kernel)),
-        "{}: its bindings, push constants or workgroup are others than before; build `ivv` again to use it",
+        printed.ends_with(&summary(kernel)),
+        "{}: its bindings, push constants or workgroup have changed; build `ivv` again to use it",
         kernel.name
     );
     let name = format!("{} (edit {version})", kernel.name);
     Ok(Box::leak(Box::new(KernelInfo { name: name.leak(), spirv: bytes?.leak(), ..*kernel })))
 }
 
-/// What the build script prints of a kernel.
+/// The lines that the build script prints for a kernel.
 fn summary(kernel: &KernelInfo) -> String {
     let KernelInfo { local, subgroups, push_bytes, .. } = kernel;
     let mut text = format!("local {local}\nsubgroups {subgroups}\npush {push_bytes}\n");

@@ -47,7 +47,7 @@ impl Rate {
 }
 
 impl FrameRates {
-    /// Renders `views`, at least one, of `splats` in turn for so many seconds and at least once each, the kinds by turns.
+    /// Renders `views`, at least one, in turn for `seconds` and at least once each; the kinds alternate.
     pub fn new(
         renderer: &mut Renderer,
         views: &[View],

@@ -15,7 +15,7 @@ use crate::ui::progress::Progress;
 use crate::ui::screen::{alert, out, print_json};
 use crate::verbs::render::frame_rate::FrameRates;
 use crate::verbs::render::picture::{Format, check_finite};
-use crate::verbs::render::video::{Film, PathArgs, Studio};
+use crate::verbs::render::video::{Film, PathArgs, VideoJob};
 use anyhow::Context;
 use ivv::Constants;
 use ivv::formats::FourDgs;
@@ -32,34 +32,33 @@ use std::time::Instant;
 /// Options of `ivv render`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run, which gives its scene (if it has not ended, its newest checkpoint), the views of its capture and its
-    /// rendering constants; or a scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a
-    /// SOG.
+    /// The folder of a run, for its scene (or newest checkpoint, if it has not ended), the views of its capture and its rendering
+    /// constants; or a scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG.
     #[arg(value_name = "RUN|SCENE")]
     source: PathBuf,
     /// Views to render: a cameras file (JSON, as of `ivv inspect --cameras`), a transforms.json, or a capture, as a COLMAP project.
     #[arg(long, conflicts_with_all = ["path", "capture"])]
     cameras: Option<PathBuf>,
-    /// The capture of the scene: its views are rendered. Of a run, where its capture is now. With --path its frame rate and
-    /// length map seconds to scene time, which a dynamic scene needs.
+    /// The capture of the scene, for its views; for a run, where its capture is now. With --path its frame rate and length map seconds
+    /// to scene time, which a dynamic scene needs.
     #[arg(long)]
     capture: Option<PathBuf>,
     #[command(flatten)]
     views: ViewArgs,
-    /// Shows a dynamic scene at this normalised time, 0 to 1, from every view. A camera that rests is rendered once.
+    /// Shows a dynamic scene at this normalised time, 0 to 1, from every view. A static camera is rendered once.
     #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
     time: Option<f64>,
     /// The folder for the pictures; with --path or --orbit the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
     #[arg(short, long, required_unless_present = "bench")]
     output: Option<PathBuf>,
-    /// What to write: png (colour), exr (all outputs as named channels), safetensors (all outputs).
+    /// Formats of the pictures: png (colour), exr (all outputs as named channels), safetensors (all outputs).
     #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
     format: Vec<Format>,
-    /// Print the time of every pass and its share.
+    /// Prints the time of every pass and its share.
     #[arg(long, conflicts_with = "film")]
     profile: bool,
-    /// Writes nothing: renders the views in turn for so many seconds, each while the host is busy with the one before, and tells
-    /// frames per second and percentiles of their times: of frames that stay on the device and of such that are read back.
+    /// Writes nothing: renders the views in turn for SECONDS, and prints frames per second and percentiles of their times, for frames
+    /// that stay on the device and for frames that are read back.
     #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
     bench: Option<f64>,
     #[command(flatten)]
@@ -83,7 +82,7 @@ struct ViewReport {
 }
 
 impl Args {
-    /// Frames per second of the clip that the scene is of, and how many, where something says.
+    /// Frames per second and number of frames of the clip, if known.
     fn clip(&self, source: &Source, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
         match (run, &self.capture) {
             (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
@@ -94,15 +93,14 @@ impl Args {
         }
     }
 
-    /// From the first to the last frame of the clip, normalised time, where the views are those in the scene's file: they are places to
-    /// start from, whatever their times.
+    /// The span of the clip in normalised time, if the views come from the scene's file: those are starting places, whatever their times.
     fn span_of_file(&self, source: &Source, run: Option<&Run>) -> Option<[f64; 2]> {
         let is_of_file = run.is_none() && self.capture.is_none() && self.cameras.is_none();
         let frames = source.clip.as_ref().filter(|_| is_of_file)?.clock().frames.max(1);
         Some([0.0, f64::from(frames - 1) / f64::from(frames)])
     }
 
-    /// The video that is asked for; none where views are.
+    /// The video that the options ask for; `None` if they ask for views.
     fn film(&self, source: &Source, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
         let Some(path) = self.film.path() else {
             let span = self.span_of_file(source, run);
@@ -120,7 +118,7 @@ impl Args {
         Ok(Some(Film::along(&self.film, path, (self.clip(source, run)?, self.time), background)?))
     }
 
-    /// The views that are asked for.
+    /// The views that the options ask for.
     fn views(&self, source: &Source) -> anyhow::Result<Vec<View>> {
         let mut views = match (&self.cameras, &self.capture) {
             (Some(cameras), _) => self.views.of_cameras(cameras, self.time)?,
@@ -144,7 +142,7 @@ impl Args {
         Ok(views)
     }
 
-    /// Times frames of `views`, and prints what they take.
+    /// Measures and prints the frame rates of `views`.
     fn bench(
         &self,
         gpu: &Arc<Gpu>,
@@ -169,7 +167,7 @@ impl Args {
     }
 }
 
-/// Refuses views of a dynamic scene at times that nothing was seen at.
+/// Refuses views of a dynamic scene at times outside of its clip.
 fn within_clip(cameras: &Path, shown: &LoadedScene<Gaussians>, views: &[View]) -> ivv::Result<()> {
     let outside = |view: &&View| !shown.splats.are_static() && !(0.0..=1.0).contains(&view.time);
     views.iter().find(outside).map_or(Ok(()), |view| {
@@ -182,7 +180,7 @@ fn within_clip(cameras: &Path, shown: &LoadedScene<Gaussians>, views: &[View]) -
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let path = args.source.as_path();
     let run = if is_run(path) { Some(Run::read(path)?) } else { None };
-    // Faults of options are reported before a scene is read.
+    // Report errors of options before reading a scene.
     args.knobs.on(args.constants.checked()?)?;
     let stop = Stop::listen()?;
     let source = Source::open(path)?;
@@ -190,11 +188,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if let Some(film) = args.film(&source, run.as_ref())? {
         let shown = source.seen()?;
         let output = args.output.as_deref().context("give the video, -o FILE")?;
-        let studio = Studio { output, device: &args.device, constants, stop: &stop };
-        return video::run(&film, &args.film, shown, &studio, json);
+        let job = VideoJob { output, device: &args.device, constants, stop: &stop };
+        return video::run(&film, &args.film, shown, &job, json);
     }
     let views = args.views(&source)?;
-    // What is measured is in memory, all of it.
+    // Measure a scene that is all in memory.
     let shown = if args.output.is_some() { source.seen()? } else { source.scene()?.into() };
     within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
     args.output.as_deref().map_or(Ok(()), make_folder)?;
@@ -230,8 +228,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Renders `views` into files of the folder in these formats, and tells of each. Reports of views that were `profiled` before
-/// stand in for those of this time.
+/// Renders `views` into files of the folder in these formats, with a report of each. Reports of `profiled` views replace their own.
 fn write_views(
     renderer: &mut Renderer,
     views: &[View],
@@ -269,7 +266,7 @@ fn write_views(
     Ok(reports)
 }
 
-/// What the passes of every view take.
+/// The reports of all views with timed passes.
 fn profile(renderer: &mut Renderer, views: &[View], outputs: Outputs, stop: &Stop) -> anyhow::Result<Vec<FrameReport>> {
     // Kernels are compiled at their first dispatch, and lists grow to their size.
     views.first().map(|view| renderer.draw(view, outputs)).transpose()?;
@@ -283,7 +280,7 @@ fn interrupted() -> anyhow::Error {
     Interrupted("the files written so far are complete").into()
 }
 
-/// Prints what the views had to do, on average.
+/// Prints the mean work of the views.
 fn print_counts(reports: &[ViewReport]) {
     let mean = |f: fn(&FrameReport) -> u64| {
         reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64

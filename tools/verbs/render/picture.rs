@@ -22,13 +22,13 @@ impl Format {
     }
 }
 
-/// A picture with a value that is not finite is an error, not a picture.
+/// Refuses a picture with a value that is not finite.
 pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
     let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
     let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());
     let count = values.filter(|v| !v.is_finite()).count() as u64;
     if count > 0 {
-        let remedy = "run `ivv inspect` on the scene, which tells how large its numbers are";
+        let remedy = "run `ivv inspect` on the scene, which shows how large its numbers are";
         return Err(ivv::Error::NonFinite { what: format!("view `{}`", view.name), count, remedy });
     }
     Ok(())

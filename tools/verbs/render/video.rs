@@ -1,4 +1,4 @@
-//! `ivv render --path` and `--orbit`: a video of the way of a head, with what it hears, or around a scene.
+//! `ivv render --path` and `--orbit`: a video along a path, with its sound, or around a scene.
 
 use crate::export_clip::start_in_run;
 use crate::run::axes::Axes;
@@ -26,11 +26,11 @@ use ivv::words::count;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Frames per second where nothing says.
+/// Default frames per second.
 const FPS: f64 = 30.0;
 /// Most frames of a video: a path in milliseconds, taken for seconds, would render for years.
 const MOST_FRAMES: f64 = 5_184_000.0;
-/// Size in pixels and vertical field of view in degrees where nothing says.
+/// Default size in pixels and vertical field of view in degrees.
 const SIZE: (u32, u32) = (640, 360);
 const FOV: f64 = 50.0;
 
@@ -41,8 +41,8 @@ pub struct PathArgs {
     /// seconds of the clip; positions are in the scene's frame.
     #[arg(long, group = "film")]
     path: Option<PathBuf>,
-    /// Makes a video of so many seconds that circles once about what the views look at, upright as they are on average, as
-    /// far away and as high as they are in the median. A dynamic scene plays once meanwhile, unless --time is given.
+    /// Makes a video of SECONDS that circles once around the point that the views look at, with their mean up direction, and their
+    /// median distance and height. A dynamic scene plays once meanwhile, unless --time is given.
     #[arg(long, group = "film", value_name = "SECONDS")]
     orbit: Option<f64>,
     /// The axes of the path's poses. By default the head's in a CSV, OpenGL's in a JSON, OpenCV's in a TUM file.
@@ -57,29 +57,29 @@ pub struct PathArgs {
     /// Vertical field of view, degrees. By default the path's, else 50; with --orbit that of the first view.
     #[arg(long, requires = "film")]
     fov: Option<f64>,
-    /// Sound to hear along the path: the scene.json of `ivv sound localize`.
+    /// The sound scene for the path: the scene.json of `ivv sound localize`.
     #[arg(long, requires = "path")]
     sound: Option<PathBuf>,
     /// The ears: `sphere`, a SOFA file, or a folder of WAV files as SADIE's.
     #[arg(long, requires = "sound", default_value = "sphere")]
     hrtf: PathBuf,
-    /// Sound that was rendered along the path before. It starts at second 0 of the clip.
+    /// Sound of the path that was rendered before. It starts at second 0 of the clip.
     #[arg(long, requires = "path", conflicts_with = "sound")]
     wav: Option<PathBuf>,
 }
 
-/// When a frame shows a dynamic scene.
+/// The times of a dynamic scene in the frames.
 #[derive(Clone, Copy)]
 enum Times {
     /// At the seconds of the path.
     Path,
     /// From one normalised time to another while the video lasts.
     Span(f64, f64),
-    /// Always at this normalised time.
+    /// This normalised time in every frame.
     Fixed(f64),
 }
 
-/// What a video shows, from when to when.
+/// The path, times and size of a video.
 pub struct Film {
     path: HeadPath,
     fps: f64,
@@ -104,7 +104,7 @@ impl Film {
         let head = read_path(path, args.path_convention.map(Convention::from))?;
         let times = time.map_or(Times::Path, Times::Fixed);
         let fps = args.fps.or(head.camera.map(|camera| camera.fps)).or(clip.map(|clip| clip.0)).unwrap_or(FPS);
-        // A head that stays sees the whole clip.
+        // A path of one pose shows the whole clip.
         let seconds = match (head.track.poses(), clip) {
             ([_], Some((fps, n_frames))) => f64::from(n_frames.saturating_sub(1)) / fps,
             (poses, _) => poses[poses.len() - 1].t - poses[0].t,
@@ -115,11 +115,11 @@ impl Film {
         })?;
         let size = head.camera.map_or(SIZE, |camera| (camera.width, camera.height));
         let fov = head.camera.map_or(FOV, |camera| camera.fov);
-        Film { path: head, fps, size, focal: 0.0, clip, times, background, n_frames }.seen(args, fov)
+        Film { path: head, fps, size, focal: 0.0, clip, times, background, n_frames }.with_lens(args, fov)
     }
 
-    /// Once around what `views` look at, in `seconds`, through `span` of normalised time, which is that of the views where it is
-    /// none, or at `time`.
+    /// Once around the point that `views` look at, in `seconds`, through `span` of normalised time, by default that of the views, or at
+    /// `time`.
     pub fn around(
         args: &PathArgs,
         seconds: f64,
@@ -150,11 +150,11 @@ impl Film {
         let size = (view.intrinsics.width.max(2) & !1, view.intrinsics.height.max(2) & !1);
         let fov = 2.0 * (0.5 * f64::from(view.intrinsics.height) / view.intrinsics.fy).atan().to_degrees();
         let background = view.background;
-        Film { path, fps, size, focal: 0.0, clip: None, times, background, n_frames }.seen(args, fov)
+        Film { path, fps, size, focal: 0.0, clip: None, times, background, n_frames }.with_lens(args, fov)
     }
 
-    /// In the size and with the field of view that are asked for, else with `fov` degrees.
-    fn seen(self, args: &PathArgs, fov: f64) -> anyhow::Result<Film> {
+    /// Sets the size and field of view of the options, by default `fov` degrees.
+    fn with_lens(self, args: &PathArgs, fov: f64) -> anyhow::Result<Film> {
         let (size, fov) = (args.size.unwrap_or(self.size), args.fov.unwrap_or(fov));
         let fps = self.fps;
         anyhow::ensure!(fps.is_finite() && fps > 0.0, "--fps: expected a positive number, found {fps}");
@@ -163,13 +163,12 @@ impl Film {
         Ok(Film { size, focal, ..self })
     }
 
-    /// When the first frame is, seconds of the clip.
+    /// The time of the first frame, seconds of the clip.
     fn start(&self) -> f64 {
         self.path.track.poses()[0].t
     }
 
-    /// The normalised time of a frame, and whether the clip has it. Nothing is known of a scene before its first picture and
-    /// after its last: those times are held there.
+    /// The normalised time of a frame, clamped to the clip, and whether it is within the clip.
     fn time(&self, frame: usize) -> (f64, bool) {
         match self.times {
             Times::Fixed(time) => (time, true),
@@ -185,7 +184,7 @@ impl Film {
         }
     }
 
-    /// Warns of frames that lie outside of the clip; refuses a film of nothing else.
+    /// Warns of frames outside of the clip; refuses a film without any other frame.
     fn within_clip(&self) -> anyhow::Result<()> {
         let n_outside = (0..self.n_frames).filter(|frame| !self.time(*frame).1).count();
         let (fps, n_frames) = self.clip.unwrap_or((FPS, 1));
@@ -229,15 +228,15 @@ impl Film {
         }
     }
 
-    /// When the clip begins, seconds of its capture: that of the run which the scene in `file` is of; else 0.
+    /// When the clip begins, seconds of its capture: from the run of the scene in `file`, else 0.
     fn start_of_clip(&self, file: &Path) -> f64 {
-        // Through another clip, such as that of --capture, times are of that.
+        // The times of another clip, such as that of --capture, are its own.
         start_in_run(file, |run: &Run| self.clip == Some((run.held.fps, run.held.frames)))
     }
 
-    /// What is heard while the video lasts, of what was rendered of all the capture, of which the clip begins at `start`, seconds;
-    /// silence where nothing is rendered.
-    fn heard(&self, rendered: &Rendered, start: f64) -> Vec<[f32; 2]> {
+    /// The part of `rendered`, the sound of the whole capture, during the video; silence outside of it. The clip begins at second `start`
+    /// of the capture.
+    fn sound_of(&self, rendered: &Rendered, start: f64) -> Vec<[f32; 2]> {
         let fs = f64::from(rendered.fs);
         let first = ((start + self.start()) * fs).round() as i64;
         let n = (self.n_frames as f64 / self.fps * fs).round() as i64;
@@ -247,18 +246,18 @@ impl Film {
 }
 
 impl PathArgs {
-    /// The path of a video, where one is asked for.
+    /// The path, if given.
     pub fn path(&self) -> Option<&Path> {
         self.path.as_deref()
     }
 
-    /// Seconds of a circle, where one is asked for.
+    /// Seconds of the orbit, if given.
     pub fn orbit(&self) -> Option<f64> {
         self.orbit
     }
 }
 
-/// Frames of a video that lasts from one to the other end of `seconds`; else why that is none.
+/// Frames of a video of `seconds`, both ends included; an error if they are too many.
 fn n_frames(seconds: f64, fps: f64) -> Result<usize, String> {
     let n_frames = seconds * fps + 1.0;
     if n_frames > MOST_FRAMES {
@@ -270,8 +269,8 @@ fn n_frames(seconds: f64, fps: f64) -> Result<usize, String> {
     Ok((n_frames + 1e-6) as usize)
 }
 
-/// Where and how a film is rendered.
-pub struct Studio<'a> {
+/// The output and device of a video.
+pub struct VideoJob<'a> {
     pub output: &'a Path,
     pub device: &'a DeviceArgs,
     pub constants: Constants,
@@ -283,10 +282,10 @@ pub fn run(
     film: &Film,
     args: &PathArgs,
     shown: LoadedScene<Gaussians>,
-    studio: &Studio,
+    studio: &VideoJob,
     json: bool,
 ) -> anyhow::Result<()> {
-    let Studio { output, device, constants, stop } = *studio;
+    let VideoJob { output, device, constants, stop } = *studio;
     let is_still = shown.splats.are_static();
     anyhow::ensure!(
         is_still || film.clip.is_some() || !matches!(film.times, Times::Path),
@@ -297,7 +296,7 @@ pub fn run(
         film.within_clip()?;
     }
     make_folder(output.parent().context("-o must name a video file")?)?;
-    // Before sound is made, which takes minutes.
+    // Check it before the sound is rendered, which takes minutes.
     Video::check(output, film.size.into(), film.fps)?;
     let (sound, report) = sound(args, film, &shown.file, output)?;
     let gpu = device.open()?;
@@ -338,7 +337,7 @@ pub fn run(
     Ok(())
 }
 
-/// A sound file, and the second of it where the video begins; with a report where it is rendered here.
+/// A sound file, and the second of it at which the video begins; with the report of a rendering.
 type Sound = (Option<(PathBuf, f64)>, Option<ivv::sound::render::Report>);
 
 fn sound(args: &PathArgs, film: &Film, file: &Path, output: &Path) -> anyhow::Result<Sound> {
@@ -359,6 +358,6 @@ fn sound(args: &PathArgs, film: &Film, file: &Path, output: &Path) -> anyhow::Re
     let of_capture = |pose: &HeadPose| HeadPose { t: start + pose.t, ..*pose };
     let head = PoseTrack::new(film.path.track.poses().iter().map(of_capture).collect())?;
     let rendered = render(&scene, &head, &hrtf, &RenderConfig::default())?;
-    write(&wav, &film.heard(&rendered, start), Depth::Int24)?;
+    write(&wav, &film.sound_of(&rendered, start), Depth::Int24)?;
     Ok((Some((wav, 0.0)), Some(rendered.report)))
 }

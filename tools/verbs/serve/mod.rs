@@ -40,17 +40,17 @@ const GLANCE: Duration = Duration::from_millis(100);
 /// Options of `ivv serve`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run, or a scene file: a .4dgs is sent as it is, others are put into one first. Of a run that has not ended
-    /// the page shows its course, its test views, and the scene as of its newest checkpoint.
+    /// The folder of a run, or a scene file: a .4dgs is sent as it is, others are converted first. The page of a run that has not ended
+    /// shows its curves, its test views, and the scene of its newest checkpoint.
     #[arg(value_name = "RUN|SCENE")]
     source: PathBuf,
     /// The port; 0 for any that is free.
     #[arg(long, default_value_t = 8080)]
     port: u16,
-    /// The address to listen at. Everyone who can reach it can see the scene.
+    /// The address to listen at. Anyone who can reach it can view the scene.
     #[arg(long, default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     bind: IpAddr,
-    /// A name that others reach this machine by, for --bind; can be given several times. Requests for other names are refused.
+    /// A name of this machine for others, with --bind; may be given several times. Requests for other names are refused.
     #[arg(long = "name", value_name = "HOST")]
     names: Vec<String>,
     #[command(flatten)]
@@ -70,7 +70,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         out!("{url}  (Ctrl-C ends it)");
     }
     if !bind.is_loopback() {
-        alert!("everyone who can reach {} can see this", url.trim_start_matches("http://").trim_end_matches('/'));
+        alert!(
+            "warning: anyone who can reach {} can view the scene",
+            url.trim_start_matches("http://").trim_end_matches('/')
+        );
     }
     serve(listener, || Site::new(content, *bind, names), &|| stop.is_asked())
 }
@@ -113,7 +116,7 @@ impl BackgroundServer {
         };
         let server = std::thread::Builder::new().name("view".to_owned()).spawn(move || {
             if let Err(fault) = serve(listener, site, &|| over.load(Ordering::Relaxed)) {
-                alert!("the run cannot be watched any more: {fault:#}");
+                alert!("the page of the run has stopped: {fault:#}");
             }
         });
         Ok(BackgroundServer { is_over, server: Some(server.context("no thread for a server")?) })
@@ -127,7 +130,7 @@ impl Drop for BackgroundServer {
     }
 }
 
-/// At an address and a port, which `option` gives.
+/// Listens at an address and the port of `option`.
 fn listen(bind: IpAddr, port: u16, option: &str) -> anyhow::Result<TcpListener> {
     TcpListener::bind(SocketAddr::new(bind, port))
         .with_context(|| format!("expected a free port, found {port} of {bind} taken or refused; give {option} 0"))
@@ -170,6 +173,6 @@ async fn talk(stream: TcpStream, site: &Rc<Site>) {
     });
     let mut server = hyper::server::conn::http1::Builder::new();
     server.timer(TokioTimer::new()).header_read_timeout(PATIENCE).max_buf_size(LONGEST_HEAD).half_close(true);
-    // An error that ends a connection concerns its other side alone.
+    // An error of a connection concerns only its other side.
     let _ = server.serve_connection(TokioIo::new(Box::pin(stream)), answer).await;
 }
