@@ -6,7 +6,7 @@ use ivv::study::{Arm, Study};
 use ivv::train::{CaptureSummary, Config, initialise};
 use std::path::{Path, PathBuf};
 
-/// The captures by the names of their folders, after which their runs are named too.
+/// The captures by the names of their folders, which also name their runs.
 pub fn named(captures: &[PathBuf]) -> anyhow::Result<Vec<(String, &Path)>> {
     let mut all: Vec<(String, &Path)> = Vec::new();
     for capture in captures {
@@ -28,9 +28,9 @@ pub struct StudyCapture {
     pub path: PathBuf,
     /// With its photographs, and without.
     pub summaries: [CaptureSummary; 2],
-    /// The test camera that is farthest from the middle of all cameras.
+    /// The test camera that is farthest from the centre of all cameras.
     pub peripheral: Option<String>,
-    /// Gaussians that each arm may have, where all have the same budget.
+    /// Most Gaussians of each arm, if all have the same budget.
     pub budget: Option<usize>,
 }
 
@@ -52,7 +52,7 @@ impl StudyCapture {
     }
 }
 
-/// The most Gaussians that an arm of `study` begins with.
+/// The most first Gaussians of any arm of `study`.
 fn largest_start(capture: &Capture, study: &Study, shared: &Config) -> anyhow::Result<usize> {
     let capture = capture.clone().transformed(&capture.normalisation());
     let start = |arm: &Arm| {
@@ -63,7 +63,7 @@ fn largest_start(capture: &Capture, study: &Study, shared: &Config) -> anyhow::R
     Ok(starts.into_iter().max().unwrap_or(0))
 }
 
-/// The test camera whose lens is farthest from the middle of all lenses.
+/// The test camera that is farthest from the centre of all cameras.
 fn peripheral(capture: &Capture) -> Option<String> {
     let centers: Vec<DVec3> = capture.cameras.iter().map(|camera| camera.pose(0).center()).collect();
     let middle = centers.iter().sum::<DVec3>() / centers.len() as f64;

@@ -1,4 +1,4 @@
-//! `ivv bench`: settings beside each other, by runs that it makes or by runs that are there.
+//! `ivv bench`: compares settings, by the runs of a study or by finished runs.
 
 mod captures;
 mod date;
@@ -27,13 +27,13 @@ pub struct Args {
     /// Captures, with test cameras.
     #[arg(value_name = "CAPTURE", required_unless_present = "runs", conflicts_with = "runs")]
     captures: Vec<PathBuf>,
-    /// The folder for bench.md, bench.json, bench.svg and the runs. Runs that are there are not repeated.
+    /// The folder for bench.md, bench.json, bench.svg and the runs. Finished runs are not repeated.
     #[arg(short, long, required_unless_present = "runs")]
     output: Option<PathBuf>,
-    /// Seeds, instead of the study's. Every arm runs once with each.
+    /// Seeds, instead of the study's. Every arm runs once with each seed.
     #[arg(long, value_delimiter = ',')]
     seeds: Vec<u64>,
-    /// Steps of a run, instead of the study's; with several numbers every arm is run for each.
+    /// Steps of a run, instead of the study's. With several numbers, every arm runs with each.
     #[arg(long, value_delimiter = ',', value_parser = clap::value_parser!(u64).range(1..))]
     steps: Vec<u64>,
     /// One setting of all arms, KEY=VALUE; may be given several times. An arm's own settings override it. LPIPS is measured if
@@ -43,15 +43,15 @@ pub struct Args {
     /// Vulkan device, as `ivv train` takes it.
     #[arg(long)]
     device: Option<String>,
-    /// Runs at a time.
+    /// Most runs at a time.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     jobs: u32,
-    /// Trains nothing: compares the folders of runs that have ended and have test images. Runs that differ in their seeds alone share
-    /// a row.
+    /// Trains nothing: compares finished runs with test images, given by their folders. Runs that differ only in their seeds share a
+    /// row.
     #[arg(long, num_args = 1.., value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// A JSON file to which these runs are added as a new measurement, made where it is absent. Beside it, with the ending
-    /// `.svg`, the course of all measurements is drawn.
+    /// A JSON file to which these runs are added as a new measurement; it is made if it is missing. A plot of all measurements is
+    /// written beside it with the ending `.svg`.
     #[arg(long)]
     history: Option<PathBuf>,
 }
@@ -81,7 +81,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Runs that are there, which are added to a history where one is asked for.
+/// Compares finished runs, and adds them to the history if one is given.
 fn of_runs(args: &Args) -> anyhow::Result<Bench> {
     let read = |run: &PathBuf| RunResult::read(run);
     let results = args.runs.iter().map(read).collect::<ivv::Result<Vec<_>>>()?;
@@ -99,7 +99,7 @@ fn of_runs(args: &Args) -> anyhow::Result<Bench> {
     Ok(bench)
 }
 
-/// The runs of a study, which are made where they are not there.
+/// Compares the runs of a study, after training the missing ones.
 fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
     let mut study = Study::find(name)?;
     if !args.seeds.is_empty() {
@@ -119,7 +119,7 @@ fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
             arm.key
         );
     }
-    // All are opened before the first is trained on.
+    // Open all captures before training on the first.
     let captures = named(&args.captures)?;
     let captures = captures.iter().map(|(name, path)| StudyCapture::new(name, path, &study, &shared));
     let captures: Vec<StudyCapture> = captures.collect::<anyhow::Result<_>>()?;
@@ -156,18 +156,17 @@ fn shared(args: &Args) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-/// A training to be made.
+/// A run of the study.
 struct Job<'a> {
     capture: &'a StudyCapture,
     arm: &'a Arm,
-    /// 0 where epochs give them.
+    /// 0 if epochs give them.
     steps: u64,
     config: Config,
     folder: PathBuf,
 }
 
-/// All trainings. Arms follow each other, and with each seed another one is the first, so that what else the machine does slows
-/// all alike.
+/// All runs, arm by arm. With each seed another arm is first, so that other load on the machine slows all alike.
 fn jobs<'a>(
     study: &'a Study,
     shared: &Config,
@@ -194,7 +193,7 @@ fn jobs<'a>(
     Ok(jobs)
 }
 
-/// Makes the runs that are not there, as many at a time as --jobs says. After a fault no new one is begun.
+/// Trains the missing runs, --jobs at a time. After an error no other starts.
 fn train(args: &Args, jobs: &[Job]) -> anyhow::Result<()> {
     let (next, fault) = (AtomicUsize::new(0), Mutex::new(None));
     let one = |job: &Job| {

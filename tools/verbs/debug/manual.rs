@@ -1,4 +1,4 @@
-//! `ivv debug completions` and `ivv debug man`: what shells and manual readers are told of the command line.
+//! `ivv debug completions` and `ivv debug man`.
 
 use crate::Cli;
 use crate::run::files::make_folder;

@@ -20,7 +20,7 @@ enum Verb {
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
     Demo(demo::Args),
-    /// Writes what a shell needs to complete commands and options, on standard output.
+    /// Writes the completions of a shell on standard output.
     Completions(manual::CompletionArgs),
     /// Writes manual pages.
     Man(manual::ManArgs),

@@ -57,8 +57,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let n = splats.len();
     if json {
         let path = args.output.to_string_lossy();
-        let told = json!({ "path": path, "view": view.name, "gaussians": n, "visible": report.visible });
-        out!("{told}");
+        let line = json!({ "path": path, "view": view.name, "gaussians": n, "visible": report.visible });
+        out!("{line}");
         return Ok(());
     }
     out!("{}: gradients of view `{}`, {} of {n} Gaussians visible", args.output.display(), view.name, report.visible);

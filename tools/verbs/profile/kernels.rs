@@ -5,13 +5,13 @@ use ivv::gpu::table::{KERNELS, kernel};
 use ivv::gpu::{KernelInfo, kernel_named};
 use ivv::words::nearest;
 
-/// The kernel that an option names.
+/// The kernel of this name, which `option` gives.
 pub fn named(option: &str, name: &str) -> anyhow::Result<&'static KernelInfo> {
-    let told = || anyhow::anyhow!("{option} {name}: there is no such kernel{}", like(name));
-    kernel_named(name).ok_or_else(told)
+    let unknown = || anyhow::anyhow!("{option} {name}: there is no such kernel{}", like(name));
+    kernel_named(name).ok_or_else(unknown)
 }
 
-/// What to try in the place of `name`, as the end of a message: the other kernels of its shader, or the nearest names.
+/// The end of a message that suggests other names: the other kernels of the shader, or the nearest names.
 pub fn like(name: &str) -> String {
     let shader = kernel(name).map(|spec| spec.file);
     let others = KERNELS.iter().filter(|spec| Some(spec.file) == shader && spec.name != name);
@@ -25,7 +25,7 @@ pub fn like(name: &str) -> String {
     format!("{meant} (`ivv profile --list` lists all)")
 }
 
-/// Prints each shader with the kernels that are made of it.
+/// Prints each shader with its kernels.
 pub fn list(json: bool) -> anyhow::Result<()> {
     let mut shaders: Vec<(&str, Vec<&str>)> = Vec::new();
     for spec in KERNELS.iter() {

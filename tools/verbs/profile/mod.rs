@@ -32,58 +32,57 @@ use std::time::Instant;
 /// Options of `ivv profile`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A run of `ivv train` (its newest checkpoint; the folder stays as it is), a capture (trained a little first), or,
-    /// with --cameras, a scene.
+    /// A run of `ivv train` (its newest checkpoint; the folder is not changed), a capture (trained a little first), or, with --cameras,
+    /// a scene.
     #[arg(required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "estimate", "sweep"])]
     subject: Option<PathBuf>,
-    /// Where profile.json, profile.md, profile.html, roofline.svg and trace.json go.
+    /// The folder for profile.json, profile.md, profile.html, roofline.svg and trace.json.
     #[arg(short, long, required_unless_present_any = ["replay", "disassemble", "list", "compare", "statistics", "feed", "estimate"])]
     output: Option<PathBuf>,
     /// Cameras to render a scene from: a cameras file.
     #[arg(long)]
     cameras: Option<PathBuf>,
-    /// Steps, or views, to time pass by pass. As many more run without timing, to measure what it costs.
+    /// Steps or views to time pass by pass. As many more run without timing, to measure its cost.
     #[arg(long, default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..))]
     samples: u64,
     /// Steps of a capture, or views of a scene, to run before timing.
     #[arg(long, default_value_t = 100)]
     warm_up: u64,
-    /// Only writes the first dispatch of this kernel, with everything that it worked on, to OUTPUT/KERNEL.dispatch.
+    /// Only writes the first dispatch of this kernel, with its buffers, to OUTPUT/KERNEL.dispatch.
     #[arg(long, value_name = "KERNEL")]
     dump: Option<String>,
-    /// Prints this kernel's SPIR-V and how often it has which instruction.
+    /// Prints this kernel's SPIR-V and counts its instructions.
     #[arg(long, conflicts_with_all = ["subject", "replay", "list"])]
     disassemble: Option<String>,
-    /// Prints each shader with its kernels, which are variants of each other.
+    /// Prints each shader with its kernels, the variants of the shader.
     #[arg(long, conflicts_with = "subject")]
     list: bool,
-    /// Compares two profiles, pass by pass: each a profile.json, or the folder that holds it. Needs no device.
+    /// Compares two profiles, pass by pass: each a profile.json or its folder. Needs no device.
     #[arg(long, num_args = 2, value_names = ["A", "B"], conflicts_with_all = ["subject", "output", "replay", "disassemble", "list"])]
     compare: Vec<PathBuf>,
-    /// Prints what the compiler of the device makes of these kernels, or of all: registers, spills, instructions, waves. Runs
+    /// Prints the statistics of the device's compiler for these kernels, or for all: registers, spills, instructions, waves. Runs
     /// nothing.
     #[arg(long, num_args = 0.., value_name = "KERNEL", conflicts_with_all = ["subject", "output", "replay", "disassemble", "list", "compare"])]
     statistics: Option<Vec<String>>,
-    /// The chip that --statistics counts waves for, such as GA100, where the device's name does not tell it.
+    /// The chip for the waves of --statistics, such as GA100, if the name of the device does not name it.
     #[arg(long, requires = "statistics")]
     chip: Option<String>,
-    /// Only decodes the training images of a capture, in the order of a run and as far ahead, for a device that takes no time:
-    /// what the feed alone can do. Needs no device.
+    /// Only decodes the training images of a capture, in the order of a run, to measure the image feed alone. Needs no device.
     #[arg(long, conflicts_with_all = ["cameras", "dump", "replay", "output"])]
     feed: bool,
     #[command(flatten)]
     estimate: EstimateArgs,
-    /// Times a step and a frame of made-up scenes against the length of the clip, cameras, pixels and Gaussians, up to so many
+    /// Times a step and a frame of made-up scenes against the length of the clip, cameras, pixels and Gaussians, up to this many
     /// Gaussians, and writes sweep.md, sweep.json and sweep.svg to OUTPUT.
     #[arg(long, num_args = 0..=1, default_missing_value = "300000", value_name = "GAUSSIANS",
         value_parser = clap::value_parser!(u64).range(1..), conflicts_with_all = ["subject", "cameras", "dump", "replay", "feed"])]
     sweep: Option<u64>,
-    /// How long --sweep may take; what would take longer is left out.
+    /// Most seconds of --sweep; sizes that would take longer are left out.
     #[arg(long, default_value_t = 240.0, requires = "sweep")]
     seconds: f64,
     #[command(flatten)]
     replay: ReplayArgs,
-    /// Of a run, where its capture is now, if it has moved.
+    /// Where the run's capture is now, if it has moved.
     #[arg(long)]
     capture: Option<PathBuf>,
     #[command(flatten)]
@@ -133,7 +132,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     training(args, config, subject, output, &gpu, json)
 }
 
-/// Takes every image of the order as soon as it is there.
+/// Takes every image as soon as it is decoded.
 fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
     let config = args.settings.resolve()?;
     let frames = capture.training_frames();
@@ -147,7 +146,7 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
     let TermData { depth, flow } = Setup::new(capture, &config).data;
     let depth = frames.iter().filter(|_| depth).map(|image| (*image, [1.0, 0.0])).collect();
     let mut cache = FrameCache::new(capture, asked, &PriorPlan { flow, depth }, share_of_memory(), threads)?;
-    // Until every image has been decoded once: later ones come out of memory where they fit.
+    // Until every image is decoded once. Later ones come from memory if they fit.
     let mut progress = Progress::new("feed", n_first);
     let (mut pixels, mut bytes) = (0, 0);
     for _ in 0..n_first {
@@ -169,12 +168,12 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
     let per_second = n_first as f64 / seconds;
     let decode_ms = 1e3 * stats.decoding.as_secs_f64() / stats.n_decoded.max(1) as f64;
     if json {
-        let told = serde_json::json!({
+        let report = serde_json::json!({
             "images": n_first, "mean_pixels": pixels / n_first.max(1), "mean_bytes": bytes / n_first.max(1), "threads": threads,
             "images_per_second": per_second, "decode_ms": decode_ms, "peak_bytes": first.peak_bytes,
             "later_images": again, "later_images_per_second": f64::from(again) / rest, "hits": stats.n_hits,
         });
-        return print_json(&told);
+        return print_json(&report);
     }
     let mean = |sum: usize| sum / n_first.max(1);
     out!("{n_first} images of {} pixels, {} bytes, on {threads} threads", mean(pixels), mean(bytes));
@@ -233,8 +232,8 @@ fn statistics(args: &Args, names: &[String], json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What was measured, to be written.
-struct Measured {
+/// Samples of a profile.
+struct Measurement {
     sample: &'static str,
     samples: Vec<Sample>,
     moments: Vec<Moment>,
@@ -243,9 +242,9 @@ struct Measured {
     plain: Vec<f64>,
 }
 
-impl Measured {
+impl Measurement {
     fn new(sample: &'static str) -> Self {
-        Measured { sample, samples: Vec::new(), moments: Vec::new(), timed: Vec::new(), plain: Vec::new() }
+        Measurement { sample, samples: Vec::new(), moments: Vec::new(), timed: Vec::new(), plain: Vec::new() }
     }
 
     fn write(self, gpu: &Gpu, peaks: Peaks, subject: &Path, output: &Path, json: bool) -> anyhow::Result<()> {
@@ -268,7 +267,7 @@ impl Measured {
     }
 }
 
-fn written(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
+fn write_dump(dispatch: Option<Dispatch>, kernel: &str, output: &Path, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
     let dispatch =
         dispatch.with_context(|| format!("no pass here runs the kernel {kernel}{}", kernels::like(kernel)))?;
     let file = output.join(format!("{kernel}.dispatch"));
@@ -294,9 +293,9 @@ fn scene(args: &Args, subject: &Path, output: &Path, gpu: &Arc<Gpu>, json: bool)
     let Some(first) = views.first() else { anyhow::bail!("the cameras file has no view; add one") };
     let Some(peaks) = peaks else {
         let kernel = args.dump.as_deref().unwrap_or_default();
-        return written(renderer.dump(first, Outputs::Color, kernel)?, kernel, output, gpu, json);
+        return write_dump(renderer.dump(first, Outputs::Color, kernel)?, kernel, output, gpu, json);
     };
-    let mut measured = Measured::new("view");
+    let mut measured = Measurement::new("view");
     let mut progress = Progress::new("profile", args.samples as usize);
     // Kernels are compiled at their first dispatch, and lists grow to their size.
     for view in views.iter().cycle().take((args.warm_up as usize).clamp(1, views.len())) {
@@ -349,20 +348,20 @@ fn training(
         let options = SessionOptions { total: Some(total), watch: watch(), ..SessionOptions::default() };
         Session::begin(gpu.clone(), &capture, config, options)?
     };
-    let mut measured = Measured::new("step");
+    let mut measured = Measurement::new("step");
     let mut progress = Progress::new("profile", steps as usize);
     let start = Instant::now();
     let mut heat = Heat::new(gpu)?;
     for step in 0..steps {
         if step >= warm_up && args.dump.is_none() {
-            // What is due after the step before, such as a mean of scenes, is not the next step's.
+            // Work that is due after the last step does not count for the next one.
             session.wait()?;
             session.settle()?;
             heat.before(gpu)?;
         }
         match (step.checked_sub(warm_up), &args.dump) {
             (None, _) => drop(session.step()?),
-            (Some(_), Some(kernel)) => return written(session.dump(kernel)?, kernel, output, gpu, json),
+            (Some(_), Some(kernel)) => return write_dump(session.dump(kernel)?, kernel, output, gpu, json),
             (Some(number), None) if number % 2 == 0 => {
                 let before = session.seconds();
                 session.step()?;
@@ -399,7 +398,7 @@ fn resumed<'a>(
     let differ = args.settings.contradictions(&checkpoint.config)?;
     anyhow::ensure!(
         differ.is_empty(),
-        "a run is profiled with its own settings, and flags contradict them: {}; leave these flags out, or profile its \
+        "a run is profiled with its own settings, and other flags contradict them: {}; leave these flags out, or profile its \
          capture with them",
         differ.join("; ")
     );

@@ -13,16 +13,16 @@ use std::path::{Path, PathBuf};
 /// Options of a replay.
 #[derive(clap::Args)]
 pub struct ReplayArgs {
-    /// Runs a dumped dispatch again and again.
+    /// Runs a dumped dispatch repeatedly.
     #[arg(long, conflicts_with_all = ["subject", "dump", "capture", "cameras", "list"])]
     replay: Option<PathBuf>,
     /// Kernels to run beside the dumped one, separated by commas: variants of its shader.
     #[arg(long, value_delimiter = ',', requires = "replay")]
     variant: Vec<String>,
-    /// How often each kernel runs.
+    /// Runs of each kernel.
     #[arg(short, default_value_t = 200, value_parser = clap::value_parser!(u32).range(1..))]
     n: u32,
-    /// Stays, compiles the kernel again whenever a shader changes, and runs it beside the dumped one.
+    /// Recompiles the kernel whenever a shader changes, and runs it beside the dumped one.
     #[cfg(feature = "shaders")]
     #[arg(long, requires = "replay")]
     watch: bool,
@@ -75,7 +75,7 @@ fn print(lines: &[Replayed], n: u32) {
     print_table(&[&[runs.as_str()][..], &heads].concat(), lines.iter().map(row));
 }
 
-/// Prints a kernel's SPIR-V, and how often it has which instruction.
+/// Prints a kernel's SPIR-V, and counts its instructions.
 pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
     let kernel = kernels::named("--disassemble", name)?;
     let module = rspirv::dr::load_bytes(kernel.spirv).map_err(|e| anyhow::anyhow!("{name}: {e}"))?;

@@ -36,18 +36,18 @@ pub struct Args {
     hrtf: PathBuf,
     #[command(flatten)]
     config: ConfigArgs,
-    /// Write 32 bit floats.
+    /// Writes 32-bit floats.
     #[arg(long)]
     float: bool,
-    /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
+    /// Also writes the sound field at the head as first-order AmbiX (W, Y, Z, X), for players that turn the head.
     #[arg(long)]
     ambix: Option<PathBuf>,
-    /// Also plot azimuth, and the time and level differences between the ears, over time: .svg.
+    /// Also plots azimuth, and the time and level differences between the ears, over time (.svg).
     #[arg(long)]
     plot: Option<PathBuf>,
 }
 
-/// How a scene is rendered.
+/// Options of the rendering.
 #[derive(clap::Args)]
 pub struct ConfigArgs {
     /// paper2d: the paper's, on the horizon. paper3d: with elevation. physical: with delay and Doppler, for metric scenes.
@@ -112,7 +112,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write(&args.output, &rendered.samples, depth)?;
     if let Some(path) = &args.ambix {
         let mut samples = render_ambix(&scene, &sounds, &head, &config)?;
-        // As loud as what the ears hear, where its own peaks allow.
+        // As loud as the binaural sound, if its own peaks allow.
         let room = loudness::true_peak_db(&samples)?.map_or(f64::INFINITY, |peak| PEAK_LIMIT_DB - peak);
         loudness::amplify(&mut samples, rendered.report.gain_db.min(room));
         write(path, &samples, depth)?;

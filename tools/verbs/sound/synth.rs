@@ -22,16 +22,16 @@ const SPEED: f64 = 60.0;
 /// Options of `ivv sound synth`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder to write to: path.csv and truth.wav; of the built-in scene also mic.wav and scene.json.
+    /// The folder for path.csv and truth.wav, and for mic.wav and scene.json of the built-in scene.
     #[arg(short, long)]
     output: PathBuf,
-    /// A capture of `ivv synth`: writes what a head would truly hear on a path around its speaker.
+    /// A capture of `ivv synth`: writes the true sound at a head on a path around its speaker.
     #[arg(long)]
     capture: Option<PathBuf>,
     /// Seconds of the built-in scene.
     #[arg(long, default_value_t = 4.0)]
     seconds: f64,
-    /// The built-in scene stands still; else the speaker walks around a head that turns.
+    /// Makes the built-in scene static. Without it the speaker walks around a turning head.
     #[arg(long)]
     still: bool,
     /// Seed of the built-in scene's voice.
