@@ -33,14 +33,20 @@ pub struct Scorer<'a> {
     pub config: &'a Config,
 }
 
+/// The scores of some test views, with a few of the views.
+pub struct SampleScores {
+    pub evaluation: Evaluation,
+    pub examples: Vec<Example>,
+}
+
 impl Scorer<'_> {
     /// Scores `splats` on `frames`, with a few examples; `None` if there is no frame, or masks hide all.
-    pub fn some(
+    pub fn score_sample(
         &self,
         splats: &Splats,
         frames: &[(usize, u32)],
         step: u64,
-    ) -> ivv::Result<Option<(Evaluation, Vec<Example>)>> {
+    ) -> ivv::Result<Option<SampleScores>> {
         let mut renderer = Renderer::new(self.gpu.clone(), splats, self.run.constants)?;
         let mut meter = Meter::new(self.gpu.clone(), self.config)?;
         let sight = Sight::new(self.capture, self.config.background);
@@ -65,36 +71,40 @@ impl Scorer<'_> {
                 examples.push(Example { view: scored.view.clone(), why: "", scores: scored.scores, truth, render });
             }
         }
-        Ok(Some((evaluation, examples)))
+        Ok(Some(SampleScores { evaluation, examples }))
     }
 
-    /// Writes a strip of `examples`, truth above rendering, and the report so far.
-    pub fn progress(
+    /// Writes a strip of the examples of `sample`, truth above rendering, and the report after `step` of `total` steps.
+    pub fn write_progress(
         &self,
-        (splats, evaluation, examples): (&Splats, Evaluation, &[Example]),
-        (step, total): (u64, u64),
+        splats: &Splats,
+        sample: SampleScores,
+        step: u64,
+        total: u64,
         log: &Log,
         output: &Path,
     ) -> ivv::Result<()> {
+        let SampleScores { evaluation, examples } = sample;
         let folder = output.join("renders").join("progress");
         make_folder(&folder)?;
-        let write_strip = || strip(examples).write_png(&folder.join(format!("{step:08}.png")));
+        let write_strip = || strip(&examples).write_png(&folder.join(format!("{step:08}.png")));
         let size = SceneSize::of(splats);
         let scores =
             SceneScores::new(&output.join("checkpoints"), size, &self.gpu.caps().name, self.near(), evaluation);
         let name = format!("{}, step {step} of {total}", name_of(output));
         let Scorer { run, config, .. } = self;
         let (scores, totals) = (Some(&scores), &serde_json::Value::Null);
-        let report = Report { name: &name, run, config, totals, log, scores, examples };
+        let report = Report { name: &name, run, config, totals, log, scores, examples: &examples };
         in_parallel(write_strip, || report.write(&output.join("report.html")))
     }
 
     /// Scores the scene of `renderer`, from the file `scene`, on all test views, and again at the time offsets `fits` by camera if there
     /// are any. Writes eval.json and the renders into `output`. Returns the scores, and some views for the report; `None` if there is no
     /// test view, or masks hide all.
-    pub fn all(
+    pub fn score_all(
         &self,
-        (mut renderer, size): (Renderer, SceneSize),
+        mut renderer: Renderer,
+        size: SceneSize,
         scene: &Path,
         fits: &BTreeMap<usize, OffsetFit>,
         step: u64,

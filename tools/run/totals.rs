@@ -37,7 +37,8 @@ pub fn totals(
     gpu: &Gpu,
     steps_done: u64,
     splats: &Splats,
-    (run, config): (&Run, &Config),
+    run: &Run,
+    config: &Config,
     log: &Log,
     seconds: &Seconds,
 ) -> anyhow::Result<Value> {

@@ -61,8 +61,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         // Score what other viewers draw, which do not know the run's constants.
         run.constants = run.constants_of_training(source.look.constants);
     }
-    let shown = source.seen()?;
-    let (output, steps) = match (&args.scene, shown.checkpoint_step) {
+    let loaded = source.seen()?;
+    let (output, steps) = match (&args.scene, loaded.checkpoint_step) {
         (Some(scene), _) => {
             let (name, steps) = own_name(scene)?;
             (args.run.join("eval").join(name), steps)
@@ -73,9 +73,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     make_folder(&output)?;
     let gpu = args.device.open()?;
     let scorer = Scorer { gpu: &gpu, capture: &capture, run: &run, config: &config };
-    let step = shown.checkpoint_step.unwrap_or(steps);
+    let step = loaded.checkpoint_step.unwrap_or(steps);
     let mut fits = BTreeMap::new();
-    let seen = match shown.splats {
+    let (renderer, size) = match loaded.splats {
         Gaussians::Whole(splats) => {
             let splats = run.world.splats(&splats.by_degree());
             if args.fit_offsets {
@@ -93,7 +93,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             (Renderer::of_parts(gpu.clone(), clip, run.constants)?, size)
         }
     };
-    let (scores, examples) = scorer.all(seen, &shown.file, &fits, step, &output)?;
+    let (scores, examples) = scorer.score_all(renderer, size, &loaded.file, &fits, step, &output)?;
     let Some(scores) = scores else {
         let remedy = "train again with --test-cameras";
         return Err(ivv::Error::data(

@@ -19,14 +19,12 @@ use crate::verbs::render::video::{Film, PathArgs, VideoJob};
 use anyhow::Context;
 use ivv::Constants;
 use ivv::formats::FourDgs;
-use ivv::gpu::Gpu;
-use ivv::scene::{Splats, View};
+use ivv::scene::View;
 use ivv::sound::rig::Rig;
 use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
 use ivv::train::Run;
 use ivv::words::count;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::time::Instant;
 
 /// Options of `ivv render`.
@@ -104,7 +102,7 @@ impl Args {
     fn film(&self, source: &Source, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
         let Some(path) = self.film.path() else {
             let span = self.span_of_file(source, run);
-            let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, (span, self.time));
+            let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, span, self.time);
             return self.film.orbit().map(orbit).transpose();
         };
         let remedy = "leave them out, or use --orbit";
@@ -115,7 +113,7 @@ impl Args {
             None => {}
         }
         let background = source.look.background.unwrap_or_default();
-        Ok(Some(Film::along(&self.film, path, (self.clip(source, run)?, self.time), background)?))
+        Ok(Some(Film::along(&self.film, path, self.clip(source, run)?, self.time, background)?))
     }
 
     /// The views that the options ask for.
@@ -145,20 +143,18 @@ impl Args {
     /// Measures and prints the frame rates of `views`.
     fn bench(
         &self,
-        gpu: &Arc<Gpu>,
-        splats: Splats,
+        mut renderer: Renderer,
         constants: Constants,
-        (views, outputs): (&[View], Outputs),
+        views: &[View],
+        outputs: Outputs,
         stop: &Stop,
         json: bool,
     ) -> anyhow::Result<()> {
         anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
         let seconds = self.bench.unwrap_or_default();
-        let splats = Arc::new(splats);
-        let mut renderer = Renderer::of_clip(gpu.clone(), splats, constants)?;
         let rates = FrameRates::new(&mut renderer, views, outputs, seconds, stop)?;
         if json {
-            let report = serde_json::json!({ "device": gpu.caps(), "constants": constants, "bench": rates });
+            let report = serde_json::json!({ "device": renderer.gpu().caps(), "constants": constants, "bench": rates });
             print_json(&report)?;
         } else {
             rates.print();
@@ -198,15 +194,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     args.output.as_deref().map_or(Ok(()), make_folder)?;
     let gpu = args.device.open()?;
     let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
-    let (output, mut renderer) = match (&args.output, shown.splats) {
-        (Some(output), gaussians) => (output, gaussians.renderer(gpu.clone(), constants)?),
-        (None, Gaussians::Whole(splats)) => {
-            return args.bench(&gpu, splats.by_degree(), constants, (&views, outputs), &stop, json);
-        }
-        (None, Gaussians::Parts(_)) => anyhow::bail!("--bench: expected a scene in memory, found a clip in parts"),
+    let mut renderer = shown.splats.renderer(gpu.clone(), constants)?;
+    let Some(output) = &args.output else {
+        return args.bench(renderer, constants, &views, outputs, &stop, json);
     };
     let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
-    let reports = write_views(&mut renderer, &views, outputs, (output, &args.format), &profiled, &stop)?;
+    let reports = write_views(&mut renderer, &views, outputs, output, &args.format, &profiled, &stop)?;
     let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
     if bad > 0 {
         alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
@@ -233,7 +226,8 @@ fn write_views(
     renderer: &mut Renderer,
     views: &[View],
     outputs: Outputs,
-    (folder, formats): (&Path, &[Format]),
+    folder: &Path,
+    formats: &[Format],
     profiled: &[FrameReport],
     stop: &Stop,
 ) -> anyhow::Result<Vec<ViewReport>> {

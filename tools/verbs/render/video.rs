@@ -98,7 +98,8 @@ impl Film {
     pub fn along(
         args: &PathArgs,
         path: &Path,
-        (clip, time): (Option<(f64, u32)>, Option<f64>),
+        clip: Option<(f64, u32)>,
+        time: Option<f64>,
         background: [f32; 3],
     ) -> anyhow::Result<Film> {
         let head = read_path(path, args.path_convention.map(Convention::from))?;
@@ -124,7 +125,8 @@ impl Film {
         args: &PathArgs,
         seconds: f64,
         views: &[View],
-        (span, time): (Option<[f64; 2]>, Option<f64>),
+        span: Option<[f64; 2]>,
+        time: Option<f64>,
     ) -> anyhow::Result<Film> {
         anyhow::ensure!(
             seconds.is_finite() && seconds > 0.0,

@@ -17,7 +17,7 @@ use crate::run::ranks::Team;
 use crate::run::rescue;
 use crate::run::review;
 use crate::run::schedule::Schedule;
-use crate::run::scoring::Scorer;
+use crate::run::scoring::{SampleScores, Scorer};
 use crate::run::time_offsets;
 use crate::run::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
 use crate::ui::interrupt::{Interrupted, Stop};
@@ -29,7 +29,6 @@ use crate::verbs::train::setup::TrainingSetup;
 use ivv::scene::Splats;
 use ivv::scene::capture::share_of_memory;
 use ivv::stage::Renderer;
-use ivv::study::Example;
 use ivv::train::{
     Checkpoint, Evaluation, Event, Fall, Kind, Log, SceneScores, SceneSize, Session, SessionOptions, StepReport, spread,
 };
@@ -156,13 +155,6 @@ fn follow(mut session: Session, total: u64, schedule: &Schedule, team: &Team, st
     Ok(())
 }
 
-/// An evaluation during the run, with examples.
-struct Scored {
-    splats: Splats,
-    evaluation: Evaluation,
-    examples: Vec<Example>,
-}
-
 /// A training, with its run folder.
 struct Training<'scope, 'env> {
     args: &'env Args,
@@ -236,14 +228,14 @@ impl Training<'_, '_> {
     }
 
     /// Starts to write `scored`, and a checkpoint if it `is_due` or the scores are the best so far.
-    fn write(&mut self, scored: Option<Scored>, is_due: bool) -> ivv::Result<()> {
+    fn write(&mut self, scored: Option<(Splats, SampleScores)>, is_due: bool) -> ivv::Result<()> {
         // After this the best checkpoint so far is on the disk.
         self.writer.wait()?;
-        let psnr = scored.as_ref().map(|scored| scored.evaluation.mean.psnr);
+        let psnr = scored.as_ref().map(|(_, sample)| sample.evaluation.mean.psnr);
         let best = Checkpoint::best(&self.checkpoints)?.map(|(_, psnr)| psnr);
         let best = psnr.filter(|psnr| best.is_none_or(|best| *psnr > best));
         let checkpoint = if is_due || best.is_some() { Some(self.session.checkpoint()?) } else { None };
-        let (scorer, log, at) = (self.scorer, self.log.clone(), (self.session.steps(), self.total));
+        let (scorer, log, step, total) = (self.scorer, self.log.clone(), self.session.steps(), self.total);
         let (folder, output) = (self.checkpoints.clone(), self.output.to_owned());
         self.writer.start(move || {
             let save = || {
@@ -252,14 +244,12 @@ impl Training<'_, '_> {
                     log.write()?;
                 }
                 if let Some(psnr) = best {
-                    Checkpoint::keep_best(&folder, at.0, psnr)?;
+                    Checkpoint::keep_best(&folder, step, psnr)?;
                 }
                 Ok(())
             };
             let show = || match scored {
-                Some(Scored { splats, evaluation, examples }) => {
-                    scorer.progress((&splats, evaluation, &examples), at, &log, &output)
-                }
+                Some((splats, sample)) => scorer.write_progress(&splats, sample, step, total, &log, &output),
                 None => Ok(()),
             };
             in_parallel(save, show)
@@ -345,18 +335,18 @@ impl Training<'_, '_> {
     }
 
     /// Scores some test views if that is due.
-    fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<Scored>> {
+    fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<(Splats, SampleScores)>> {
         if !self.schedule.is_evaluation_due(step) {
             return Ok(None);
         }
         let begun = Instant::now();
         let splats = self.session.trainer().splats()?;
-        let Some((evaluation, examples)) = self.scorer.some(&splats, &self.some_test, step)? else { return Ok(None) };
-        let Evaluation { mean, views, .. } = &evaluation;
+        let Some(sample) = self.scorer.score_sample(&splats, &self.some_test, step)? else { return Ok(None) };
+        let Evaluation { mean, views, .. } = &sample.evaluation;
         self.progress.scored(step, mean.psnr, mean.ssim, views.len(), begun.elapsed().as_secs_f64());
-        self.log.push(Kind::Evaluation, &evaluation)?;
+        self.log.push(Kind::Evaluation, &sample.evaluation)?;
         self.warn_of_a_fall()?;
-        Ok(Some(Scored { splats, evaluation, examples }))
+        Ok(Some((splats, sample)))
     }
 
     /// The last point of the curve from the scores of all test images: the same images as those before it.
@@ -398,7 +388,7 @@ impl Training<'_, '_> {
         let offsets = time_offsets::table(self.session.trainer(), &self.scorer, &fits, output)?;
         let poses = camera_poses::table(self.session.trainer(), &self.scorer, output)?;
         let Scorer { gpu, run, config, .. } = self.scorer;
-        let mut totals = totals(gpu, step, &splats, (run, config), &self.log, &seconds)?;
+        let mut totals = totals(gpu, step, &splats, run, config, &self.log, &seconds)?;
         totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
         if self.team.size() > 1 {
             totals["ranks"] = serde_json::to_value(self.session.trainer().shared())?;
@@ -412,12 +402,13 @@ impl Training<'_, '_> {
         totals["offset_error"] = agreement.map(|agreement| agreement.rms_error).into();
         totals["offset_correlation"] = agreement.and_then(|agreement| agreement.correlation).into();
         write_json(&output.join("train.json"), &totals)?;
-        let seen = (Renderer::new(gpu.clone(), &splats, run.constants)?, SceneSize::of(&splats));
-        let (scores, examples) = self.scorer.all(seen, &scene, &fits, step, output)?;
+        let renderer = Renderer::new(gpu.clone(), &splats, run.constants)?;
+        let (scores, examples) =
+            self.scorer.score_all(renderer, SceneSize::of(&splats), &scene, &fits, step, output)?;
         if let Some(scores) = &scores {
             let has_backdrop = splats.len() > trained.len();
-            let last = if has_backdrop { self.scorer.some(&trained, &self.some_test, step)? } else { None };
-            if let Some(some) = last.map_or_else(|| self.last_of(scores), |(some, _)| Some(some)) {
+            let last = if has_backdrop { self.scorer.score_sample(&trained, &self.some_test, step)? } else { None };
+            if let Some(some) = last.map_or_else(|| self.last_of(scores), |sample| Some(sample.evaluation)) {
                 self.log.push(Kind::Evaluation, &some)?;
                 self.warn_of_a_fall()?;
                 Checkpoint::keep_best(&self.checkpoints, some.step, some.mean.psnr)?;
