@@ -44,12 +44,12 @@ pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Resu
 
 /// In a line: how far off the calibration is, and whether the run keeps its learnt poses.
 pub fn verdict(pixels: f64, are_learnt: bool) -> String {
-    let what = if are_learnt {
-        "the calibration is off: poses are learnt to the end"
+    let consequence = if are_learnt {
+        "the calibration is off: training refines the poses to the end"
     } else {
-        "the calibration is right: poses are the capture's again"
+        "the calibration is right: the poses of the capture are back"
     };
-    format!("learnt poses move what cameras see by {pixels:.2} pixels (median); {what}")
+    format!("refined poses shift the images by {pixels:.2} pixels (median); {consequence}")
 }
 
 /// Prints a line about them.

@@ -13,8 +13,8 @@ const SCORES: [&str; 2] = ["eval.json", "report.html"];
 /// Least digits of a frame or a step in the name of a picture.
 const DIGITS: usize = 5;
 
-/// Whether `folder` holds checkpoints or results of a run.
-pub fn holds_a_run(folder: &Path) -> ivv::Result<bool> {
+/// Whether `folder` contains checkpoints or results of a run.
+pub fn contains_run(folder: &Path) -> ivv::Result<bool> {
     let has_checkpoints = Checkpoint::any_in(&folder.join("checkpoints"))?;
     Ok(has_checkpoints || RESULTS.iter().any(|name| folder.join(name).exists()))
 }
@@ -22,7 +22,7 @@ pub fn holds_a_run(folder: &Path) -> ivv::Result<bool> {
 /// Removes the run in `folder`: checkpoints, results, renders, and what `ivv eval` wrote. Settings stay, since `new` replaces them.
 ///
 /// # Errors
-/// [`Error::Data`] naming what cannot be removed or listed.
+/// [`Error::Data`] with the path that cannot be removed or listed.
 pub fn remove_run(folder: &Path, new: &Run) -> ivv::Result<()> {
     // If run.json is lost, the renders of cameras that the new run does not test stay.
     let mut cameras = Run::read(folder).map_or(Vec::new(), |old| old.test_cameras);

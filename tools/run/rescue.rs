@@ -3,7 +3,7 @@
 use ivv::train::Checkpoint;
 use std::path::Path;
 
-/// Adds to `error`, which ended the run `output` after `step`, what `checkpoints` holds and how to continue.
+/// Adds to `error`, which ended the run `output` after `step`, the newest checkpoint and how to continue.
 pub fn describe(error: anyhow::Error, step: u64, checkpoints: &Path, output: &Path) -> anyhow::Error {
     let stopped = format!("training stopped after step {step}");
     let again = format!("continue with `ivv train --resume -o {}`", output.display());
@@ -13,7 +13,7 @@ pub fn describe(error: anyhow::Error, step: u64, checkpoints: &Path, output: &Pa
             let file = if file.is_file() { &file } else { checkpoints };
             format!("{} holds step {}; {again}", file.display(), checkpoint.step)
         }
-        Ok(None) => "there is no checkpoint; begin again with --overwrite".to_owned(),
+        Ok(None) => "there is no checkpoint; start again with --overwrite".to_owned(),
         Err(fault) => format!("the checkpoints cannot be read: {fault}; mend that, then {again}"),
     };
     error.context(format!("{stopped}; {kept}; the reason"))
@@ -25,7 +25,7 @@ mod tests {
     use std::path::Path;
 
     #[test]
-    fn only_where_there_is_no_checkpoint_is_one_advised_to_begin_again() {
+    fn without_a_checkpoint_the_advice_is_to_start_again() {
         let of = |checkpoints: &Path| {
             format!("{:#}", describe(anyhow::anyhow!("it broke"), 3, checkpoints, Path::new("run")))
         };

@@ -17,7 +17,7 @@ pub fn train_command() -> anyhow::Result<Command> {
 /// A capture, and how processes train on it.
 pub struct TrainingProcess<'a> {
     pub capture: &'a Path,
-    /// The capture with its photographs and without: a run that is there is taken if it was trained on one of them.
+    /// The capture with its photographs and without: a finished run counts if it was trained on one of them.
     pub summaries: &'a [CaptureSummary; 2],
     /// As `ivv train` takes it.
     pub device: Option<&'a str>,

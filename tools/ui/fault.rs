@@ -14,7 +14,7 @@ pub struct FaultyCapture {
 }
 
 impl FaultyCapture {
-    /// None where there is no fault.
+    /// `None` if there is no fault.
     pub fn of(n_faults: u64) -> Option<anyhow::Error> {
         (n_faults > 0).then(|| FaultyCapture { n_faults }.into())
     }
@@ -51,7 +51,7 @@ pub fn usage(error: &clap::Error) -> u8 {
 /// Reports how the verb ended, and returns the exit code.
 pub fn exit(done: anyhow::Result<()>, as_json: bool) -> u8 {
     let Err(error) = done else { return end(0) };
-    // Results that are written hold the error.
+    // Results that were written contain the error.
     if as_json && !screen::has_results() {
         out!("{}", json!({ "error": as_json(&error) }));
     }

@@ -81,7 +81,7 @@ pub struct Progress {
 }
 
 impl Progress {
-    /// `total` pieces called `what`; 0 where the first call of [`Progress::reach`] tells.
+    /// `total` pieces called `what`; 0 if the first call of [`Progress::reach`] sets it.
     pub fn new(what: &'static str, total: usize) -> Self {
         Self::begun(what, total, Pace::new())
     }

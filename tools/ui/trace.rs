@@ -29,7 +29,7 @@ type Fault = Arc<Mutex<Option<io::Error>>>;
 /// A layer that receives the spans of all threads.
 pub type Spans<S> = Box<dyn Layer<S> + Send + Sync>;
 
-/// Begins the file `path`, which replaces one that is there: the phases of the command and of each step, and at
+/// Begins the file `path`, which replaces an existing one: the phases of the command and of each step, and at
 /// [`Level::TRACE`] each pass of the device.
 ///
 /// # Errors

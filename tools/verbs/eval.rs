@@ -17,8 +17,7 @@ use std::path::{Path, PathBuf};
 /// Options of `ivv eval`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run of `ivv train`. Where it has not ended, its newest checkpoint is scored, into
-    /// RUN/eval/step-STEP.
+    /// The folder of a run of `ivv train`. If it has not ended, its newest checkpoint is scored, into RUN/eval/step-STEP.
     run: PathBuf,
     /// Another scene to score, with the rendering constants of its file or the usual ones. The scores go to RUN/eval/NAME, named after
     /// its folder, or after its file with the ending.

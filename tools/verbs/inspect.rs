@@ -16,7 +16,7 @@ use std::path::{Path, PathBuf};
 #[command(mut_args(of_cameras))]
 pub struct Args {
     /// A scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG; or the folder of a run: its
-    /// scene.ply, or the newest checkpoint where it has not ended. With --cameras a capture, or the folder of a run.
+    /// scene.ply, or its newest checkpoint if it has not ended. With --cameras a capture, or the folder of a run.
     #[arg(value_name = "SCENE|RUN|CAPTURE")]
     scene: PathBuf,
     /// Instead writes the views of the capture, or of the run's capture, to this file (JSON).

@@ -124,7 +124,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         || Run::read(&args.output).is_ok_and(|before| before != run)
         || read_json::<Config>(&args.output.join("config.json"), "").is_ok_and(|before| before != config);
     if is_another {
-        let remedy = "choose another folder with -o, or remove it with all that it holds";
+        let remedy = "choose another folder with -o, or remove it";
         return Err(ivv::Error::data(&args.output, "", "holds another plan or a run", remedy).into());
     }
     segments.write(&args.output)?;
@@ -276,11 +276,11 @@ impl<'a> Jobs<'a> {
         let mut child = command.args(options).spawn().context("ivv train")?;
         let status = stop.wait_for(&mut child).context("ivv train")?;
         if stop.is_asked() || status.code() == Some(i32::from(Interrupted::EXIT_CODE)) {
-            return Err(Interrupted("run the same command again to go on").into());
+            return Err(Interrupted("run the same command again to continue").into());
         }
         ensure!(
             status.success(),
-            "the training into {} ended with {status}; run the same command again to go on from its newest checkpoint",
+            "the training into {} ended with {status}; run the same command again to continue from its newest checkpoint",
             folder.display()
         );
         Ok(())
@@ -341,7 +341,7 @@ fn without_viewpoints(options: &mut Vec<OsString>) {
     }
 }
 
-/// Whether `folder` holds a run that has ended and written its scene.
+/// Whether the run in `folder` has ended and written its scene.
 fn has_ended(folder: &Path) -> ivv::Result<bool> {
     if !folder.join("scene.ply").is_file() || !folder.join("train.json").is_file() {
         return Ok(false);

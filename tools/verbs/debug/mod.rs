@@ -1,4 +1,4 @@
-//! `ivv debug`: what developers and packagers need. One file per verb; `manual` has two.
+//! `ivv debug`: verbs for developers and packagers, one per file; `manual` has two.
 
 mod demo;
 pub mod extremes;

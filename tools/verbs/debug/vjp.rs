@@ -87,7 +87,7 @@ fn cotangents(args: &Args, view: &View) -> anyhow::Result<Frame> {
     Ok(frame)
 }
 
-/// Removes `name` from `tensors`: `[H][W][channels]` numbers, zeros where it is absent.
+/// Removes `name` from `tensors`: `[H][W][channels]` numbers, zeros if it is missing.
 fn take(
     tensors: &mut BTreeMap<String, Tensor>,
     args: &Args,

@@ -21,12 +21,12 @@ use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 /// How often the run is polled for a page, and after how many polls without news an empty line tests whether the page is still there.
 const POLL: Duration = Duration::from_millis(500);
 const QUIET_POLLS: u32 = 20;
-/// Scenes that are kept: that which is shown, and that which comes next.
+/// Scenes in memory: the one on the page and the next one.
 const MOST_SCENES: usize = 2;
-/// Part of the time in which scenes may be made for whoever watches: the training has the rest.
+/// Share of the time for making scenes for the page; the rest is for the training.
 const SHARE: f64 = 0.02;
-/// What the name of the scene of a run that has ended begins with; the time follows, since a run may go on and end again. Those before
-/// are named by their step.
+/// The prefix of the name of a final scene. A time follows, because a run may be extended and end again. Other scenes are named by
+/// their step.
 const END: &str = "end-";
 
 /// The latest line of the log of a training in this process.
@@ -86,7 +86,7 @@ impl LiveRun {
         })
     }
 
-    /// The last step that the log on the disk tells of: that of the newest checkpoint.
+    /// The last step in the log on the disk: that of the newest checkpoint.
     fn last_line(&self) -> Value {
         let mut line = self.line.borrow_mut();
         let at = modified(&self.folder.join("train.jsonl"));
@@ -97,7 +97,7 @@ impl LiveRun {
         line.1.clone()
     }
 
-    /// Steps of the run, which it may be given anew.
+    /// Steps of the run, which may be extended.
     fn total(&self) -> Option<u64> {
         let at = modified(&self.folder.join("config.json"));
         let (known_at, known) = self.total.get();
@@ -138,7 +138,7 @@ impl LiveRun {
 
     /// The scene of this name as a `.4dgs`; `None` when there is none of it any more, or it cannot be read.
     pub async fn scene(&self, name: &str) -> Option<ServedScene> {
-        // One at a time: whoever waits finds it made.
+        // One at a time: a second request for it then finds it made.
         let mut scenes = self.scenes.lock().await;
         if let Some((_, scene)) = scenes.iter().find(|(known, _)| known == name) {
             return Some(scene.clone());

@@ -144,7 +144,7 @@ fn of_scene<B>(scene: &ServedScene, request: &Request<B>) -> Response<StaticBody
     if asked(header::IF_NONE_MATCH).is_some_and(|tags| tags.split(',').any(|known| known.trim() == tag)) {
         return tagged(empty(StatusCode::NOT_MODIFIED).map(Either::Left));
     }
-    // A part of what the browser has is of no use once that is another scene.
+    // A part of an older scene is of no use to the browser.
     let is_same = asked(header::IF_RANGE).is_none_or(|known| known == tag);
     let (status, range) = match asked(header::RANGE).filter(|_| is_same).map(|range| part_of(range, length)) {
         None | Some(Asked::Whole) => (StatusCode::OK, 0..length),

@@ -83,7 +83,7 @@ struct TrueSource {
     speed_of_sound: f64,
 }
 
-/// A path around the speaker at the height of its mouth, and what is heard there.
+/// A path around the speaker at the height of its mouth, and the sound on it.
 fn of_capture(capture: &Path, hrtf: &HrtfSet) -> anyhow::Result<(PoseTrack, Vec<[f32; 2]>)> {
     let rig = Rig::open(capture)?;
     let (file, remedy) = (capture.join("truth.json"), "give a capture that `ivv synth` wrote");

@@ -7,7 +7,7 @@ use ivv::train::{PRESETS, Preset, all_settings, check_name, default_of};
 use ivv::words::count;
 use serde_json::{Value, json};
 
-/// Prints those whose names begin with `prefix`.
+/// Prints the settings whose names begin with `prefix`.
 pub fn print(prefix: &str, json: bool) -> anyhow::Result<()> {
     let listed: Vec<&Setting> = all_settings().filter(|setting| setting.name.starts_with(prefix)).collect();
     if listed.is_empty() {

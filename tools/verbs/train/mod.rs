@@ -277,7 +277,7 @@ impl Training<'_, '_> {
         {
             let written = Checkpoint { world, ..rescued }.write(&self.checkpoints);
             if written.is_ok() {
-                // The lines of the log are not needed to go on.
+                // The log is not needed to resume.
                 let _ = self.log.write();
             }
         }

@@ -1,7 +1,7 @@
 //! The set-up of `ivv train`: of a new run, from the newest checkpoint of a run, or of a run that was killed before its first.
 
 use crate::run::files::{make_folder, read_json, write_json};
-use crate::run::overwrite::{holds_a_run, remove_run};
+use crate::run::overwrite::{contains_run, remove_run};
 use crate::run::ranks::local_rank;
 use crate::run::scoring::warn_of_shared_pictures;
 use crate::ui::progress::watch;
@@ -75,7 +75,7 @@ impl TrainingSetup {
         if leads {
             make_folder(&output)?;
             lock = Some(lock_folder(&output)?);
-            replaces = holds_a_run(&output)?;
+            replaces = contains_run(&output)?;
         }
         if replaces && !args.overwrite {
             let remedy = "continue it with --resume, replace it with --overwrite, or choose another folder with -o";
@@ -137,7 +137,7 @@ impl TrainingSetup {
         let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
         if leads && !changes.is_empty() {
             alert!(
-                "warning: {} is not what the run has learnt from so far: {changes}. It continues with the capture as it is now; to have one \
+                "warning: {} differs from what the run has trained on so far: {changes}. It continues with the capture as it is now; to have one \
                  capture throughout, restore it, or train again from the start",
                 capture.path.display()
             );
@@ -167,7 +167,7 @@ impl TrainingSetup {
         let gpu = args.device.open_nth(local_rank())?;
         config.check_on(&gpu, total)?;
         if checkpoint.is_none() {
-            say!("no checkpoint was written yet: the run begins again with its own settings");
+            say!("no checkpoint was written yet: the run starts again with its own settings");
         }
         // Renew a lost or damaged file.
         let is_stale = (is_extended && checkpoint.is_none()) || read_json::<Config>(&file, "").is_err();
