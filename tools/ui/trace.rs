@@ -40,7 +40,7 @@ where
 {
     let file = File::create(path).map_err(|e| cannot_write(path, &e))?;
     let fault = Fault::default();
-    let writer = Whole { file, end: 0, rest: Vec::new(), fault: fault.clone() };
+    let writer = ListWriter { file, end: 0, rest: Vec::new(), fault: fault.clone() };
     let builder = ChromeLayerBuilder::new().writer(writer).include_args(true).include_locations(false);
     let (layer, guard) = builder.build();
     // Spans of libraries would hide ours.
@@ -69,7 +69,7 @@ fn cannot_write(path: &Path, fault: &io::Error) -> Error {
 
 /// Writes entries so that the file is a complete list at any time, because a command may be killed. So it is not written under a
 /// temporary name. An error ends the trace and nothing else.
-struct Whole {
+struct ListWriter {
     file: File,
     /// Where the last whole entry ends.
     end: u64,
@@ -78,7 +78,7 @@ struct Whole {
     fault: Fault,
 }
 
-impl Whole {
+impl ListWriter {
     /// Writes the first `n` bytes of the rest, then `tail`, which the next write replaces.
     fn put(&mut self, n: usize, tail: &[u8]) {
         let mut fault = self.fault.lock().unwrap_or_else(PoisonError::into_inner);
@@ -93,7 +93,7 @@ impl Whole {
     }
 }
 
-impl Write for Whole {
+impl Write for ListWriter {
     fn write(&mut self, text: &[u8]) -> io::Result<usize> {
         self.rest.extend_from_slice(text);
         let last = self.rest.windows(BETWEEN.len()).rposition(|two| two == BETWEEN);

@@ -26,11 +26,11 @@ use std::process::Stdio;
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    job: Job,
+    verb: Verb,
 }
 
 #[derive(clap::Subcommand)]
-enum Job {
+enum Verb {
     /// Cuts a clip into segments that share frames, and writes the jobs that train them.
     Plan(Box<PlanArgs>),
     /// Trains the static scene, then the dynamic Gaussians of each segment, then joins them; or does one of these jobs. Finished jobs are skipped, and
@@ -87,10 +87,10 @@ struct JoinArgs {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    match &args.job {
-        Job::Plan(args) => plan(args, json),
-        Job::Run(args) => Jobs::open(&args.plan, json)?.run(args.only.as_deref(), &args.options),
-        Job::Join(args) => Jobs::open(&args.plan, json)?.join(),
+    match &args.verb {
+        Verb::Plan(args) => plan(args, json),
+        Verb::Run(args) => Jobs::open(&args.plan, json)?.run(args.only.as_deref(), &args.options),
+        Verb::Join(args) => Jobs::open(&args.plan, json)?.join(),
     }
 }
 

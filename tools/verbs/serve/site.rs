@@ -147,9 +147,9 @@ fn of_scene<B>(scene: &ServedScene, request: &Request<B>) -> Response<StaticBody
     // A part of an older scene is of no use to the browser.
     let is_same = asked(header::IF_RANGE).is_none_or(|known| known == tag);
     let (status, range) = match asked(header::RANGE).filter(|_| is_same).map(|range| part_of(range, length)) {
-        None | Some(Asked::Whole) => (StatusCode::OK, 0..length),
-        Some(Asked::Range(range)) => (StatusCode::PARTIAL_CONTENT, range),
-        Some(Asked::Beyond) => {
+        None | Some(ByteRange::Whole) => (StatusCode::OK, 0..length),
+        Some(ByteRange::Part(range)) => (StatusCode::PARTIAL_CONTENT, range),
+        Some(ByteRange::Beyond) => {
             let mut answer = empty(StatusCode::RANGE_NOT_SATISFIABLE);
             let value = HeaderValue::from_str(&format!("bytes */{length}"));
             answer.headers_mut().extend(value.ok().map(|value| (header::CONTENT_RANGE, value)));
@@ -180,18 +180,18 @@ fn of_report(live: &LiveRun) -> Response<Full<Bytes>> {
 
 /// What a `Range` header asks for.
 #[derive(Debug, PartialEq)]
-enum Asked {
-    /// Everything: it asks for nothing that is understood, or for several parts.
+enum ByteRange {
+    /// Everything: the header is not understood, or asks for several parts.
     Whole,
     /// These bytes, at least one.
-    Range(Range<usize>),
-    /// None that there are.
+    Part(Range<usize>),
+    /// Beyond the end.
     Beyond,
 }
 
-fn part_of(asked: &str, length: usize) -> Asked {
+fn part_of(asked: &str, length: usize) -> ByteRange {
     let Some((from, to)) = asked.strip_prefix("bytes=").and_then(|range| range.split_once('-')) else {
-        return Asked::Whole;
+        return ByteRange::Whole;
     };
     let number = |text: &str| text.parse::<usize>().ok().filter(|_| text.bytes().all(|byte| byte.is_ascii_digit()));
     let range = match (from, to) {
@@ -203,9 +203,9 @@ fn part_of(asked: &str, length: usize) -> Asked {
             .map(|(from, to)| from..to.saturating_add(1).min(length)),
     };
     match range {
-        None => Asked::Whole,
-        Some(range) if range.is_empty() => Asked::Beyond,
-        Some(range) => Asked::Range(range),
+        None => ByteRange::Whole,
+        Some(range) if range.is_empty() => ByteRange::Beyond,
+        Some(range) => ByteRange::Part(range),
     }
 }
 
