@@ -324,23 +324,6 @@ fn a_run_under_way_shows_test_views_and_its_report() {
 }
 
 #[test]
-fn frames_per_second_are_told_of_frames_that_stay_and_that_are_read_back() {
-    let [scene, cameras] = ["scene.ply", "cameras.json"].map(|name| format!("assets/demo/{name}"));
-    let of_views = ["render", &scene, "--cameras", &cameras];
-    let report: Value = serde_json::from_str(&works(&[&of_views[..], &["--bench", "0", "--json"]].concat())).unwrap();
-    let bench = &report["bench"];
-    assert_eq!(bench["frames"], 8, "each view once: {bench}");
-    for kind in ["drawn", "read_back"] {
-        let number = |key: &str| bench[kind][key].as_f64().unwrap();
-        assert!(number("frames_per_second") > 0.0 && number("median_ms") > 0.0, "{bench}");
-        assert!(number("median_ms") <= number("p95_ms") && number("p95_ms") <= number("p99_ms"), "{bench}");
-    }
-    assert!(works(&[&of_views[..], &["--bench", "0"]].concat()).contains("stays on the device"));
-    fails(&[&of_views[..], &["--bench", "-o", "out"]].concat(), 2);
-    assert!(fails(&of_views, 2).contains("--output"), "pictures need a place");
-}
-
-#[test]
 fn a_file_with_views_of_its_own_is_rendered_from_them() {
     let tiny = Tiny::new("own-views");
     let name = |file: &str| tiny.folder.join(file).to_str().unwrap().to_owned();

@@ -1,6 +1,5 @@
 //! `ivv render`.
 
-mod frame_rate;
 mod picture;
 pub mod video;
 
@@ -13,11 +12,8 @@ use crate::run::views::{ViewArgs, clip_time};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
 use crate::ui::screen::{alert, out, print_json};
-use crate::verbs::render::frame_rate::FrameRates;
 use crate::verbs::render::picture::{Format, check_finite};
 use crate::verbs::render::video::{Film, PathArgs, VideoJob};
-use anyhow::Context;
-use ivv::Constants;
 use ivv::formats::FourDgs;
 use ivv::scene::View;
 use ivv::sound::rig::Rig;
@@ -47,18 +43,14 @@ pub struct Args {
     #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
     time: Option<f64>,
     /// The folder for the pictures; with --path or --orbit the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
-    #[arg(short, long, required_unless_present = "bench")]
-    output: Option<PathBuf>,
+    #[arg(short, long)]
+    output: PathBuf,
     /// Formats of the pictures: png (colour), exr (all outputs as named channels), safetensors (all outputs).
     #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
     format: Vec<Format>,
     /// Prints the time of every pass and its share.
     #[arg(long, conflicts_with = "film")]
     profile: bool,
-    /// Writes nothing: renders the views in turn for SECONDS, and prints frames per second and percentiles of their times, for frames
-    /// that stay on the device and for frames that are read back.
-    #[arg(long, value_name = "SECONDS", num_args = 0..=1, default_missing_value = "5", conflicts_with_all = ["film", "profile", "output"])]
-    bench: Option<f64>,
     #[command(flatten)]
     film: PathArgs,
     #[command(flatten)]
@@ -139,33 +131,11 @@ impl Args {
         }
         Ok(views)
     }
-
-    /// Measures and prints the frame rates of `views`.
-    fn bench(
-        &self,
-        mut renderer: Renderer,
-        constants: Constants,
-        views: &[View],
-        outputs: Outputs,
-        stop: &Stop,
-        json: bool,
-    ) -> anyhow::Result<()> {
-        anyhow::ensure!(!views.is_empty(), "--bench: expected views to render, found none");
-        let seconds = self.bench.unwrap_or_default();
-        let rates = FrameRates::new(&mut renderer, views, outputs, seconds, stop)?;
-        if json {
-            let report = serde_json::json!({ "device": renderer.gpu().caps(), "constants": constants, "bench": rates });
-            print_json(&report)?;
-        } else {
-            rates.print();
-        }
-        Ok(())
-    }
 }
 
 /// Refuses views of a dynamic scene at times outside of its clip.
-fn within_clip(cameras: &Path, shown: &LoadedScene<Gaussians>, views: &[View]) -> ivv::Result<()> {
-    let outside = |view: &&View| !shown.splats.are_static() && !(0.0..=1.0).contains(&view.time);
+fn within_clip(cameras: &Path, loaded: &LoadedScene<Gaussians>, views: &[View]) -> ivv::Result<()> {
+    let outside = |view: &&View| !loaded.splats.are_static() && !(0.0..=1.0).contains(&view.time);
     views.iter().find(outside).map_or(Ok(()), |view| {
         let reason = format!("expected a time within the clip, 0 to 1, found {}", view.time);
         let remedy = "correct `time` of this view, or give --time for all views";
@@ -182,24 +152,19 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let source = Source::open(path)?;
     let constants = args.knobs.on(args.constants.checked_over(source.look.constants)?)?;
     if let Some(film) = args.film(&source, run.as_ref())? {
-        let shown = source.seen()?;
-        let output = args.output.as_deref().context("give the video, -o FILE")?;
-        let job = VideoJob { output, device: &args.device, constants, stop: &stop };
-        return video::run(&film, &args.film, shown, &job, json);
+        let loaded = source.seen()?;
+        let job = VideoJob { output: &args.output, device: &args.device, constants, stop: &stop };
+        return video::run(&film, &args.film, loaded, &job, json);
     }
     let views = args.views(&source)?;
-    // Measure a scene that is all in memory.
-    let shown = if args.output.is_some() { source.seen()? } else { source.scene()?.into() };
-    within_clip(args.cameras.as_deref().unwrap_or(path), &shown, &views)?;
-    args.output.as_deref().map_or(Ok(()), make_folder)?;
+    let loaded = source.seen()?;
+    within_clip(args.cameras.as_deref().unwrap_or(path), &loaded, &views)?;
+    make_folder(&args.output)?;
     let gpu = args.device.open()?;
     let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
-    let mut renderer = shown.splats.renderer(gpu.clone(), constants)?;
-    let Some(output) = &args.output else {
-        return args.bench(renderer, constants, &views, outputs, &stop, json);
-    };
+    let mut renderer = loaded.splats.renderer(gpu.clone(), constants)?;
     let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
-    let reports = write_views(&mut renderer, &views, outputs, output, &args.format, &profiled, &stop)?;
+    let reports = write_views(&mut renderer, &views, outputs, &args.output, &args.format, &profiled, &stop)?;
     let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
     if bad > 0 {
         alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
