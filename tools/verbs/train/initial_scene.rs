@@ -10,7 +10,7 @@ use ivv::train::{Config, initialise};
 use std::path::Path;
 
 /// Writes the first Gaussians of the training of `args` to `file`.
-pub fn write_initial_scene(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
+pub fn write(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
     // Higher degrees are 0 at first, and make the file larger.
     let config = Config { sh_degree: 0, ..args.settings.resolve()? };
     let capture = setup::training_capture(setup::capture(args, &config)?, &config);

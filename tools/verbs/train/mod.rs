@@ -126,7 +126,7 @@ fn instead(args: &Args, json: bool) -> anyhow::Result<bool> {
     } else if let Some(frames) = plan {
         plan::print(args, *frames, json)?;
     } else if let Some(file) = only_init {
-        initial_scene::write_initial_scene(args, file, json)?;
+        initial_scene::write(args, file, json)?;
     } else {
         return Ok(false);
     }
