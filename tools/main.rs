@@ -8,7 +8,8 @@ mod ui;
 mod verbs;
 
 use clap::{Parser, Subcommand};
-use run::{appearance as look, device, files, player as page, source as shown, views};
+// The names of these rooms before the move, for files that other branches change.
+use run::{appearance as look, axes as film, device, files, player as page, source as shown, views};
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;

@@ -36,16 +36,16 @@ fn a_scene_is_made_rendered_and_measured() {
     for (mode, extra) in [("paper3d", "--plot"), ("physical", "--ambix")] {
         let (scene, path, out, more) =
             (name("scene.json"), name("path.csv"), name("out.wav"), name(&format!("more{extra}")));
-        let render =
-            ["sound", "render", &scene, "--path", &path, "-o", &out, "--hrtf", &hrtf, "--mode", mode, extra, &more];
-        let (code, said, error) = run(&render);
+        let report = name("report.json");
+        let (code, said, error) = run(&[
+            "sound", "render", &scene, "--path", &path, "-o", &out, "--hrtf", &hrtf, "--mode", mode, extra, &more,
+            "--report", &report,
+        ]);
         assert_eq!(code, 0, "{error}");
         assert!(said.contains("licence: not stated") && said.contains("sha256"), "{said}");
         let heard = read(Path::new(&out)).unwrap();
         assert_eq!((heard.channels.len(), heard.channels[0].len(), heard.fs), (2, 19_200, 48_000));
-        let (code, said, error) = run(&[&["--json"][..], &render].concat());
-        assert_eq!(code, 0, "{error}");
-        let report: serde_json::Value = serde_json::from_str(&said).unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&fs::read(report).unwrap()).unwrap();
         assert_eq!((report["mode"].as_str(), report["seconds"].as_f64()), (Some(mode), Some(0.4)));
         let (code, said, error) =
             run(&["--json", "sound", "bench", &scene, "--truth", &name(""), "--hrtf", &hrtf, "--mode", mode]);
@@ -85,8 +85,10 @@ fn a_bench_without_a_scene_takes_the_built_in_one_and_a_scene_needs_its_truth() 
         let output = command.args(["sound", "bench"]).args(arguments).output().unwrap();
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
-    let (code, told) = bench(&["--hrtf", "/no/such.sofa"]);
-    assert!(code == Some(3) && told.contains("/no/such.sofa"), "{code:?} {told}");
+    for built_in in [&["--hrtf", "/no/such.sofa"][..], &["--built-in", "--hrtf", "/no/such.sofa"]] {
+        let (code, told) = bench(built_in);
+        assert!(code == Some(3) && told.contains("/no/such.sofa"), "{code:?} {told}");
+    }
     let (code, told) = bench(&["scene.json"]);
     assert!(code == Some(2) && told.contains("--truth"), "{code:?} {told}");
 }

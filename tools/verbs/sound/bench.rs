@@ -1,7 +1,7 @@
 //! `ivv sound bench`.
 
 use super::render::ConfigArgs;
-use crate::ui::screen::out;
+use crate::screen::out;
 use ivv::report::Table;
 use ivv::sound::bench::{Ablation, Difference, Trade, ablation, compare, lateness, trade};
 use ivv::sound::geometry::Mode;
@@ -23,9 +23,12 @@ pub struct Args {
     /// The scene.json to measure, with --truth; without one the built-in scene is measured.
     #[arg(requires = "truth")]
     scene: Option<PathBuf>,
-    /// The folder of `ivv sound synth` with the truth of the scene.
+    /// The folder of `ivv sound synth` that tells the truth of the scene.
     #[arg(long, requires = "scene")]
     truth: Option<PathBuf>,
+    /// Measure the built-in scene, as without a scene.json.
+    #[arg(long, conflicts_with_all = ["scene", "truth"])]
+    built_in: bool,
     /// The ears, which must be those of the truth.
     #[arg(long, default_value = "sphere")]
     hrtf: PathBuf,
@@ -53,7 +56,7 @@ fn measure(args: &Args, scene: &Path, truth: &Path, json: bool) -> anyhow::Resul
     };
     let truth: Vec<[f32; 2]> = left.iter().zip(right).map(|(left, right)| [*left, *right]).collect();
     let rendered = render(&scene, &head, &hrtf, &config)?;
-    // The synthetic scenes are in metres, also if localisation did not know that.
+    // The synthetic scenes are in metres, also where localisation was not told so.
     let metric = SoundScene { metres_per_unit: scene.metres_per_unit.or(Some(1.0)), ..scene };
     let late = |t: f64| if config.mode == Mode::Physical { 0.0 } else { lateness(&metric, &head, t) };
     let scale = 10f32.powf(-rendered.report.gain_db as f32 / 20.0);

@@ -16,16 +16,16 @@ pub struct Args {
 
 #[derive(clap::Subcommand)]
 enum Verb {
-    /// Tracks speakers over time, from the keypoints of person detectors in every camera.
+    /// Finds where speakers are over time, from the keypoints that detectors of persons saw in every camera.
     Localize(localize::Args),
-    /// Renders the sound at a head along a path.
+    /// Renders what a head hears along a path.
     Render(render::Args),
-    /// Writes a sound scene with ground truth: a built-in one, or that of a synthetic capture.
+    /// Writes a sound scene whose truth is known: a built-in one, or the ears' truth of a synthetic capture.
     Synth(synth::Args),
-    /// Measures renderings against ground truth: of your own scene, or of the built-in one with the paper's ablation and a table of
-    /// speed and accuracy.
+    /// Measures renderings against the truth: a scene of your own, or the built-in one with the paper's ablation and a table
+    /// of speed and accuracy.
     Bench(bench::Args),
-    /// Shows the contents, source and licence of a set of head-related responses.
+    /// Says what a set of head-related responses holds, from whom and under which licence.
     InspectHrtf(inspect_hrtf::Args),
 }
 

@@ -1,8 +1,9 @@
 //! `ivv sound render`.
 
 use super::plot::plot;
-use crate::run::axes::Axes;
-use crate::ui::screen::out;
+use crate::files::write_json;
+use crate::film::Axes;
+use crate::screen::out;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
 use ivv::sound::loudness::{self, PEAK_LIMIT_DB};
@@ -36,18 +37,21 @@ pub struct Args {
     hrtf: PathBuf,
     #[command(flatten)]
     config: ConfigArgs,
-    /// Writes 32-bit floats.
+    /// Write 32 bit floats.
     #[arg(long)]
     float: bool,
-    /// Also writes the sound field at the head as first-order AmbiX (W, Y, Z, X), for players that turn the head.
+    /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
     #[arg(long)]
     ambix: Option<PathBuf>,
-    /// Also plots azimuth, and the time and level differences between the ears, over time (.svg).
+    /// Also write a JSON report.
+    #[arg(long)]
+    report: Option<PathBuf>,
+    /// Also plot azimuth, and the time and level differences between the ears, over time: .svg.
     #[arg(long)]
     plot: Option<PathBuf>,
 }
 
-/// Options of the rendering.
+/// How a scene is rendered.
 #[derive(clap::Args)]
 pub struct ConfigArgs {
     /// paper2d: the paper's, on the horizon. paper3d: with elevation. physical: with delay and Doppler, for metric scenes.
@@ -112,10 +116,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write(&args.output, &rendered.samples, depth)?;
     if let Some(path) = &args.ambix {
         let mut samples = render_ambix(&scene, &sounds, &head, &config)?;
-        // As loud as the binaural sound, if its own peaks allow.
+        // As loud as what the ears hear, where its own peaks allow.
         let room = loudness::true_peak_db(&samples)?.map_or(f64::INFINITY, |peak| PEAK_LIMIT_DB - peak);
         loudness::amplify(&mut samples, rendered.report.gain_db.min(room));
         write(path, &samples, depth)?;
+    }
+    if let Some(path) = &args.report {
+        write_json(path, &rendered.report)?;
     }
     if let Some(path) = &args.plot {
         draw(&rendered, path)?;

@@ -1,7 +1,7 @@
 //! `ivv sound synth`.
 
-use crate::run::files::{make_folder, read_json};
-use crate::ui::screen::out;
+use crate::files::{make_folder, read_json};
+use crate::screen::out;
 use anyhow::Context;
 use glam::{DQuat, DVec3};
 use ivv::sound::FS;
@@ -22,16 +22,16 @@ const SPEED: f64 = 60.0;
 /// Options of `ivv sound synth`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder for path.csv and truth.wav, and for mic.wav and scene.json of the built-in scene.
+    /// The folder to write to: path.csv and truth.wav; of the built-in scene also mic.wav and scene.json.
     #[arg(short, long)]
     output: PathBuf,
-    /// A capture of `ivv synth`: writes the true sound at a head on a path around its speaker.
+    /// A capture of `ivv synth`: writes what a head would truly hear on a path around its speaker.
     #[arg(long)]
     capture: Option<PathBuf>,
     /// Seconds of the built-in scene.
     #[arg(long, default_value_t = 4.0)]
     seconds: f64,
-    /// Makes the built-in scene static. Without it the speaker walks around a turning head.
+    /// The built-in scene stands still; else the speaker walks around a head that turns.
     #[arg(long)]
     still: bool,
     /// Seed of the built-in scene's voice.
@@ -83,7 +83,7 @@ struct TrueSource {
     speed_of_sound: f64,
 }
 
-/// A path around the speaker at the height of its mouth, and the sound on it.
+/// A path around the speaker at the height of its mouth, and what is heard there.
 fn of_capture(capture: &Path, hrtf: &HrtfSet) -> anyhow::Result<(PoseTrack, Vec<[f32; 2]>)> {
     let rig = Rig::open(capture)?;
     let (file, remedy) = (capture.join("truth.json"), "give a capture that `ivv synth` wrote");
