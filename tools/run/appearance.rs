@@ -1,4 +1,4 @@
-//! How a scene is rendered, as its run or its file says.
+//! How a scene is rendered: what its run or its file says.
 
 use crate::run::files::read_json;
 use crate::run::source::is_run;
@@ -16,13 +16,13 @@ const RUN: &str = "give the folder of a run of `ivv train`";
 pub struct Look {
     /// In the scene's own frame.
     pub constants: Constants,
-    /// The background that it was trained over, if known.
+    /// The background that it was made over, where run or file says that.
     pub background: Option<[f32; 3]>,
 }
 
 impl Look {
-    /// How to render the run or file `path`; `clip` is that file if it is a `.4dgs`. A `scene.ply` that does not say takes the constants
-    /// of the run beside it, and a message names those that are not the usual ones.
+    /// How the run in the folder `path` is rendered, or what the file `path` says; `clip` is that file where it is a `.4dgs`. A `scene.ply`
+    /// that does not say it takes the constants of the run beside it, and a message names those that are not the usual ones.
     ///
     /// # Errors
     /// Those of the file.
@@ -39,7 +39,7 @@ impl Look {
             let (look, wrong) = of_own(&own);
             for name in wrong {
                 let found = own.get(name).map_or("", |text| text).escape_debug();
-                alert!("{}: its `{name}` is `{found}`, which is impossible; the usual value is used", path.display());
+                alert!("{}: its `{name}` is `{found}`, which cannot be; the usual one is taken", path.display());
             }
             return Ok(look);
         }
@@ -55,22 +55,22 @@ impl Look {
         Ok(look)
     }
 
-    /// How to render `run`, which was trained with `config`.
+    /// How `run` is rendered, which was trained with `config`.
     pub fn new(run: &Run, config: &Config) -> Self {
         Look { constants: run.constants_of_capture(), background: Some(config.background) }
     }
 
-    /// How to render the run in `folder`; as usual, with a warning, if its files cannot be read.
+    /// How the run in `folder` is rendered; as usual, with a warning, where its files cannot be read.
     fn of_run(folder: &Path) -> Self {
         let read = || -> ivv::Result<Self> {
             let constants = Run::read(folder)?.constants_of_capture();
             let config = folder.join("config.json");
-            // Joined segments have no config.json.
+            // Segments that were joined have none of their own.
             let config: Option<Config> = if config.is_file() { Some(read_json(&config, RUN)?) } else { None };
             Ok(Look { constants, background: config.map(|config| config.background) })
         };
         read().unwrap_or_else(|fault| {
-            alert!("rendered with the usual constants, because those of the run cannot be read: {fault}");
+            alert!("rendered as usual, since it is not known how the run was: {fault}");
             Look::default()
         })
     }
@@ -84,7 +84,7 @@ impl Look {
     }
 }
 
-/// The values that a file stores about how a scene is rendered.
+/// What a file says of how a scene is rendered.
 pub fn own(constants: &Constants, background: [f32; 3]) -> Own {
     let numbers = [
         ("alpha_max", constants.alpha_max),
@@ -103,7 +103,7 @@ pub fn list(own: &Own) -> String {
     own.iter().map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
 }
 
-/// Reads what [`own`] writes. Missing and impossible values become the usual ones; the names of impossible ones are returned.
+/// Reads what [`own`] writes. Absent and impossible values become the usual ones; also gives the names of the impossible ones.
 fn of_own(own: &Own) -> (Look, Vec<&'static str>) {
     let usual = Constants::default();
     let mut wrong = Vec::new();
