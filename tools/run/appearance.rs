@@ -1,7 +1,6 @@
 //! How a scene is rendered: what its run or its file says.
 
-use crate::run::files::read_json;
-use crate::run::source::is_run;
+use crate::run::files::{is_run, read_json};
 use crate::ui::screen::{alert, say};
 use ivv::Constants;
 use ivv::formats::{FourDgs, Own, ply_own};

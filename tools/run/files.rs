@@ -3,7 +3,13 @@
 use ivv::files::{read_file, write_atomic};
 use ivv::formats::{Own, write_ply_with};
 use ivv::scene::{Similarity, Splats};
+use ivv::train::Run;
 use std::path::Path;
+
+/// Whether `path` is the folder of a run.
+pub fn is_run(path: &Path) -> bool {
+    Run::file(path).is_file()
+}
 
 /// Makes `folder` and its parents.
 pub fn make_folder(folder: &Path) -> ivv::Result<()> {

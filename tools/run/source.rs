@@ -14,6 +14,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
+pub use crate::run::files::is_run;
+
 /// Gaussians of a scene, in the capture's own frame.
 pub enum Gaussians {
     /// In memory.
@@ -76,11 +78,6 @@ impl From<LoadedScene> for LoadedScene<Gaussians> {
     fn from(LoadedScene { file, splats, checkpoint_step, notes }: LoadedScene) -> Self {
         LoadedScene { file, splats: Gaussians::Whole(Box::new(splats)), checkpoint_step, notes }
     }
-}
-
-/// Whether `path` is the folder of a run.
-pub fn is_run(path: &Path) -> bool {
-    Run::file(path).is_file()
 }
 
 /// Steps of the run in `folder`.
