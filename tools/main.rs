@@ -1,51 +1,9 @@
-//! `ivv`: the command line. `verbs` has one file per verb, what they share lies beside this file; the manual's page
-//! `errors.md` lists the exit codes.
+//! `ivv`: the command line. `verbs` has a file or folder per verb, `run` what they share about scenes and runs, `ui` the
+//! terminal and how the program ends. The manual's page `errors.md` lists the exit codes.
 
-mod apart;
-mod behind;
-mod capture;
-#[expect(dead_code, reason = "tools/gpu uses the rest")]
-mod cards;
-mod clip;
-mod date;
-mod device;
-mod due;
-mod export_clip;
-mod fault;
-mod files;
-mod film;
-mod first;
-mod frame_rate;
-mod instead;
-mod interrupt;
-mod kept;
-mod kernels;
-mod line;
-mod list_settings;
-mod look;
-#[cfg(feature = "mpi")]
-mod message;
-mod offsets;
-mod outline;
-mod page;
-mod passes;
-mod poses;
-mod progress;
-mod ranks;
-mod replace;
-mod replay;
-mod require;
-mod screen;
-mod settings;
-mod shown;
-mod start;
-mod stderr;
-mod totals;
-mod trace;
+mod run;
+mod ui;
 mod verbs;
-mod views;
-#[cfg(feature = "shaders")]
-mod watch;
 
 use clap::{Parser, Subcommand};
 use std::path::PathBuf;
@@ -53,6 +11,7 @@ use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
 use tracing_subscriber::filter::Targets;
 use tracing_subscriber::prelude::*;
+use ui::{fault, screen, trace};
 use verbs::{
     bench, check, debug, devices, eval, export, inspect, prepare, profile, render, segments, serve, sound, synth, train,
 };
@@ -67,50 +26,50 @@ struct Cli {
     /// Least severity of the log on standard error: error, warn, info, debug or trace.
     #[arg(long, global = true, default_value = "warn")]
     log_level: tracing::Level,
-    /// Writes what the command spent its time on to FILE, in Chrome's trace format, for ui.perfetto.dev or chrome://tracing;
-    /// with --log-level trace every pass of the device too.
+    /// Writes a trace of the command to FILE, in Chrome's format, for ui.perfetto.dev or chrome://tracing. With --log-level trace it
+    /// has every pass of the device.
     #[arg(long, global = true, value_name = "FILE")]
     trace: Option<PathBuf>,
-    /// Writes results, and errors too, as JSON on standard output.
+    /// Writes results and errors as JSON on standard output.
     #[arg(long, global = true)]
     json: bool,
-    /// Leaves out messages and progress: standard error has warnings and errors only.
+    /// Hides messages and progress: standard error has only warnings and errors.
     #[arg(short, long, global = true)]
     quiet: bool,
 }
 
 #[derive(Subcommand)]
 enum Verb {
-    /// Lists Vulkan devices with their limits and features, and says which one is picked and why.
+    /// Lists Vulkan devices with their limits and features, and which one is chosen and why.
     Devices(devices::Args),
     /// Turns recordings into a capture folder: decodes video, undistorts, triangulates points, estimates flow.
     Prepare(prepare::Args),
-    /// Lists everything that is wrong with a capture, and what it holds.
+    /// Lists all faults of a capture, and its contents.
     Check(check::Args),
-    /// Shows what a scene holds: static and dynamic Gaussians, SH degree, bytes, extent. Or writes the views of a capture as a
+    /// Shows the contents of a scene: static and dynamic Gaussians, SH degree, bytes, extent. Or writes the views of a capture as a
     /// cameras file.
     Inspect(inspect::Args),
     /// Renders views of a run or a scene, one file per view and format, named after the view; or a video along a path, with
     /// sound, or around the scene.
     Render(render::Args),
-    /// Sound: finds speakers, and renders what is heard along a path.
+    /// Sound: finds speakers, and renders the sound along a path.
     Sound(sound::Args),
-    /// Fits Gaussians to the images of a capture. Or only plans that, lists the settings, or writes the first Gaussians.
+    /// Trains a scene on the images of a capture. Or only plans the training, lists the settings, or writes the first Gaussians.
     Train(train::Args),
-    /// Trains a long clip in parts, each in the memory of its own frames, on one machine or as jobs of many.
+    /// Trains a long clip in segments, on one machine or as jobs of many.
     Segments(segments::Args),
-    /// Scores the test views of a run again from its folder, and writes its report.
+    /// Scores the test views of a run again, and writes its report.
     Eval(eval::Args),
     /// Compares settings: trains each arm of a study with several seeds on captures, and tabulates and plots the scores. Or compares
-    /// finished runs, and may add them to a history of measurements.
+    /// finished runs, and adds them to a history.
     Bench(bench::Args),
-    /// Measures the device, and how close each pass of a step or a frame comes to it; captures and replays single kernels.
+    /// Measures each pass of a step or a frame against the limits of the device; dumps and replays single kernels.
     Profile(profile::Args),
-    /// Writes a scene in another format, or as it looks at one time.
+    /// Writes a scene in another format, or at one moment.
     Export(export::Args),
-    /// Serves a scene with the browser player on this machine.
+    /// Serves a scene or a run in training with the browser player.
     Serve(serve::Args),
-    /// Writes a synthetic capture of a room with moving things, with its ground truth.
+    /// Writes a synthetic capture of a room with moving objects, with its ground truth.
     Synth(synth::Args),
     /// Commands for developers: gradients, the demo scene, completions, manual pages.
     #[command(hide = true)]
@@ -120,18 +79,18 @@ enum Verb {
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(told) => return ExitCode::from(fault::usage(&told)),
+        Err(error) => return ExitCode::from(fault::usage(&error)),
     };
     if cli.quiet {
         screen::be_quiet();
     }
-    // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error.
-    let told = Targets::new().with_default(cli.log_level).with_target("sofar", LevelFilter::OFF);
+    // The reader of SOFA files warns of good files, and errors name the faults of bad ones.
+    let severity = Targets::new().with_default(cli.log_level).with_target("sofar", LevelFilter::OFF);
     let log = tracing_subscriber::fmt::layer()
         .with_writer(|| screen::Log)
         .with_ansi(screen::has_colours())
         .log_internal_errors(false)
-        .with_filter(told);
+        .with_filter(severity);
     let (spans, trace) = match cli.trace.as_deref().map(|file| trace::begin(file, cli.log_level)).transpose() {
         Ok(begun) => begun.unzip(),
         Err(error) => return ExitCode::from(fault::exit(Err(error.into()), cli.json)),

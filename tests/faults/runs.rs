@@ -175,7 +175,7 @@ impl Bed {
         let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
         match verb {
             Verb::Render => {
-                command.arg("render").arg("--scene").arg(at("run/scene.ply")).arg("--cameras").arg(at("cameras.json"));
+                command.arg("render").arg(at("run/scene.ply")).arg("--cameras").arg(at("cameras.json"));
                 command.args(["--format", "exr"]);
             }
             Verb::Train => {

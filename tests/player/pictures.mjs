@@ -44,7 +44,7 @@ export function engineOf(scene, name, shots, duration, background) {
     writeFileSync(join(folder, name), scene);
     const views = shots.map(([v, t], i) => ({ ...v, name: `s${i}`, time: t / duration, time_offset: 0, flow_dt: 0.1, background, world_to_camera: [...v.world_to_camera.slice(0, 3), [0, 0, 0, 1]] }));
     writeFileSync(join(folder, 'cameras.json'), JSON.stringify({ views }));
-    execFileSync(process.env.IVV, ['render', '--scene', join(folder, name), '--cameras', join(folder, 'cameras.json'), '-o', folder, '--format', 'safetensors', '-q']);
+    execFileSync(process.env.IVV, ['render', join(folder, name), '--cameras', join(folder, 'cameras.json'), '-o', folder, '--format', 'safetensors', '-q']);
     return views.map((view) => safetensor(join(folder, `${view.name}.safetensors`), 'color').map((v) => Math.min(1, Math.max(0, v))));
   } finally {
     rmSync(folder, { recursive: true });

@@ -28,7 +28,7 @@ const SETTINGS: &str = "assets/manual/src/settings.md";
 const METHOD: &str = "assets/manual/src/method.md";
 const CITED: &str = "SPEC ";
 /// Verbs that other builds give other options, and where these are.
-const OF_OTHER_BUILDS: [(&str, &str); 1] = [("profile", "tools/replay.rs")];
+const OF_OTHER_BUILDS: [(&str, &str); 1] = [("profile", "tools/verbs/profile/replay.rs")];
 const FOLDERS: [&str; 6] = [".ci/", "assets/", "engine/", "shaders-glsl/", "tests/", "tools/"];
 
 /// The targets of the links of a document.

@@ -22,7 +22,7 @@ fn nothing_prints_past_the_screen() {
     assert!(printers(&["tests"]).len() > 3, "they are found where they are");
     let direct = |file: &String| text(file).contains("io::stdout()") || text(file).contains("io::stderr()");
     let writers: Vec<String> = files("tools").into_iter().filter(|file| file.ends_with(".rs")).filter(direct).collect();
-    assert_eq!(writers, ["tools/screen.rs", "tools/stderr.rs"]);
+    assert_eq!(writers, ["tools/ui/screen.rs", "tools/ui/stderr.rs"]);
 }
 
 /// The lines of code below `folder` that cite a specification which no user has; comments of the code may.

@@ -38,7 +38,7 @@ fn depth_keys_that_do_not_reach_far_from_the_near_plane_are_warned_of() {
     let folder = Folder::new("keys");
     let ((scene, cameras), out) = (small(&folder), folder.path("out"));
     let told = |more: &[&str]| {
-        let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out];
+        let render = ["render", &scene, "--cameras", &cameras, "-o", &out];
         let output = ivv(&[&render, more].concat()).output().unwrap();
         assert!(output.status.success(), "{more:?}");
         String::from_utf8(output.stderr).unwrap()

@@ -60,7 +60,7 @@ fn warnings_and_faults_that_find_no_room_change_nothing() {
     ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
     ivv::scene::write_views(&folder.0.join("cameras.json"), &views[..1]).unwrap();
     let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
-    let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out, "--log-level", "trace"];
+    let render = ["render", &scene, "--cameras", &cameras, "-o", &out, "--log-level", "trace"];
     let none = folder.path("none");
     for lost in [Some(closed_pipe()), full()].into_iter().flatten() {
         assert_eq!(ivv(&render).stderr(lost).status().unwrap().code(), Some(0));
@@ -202,7 +202,7 @@ fn views_that_are_soon_rendered_have_no_line_each() {
     ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
     ivv::scene::write_views(&folder.0.join("cameras.json"), &views).unwrap();
     let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
-    let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out];
+    let render = ["render", &scene, "--cameras", &cameras, "-o", &out];
     let mut child = ivv(&render).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
     let mut told = String::new();
     child.stderr.take().unwrap().read_to_string(&mut told).unwrap();

@@ -28,10 +28,6 @@ fn an_option_out_of_range_is_told_with_what_was_expected_and_what_was_found() {
             vec!["sound", "bench", "scene.json", "--truth", "truth", "--r-min", "0"],
             "--r-min: expected a positive number, found 0",
         ),
-        (
-            vec!["sound", "bench", "scene.json", "--truth", "truth", "--block", "65537"],
-            "--block: expected at most 65536 samples, found 65537",
-        ),
         (vec!["inspect", &capture, "--cameras", &out, "--capture", &capture], "which is none; leave it out"),
         (vec!["inspect", &scene, "--test-every", "4"], "--cameras"),
     ];

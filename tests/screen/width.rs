@@ -1,6 +1,6 @@
 //! Lines of progress fit the terminal.
 
-#[path = "../../tools/line.rs"]
+#[path = "../../tools/ui/status_line.rs"]
 mod line;
 
 use line::fit;

@@ -87,7 +87,7 @@ fn a_study_that_cannot_be_is_refused_before_a_run_begins() {
     for (more, code, reason) in [
         (&["--seeds", "1,2,1"][..], 2, "1 is named twice"),
         (&["--set", "frame.depth=16"], 2, "frame.depth"),
-        (&["--lpips-weights", "/no/such"], 2, "no such file"),
+        (&["--set", "loss.lpips_weights=/no/such"], 2, "no such file"),
         (&["--history", "x.json"], 2, "--runs"),
         (&["--jobs", "0"], 2, "--jobs"),
         (&[capture], 2, "two captures are called"),
@@ -96,7 +96,7 @@ fn a_study_that_cannot_be_is_refused_before_a_run_begins() {
         assert!(fault.contains(reason), "{more:?}: {fault}");
     }
     assert!(fails(&["bench", "colour", capture, "-o", to], 3).contains("supervision"));
-    assert!(fails(&["bench", "perceptual", capture, "-o", to], 2).contains("--lpips-weights"));
+    assert!(fails(&["bench", "perceptual", capture, "-o", to], 2).contains("loss.lpips_weights"));
     assert!(!Path::new(to).exists(), "nothing was begun");
 }
 

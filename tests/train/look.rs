@@ -73,7 +73,7 @@ fn a_run_is_rendered_from_its_own_cameras_as_it_was_scored() {
     let again = elsewhere.join("again");
     let render = ["render", text(&moved), "--camera", &test, "-o", text(&again), "--capture", text(&elsewhere)];
     works(&render);
-    let render = ["render", "--scene", text(&moved), "--camera", "nobody", "-o", "x", "--capture", text(&elsewhere)];
+    let render = ["render", text(&moved), "--camera", "nobody", "-o", "x", "--capture", text(&elsewhere)];
     let told = fails(&render, 2);
     assert!(told.contains("nobody") && told.contains(&test), "{told}");
     let kept = difference(&again.join(&file), &elsewhere.join("all").join(&file));
@@ -315,23 +315,6 @@ fn a_run_under_way_shows_test_views_and_its_report() {
     assert!(output.status.success() && told.contains("of 100000"), "{told}");
     works(&["train", text(&tiny.folder), "-o", text(&run), "--steps", "1", "--sh-degree", "0", "--overwrite"]);
     assert!(!run.join("renders/progress").exists(), "pictures of the run before are gone");
-}
-
-#[test]
-fn frames_per_second_are_told_of_frames_that_stay_and_that_are_read_back() {
-    let [scene, cameras] = ["scene.ply", "cameras.json"].map(|name| format!("assets/demo/{name}"));
-    let of_views = ["render", &scene, "--cameras", &cameras];
-    let report: Value = serde_json::from_str(&works(&[&of_views[..], &["--bench", "0", "--json"]].concat())).unwrap();
-    let bench = &report["bench"];
-    assert_eq!(bench["frames"], 8, "each view once: {bench}");
-    for kind in ["drawn", "read_back"] {
-        let number = |key: &str| bench[kind][key].as_f64().unwrap();
-        assert!(number("frames_per_second") > 0.0 && number("median_ms") > 0.0, "{bench}");
-        assert!(number("median_ms") <= number("p95_ms") && number("p95_ms") <= number("p99_ms"), "{bench}");
-    }
-    assert!(works(&[&of_views[..], &["--bench", "0"]].concat()).contains("stays on the device"));
-    fails(&[&of_views[..], &["--bench", "-o", "out"]].concat(), 2);
-    assert!(fails(&of_views, 2).contains("--output"), "pictures need a place");
 }
 
 #[test]

@@ -67,7 +67,7 @@ fn a_run_that_was_killed_before_its_first_checkpoint_begins_again_as_it_was() {
     case.killed_early();
     let output = ivv(&case.resume(&[]));
     let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && told.contains("begins again with its own settings"), "{told}");
+    assert!(output.status.success() && told.contains("starts again with its own settings"), "{told}");
     assert_eq!((case.file("config.json"), case.file("run.json")), (config, run));
     assert!(case.file("scene.ply") == scene, "the same bits as without the kill");
 }

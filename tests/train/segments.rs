@@ -71,7 +71,7 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     works(&run(&[]));
     let again = ivv(&run(&[]));
     let told = String::from_utf8_lossy(&again.stderr).into_owned();
-    assert!(again.status.success() && told.matches(": is there").count() == 3, "{told}");
+    assert!(again.status.success() && told.matches(": is done").count() == 3, "{told}");
 
     let joined = read_ply(&plan.join("scene.ply")).unwrap();
     let scene = |folder: &str| read_ply(&plan.join(folder).join("scene.ply")).unwrap();

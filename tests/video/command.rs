@@ -83,7 +83,7 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
     let path = folder.write("path.txt", "0.2 -0.3 0 -4 0 0 0 1\n0.7 0.3 0 -4 0 0 0 1\n");
     let scene = concat!(env!("CARGO_MANIFEST_DIR"), "/assets/demo/scene.ply");
     let output = at("film.y4m");
-    let mut arguments = vec!["render", "--scene", scene, "--path", path.to_str().unwrap(), "-o", &output];
+    let mut arguments = vec!["render", scene, "--path", path.to_str().unwrap(), "-o", &output];
     let sound = at("scene.json");
     let hrtf = at("ears");
     arguments.extend(["--size", "32x24", "--fps", "10", "--sound", &sound, "--hrtf", &hrtf, "--json"]);
@@ -158,7 +158,7 @@ fn a_name_with_a_colon_is_a_name() {
     let path = folder.write("path.txt", "0 -0.3 0 -4 0 0 0 1\n0.05 0.3 0 -4 0 0 0 1\n");
     let still = still_scene(&folder);
     for name in ["a:b.mp4", "-c.mp4"] {
-        let render = ["render", "--scene", &still, "--path", text(&path), "--size", "32x24"];
+        let render = ["render", &still, "--path", text(&path), "--size", "32x24"];
         let output = command(&render).current_dir(&folder.0).arg(format!("--output={name}")).output().unwrap();
         assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
         assert!(folder.0.join(name).is_file(), "{name}");
@@ -188,7 +188,7 @@ fn a_video_of_years_is_refused_with_the_number_of_its_frames() {
     let path = folder.write("path.txt", "0 0 0 -4 0 0 0 1\n1e9 0 0 -4 0 0 0 1\n");
     let output = folder.0.join("film.y4m");
     let scene = still_scene(&folder);
-    let done = ivv(&["render", "--scene", &scene, "--path", path.to_str().unwrap(), "-o", output.to_str().unwrap()]);
+    let done = ivv(&["render", &scene, "--path", path.to_str().unwrap(), "-o", output.to_str().unwrap()]);
     let told = String::from_utf8_lossy(&done.stderr).into_owned();
     assert_eq!(done.status.code(), Some(3), "{told}");
     assert!(told.contains("30000000001 frames") && told.contains("5184000"), "{told}");

@@ -2,7 +2,7 @@
 //! Nothing of it runs on a device.
 
 mod budget;
-#[path = "../cards.rs"]
+#[path = "../run/cards.rs"]
 mod cards;
 mod estimate;
 mod loops;

@@ -1,11 +1,11 @@
 //! `ivv-gpu-model`: what compilers make of the kernels, and what a step would take on a card that is not here.
 
-#[path = "../files.rs"]
+#[path = "../run"]
 #[expect(dead_code, reason = "`ivv` uses the rest")]
-mod files;
-#[path = "../settings.rs"]
-#[expect(dead_code, reason = "`ivv` uses the rest")]
-mod settings;
+mod run {
+    pub mod files;
+    pub mod settings;
+}
 mod step;
 
 use anyhow::Context;

@@ -1,7 +1,7 @@
 //! `ivv-gpu-model estimate`: a step on a card that is not here.
 
 use crate::out;
-use crate::settings::SettingArgs;
+use crate::run::settings::SettingArgs;
 use anyhow::Context;
 use ivv::Constants;
 use ivv::gpu::{Gpu, Options, Recording, StandIn, shaders_hash};

@@ -1,40 +1,37 @@
 //! `ivv-play`: a window that shows the engine's own frames, with sound.
 
-#[path = "../clip.rs"]
-#[expect(dead_code, reason = "`ivv` uses the rest")]
-mod clip;
-#[path = "../device.rs"]
-#[expect(dead_code, reason = "`ivv` uses the rest")]
-mod device;
-#[path = "../files.rs"]
-#[expect(dead_code, reason = "`ivv` uses the rest")]
-mod files;
-#[path = "../interrupt.rs"]
-#[expect(dead_code, reason = "`ivv` uses the rest")]
-mod interrupt;
 mod keys;
-#[path = "../look.rs"]
-#[expect(dead_code, reason = "`ivv` uses the rest")]
-mod look;
 mod overlay;
-mod screen;
-#[path = "../shown.rs"]
+#[path = "../run"]
 #[expect(dead_code, reason = "`ivv` uses the rest")]
-mod shown;
+mod run {
+    pub mod appearance;
+    pub mod clip;
+    pub mod device;
+    pub mod files;
+    pub mod source;
+}
 mod sound;
+#[path = "."]
+#[expect(dead_code, reason = "`ivv` uses the rest")]
+mod ui {
+    #[path = "../ui/interrupt.rs"]
+    pub mod interrupt;
+    pub mod screen;
+}
 mod window;
 
 use anyhow::{Context, ensure};
 use clap::Parser;
-use clip::{refuse_stretched, setting};
-use device::DeviceArgs;
-use interrupt::{Interrupted, Stop};
+use crate::run::clip::{refuse_stretched, setting};
+use crate::run::device::DeviceArgs;
+use crate::run::source::{Gaussians, Source};
+use crate::ui::interrupt::{Interrupted, Stop};
+use crate::ui::screen::alert;
 use ivv::scene::{Navigator, Playhead, Splats};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::vk;
-use screen::alert;
-use shown::{Gaussians, Source};
 use std::borrow::Cow;
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -104,7 +101,7 @@ pub struct Args {
 fn main() -> ExitCode {
     let args = Args::parse();
     if args.quiet {
-        screen::be_quiet();
+        ui::screen::be_quiet();
     }
     // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error. Windows warn of odd displays.
     let told = Targets::new()

@@ -7,12 +7,12 @@ static IS_QUIET: AtomicBool = AtomicBool::new(false);
 
 /// Writes a message; not with --quiet.
 macro_rules! say {
-    ($($part:tt)*) => { $crate::screen::message(&format!($($part)*)) };
+    ($($part:tt)*) => { $crate::ui::screen::message(&format!($($part)*)) };
 }
 
 /// Writes a warning or an error.
 macro_rules! alert {
-    ($($part:tt)*) => { $crate::screen::warning(&format!($($part)*)) };
+    ($($part:tt)*) => { $crate::ui::screen::warning(&format!($($part)*)) };
 }
 
 pub(crate) use {alert, say};

@@ -1,7 +1,7 @@
 //! Sound: a thread mixes blocks ahead by the engine's own responses and delays, and the system's callback takes them. Neither ever
 //! waits for the picture, nor the picture for them.
 
-use crate::screen::alert;
+use crate::ui::screen::alert;
 use anyhow::Context;
 use cpal::SampleFormat;
 use cpal::traits::{DeviceTrait, HostTrait, StreamTrait};

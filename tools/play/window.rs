@@ -1,8 +1,8 @@
 //! The window: events, frames, and what is shown.
 
-use crate::interrupt::{Interrupted, Stop};
+use crate::ui::interrupt::{Interrupted, Stop};
 use crate::overlay::{bar_height, draw, track};
-use crate::screen::say;
+use crate::ui::screen::say;
 use crate::sound::{Heard, Sound};
 use crate::{Args, keys};
 use anyhow::Context;

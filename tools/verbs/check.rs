@@ -1,14 +1,9 @@
 //! `ivv check`.
 
-use crate::capture::{self, CaptureArgs};
-use crate::fault;
-use crate::screen::out;
-use ivv::scene::capture::{Fault, Report};
-use ivv::words::count;
+use crate::run::capture::{self, CaptureArgs};
+use crate::run::capture_report::print;
+use crate::ui::fault::{self, FaultyCapture};
 use std::path::PathBuf;
-
-/// Files that a line names of those that have the same fault.
-const NAMED: usize = 3;
 
 /// Options of `ivv check`.
 #[derive(clap::Args)]
@@ -19,85 +14,13 @@ pub struct Args {
     read: CaptureArgs,
 }
 
-/// What [`run`] returns for a capture with faults, which it has printed.
-#[derive(Debug)]
-pub struct Faulty(pub u64);
-
-impl std::fmt::Display for Faulty {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(f, "the capture has {}", count(self.0, "fault"))
-    }
-}
-
-impl std::error::Error for Faulty {}
-
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let report = capture::check(&args.capture, &args.read.settings());
-    let faulty = (report.n_faults > 0).then(|| anyhow::Error::from(Faulty(report.n_faults)));
+    let faulty = FaultyCapture::of(report.n_faults);
     if json {
         fault::results(&report, faulty.as_ref())?;
     } else {
         print(&report);
     }
     faulty.map_or(Ok(()), Err)
-}
-
-/// Faults that say the same, in one line.
-fn told(faults: &[&Fault]) -> String {
-    let [first, _, ..] = faults else { return faults.iter().map(|fault| fault.to_string()).collect() };
-    let place = |fault: &&Fault| match fault.place.as_str() {
-        "" => fault.file.display().to_string(),
-        place => format!("{} ({place})", fault.file.display()),
-    };
-    let named: Vec<String> = faults.iter().take(NAMED).map(place).collect();
-    let more = if faults.len() > NAMED { ", ..." } else { "" };
-    // Numbers in them may differ.
-    let as_one = if faults.iter().all(|fault| fault.reason == first.reason) { ":" } else { ", as:" };
-    format!("{} times{as_one} {}; {}: {}{more}", faults.len(), first.reason, first.remedy, named.join(", "))
-}
-
-/// Prints a report as text.
-pub fn print(report: &Report) {
-    let format = if report.format.is_empty() { "unknown format" } else { &report.format };
-    out!("{}: {format}", report.path.display());
-    if report.n_cameras > 0 {
-        holds(report);
-    }
-    for note in &report.notes {
-        out!("note:    {note}");
-    }
-    for faults in report.grouped() {
-        out!("fault:   {}", told(&faults));
-    }
-    let n_left_out = report.n_faults - report.faults.len() as u64;
-    if n_left_out > 0 {
-        out!("and {} more", count(n_left_out, "fault"));
-    }
-}
-
-/// Prints what a capture holds.
-fn holds(report: &Report) {
-    let n_tests = report.n_test_cameras;
-    let for_testing = if n_tests > 0 { format!(", of which {n_tests} for testing") } else { String::new() };
-    out!("cameras: {}{for_testing}", report.n_cameras);
-    if report.n_photos > 0 {
-        out!("photos:  {} of the static scene, taken at another time", report.n_photos);
-    }
-    out!("frames:  {}, {} per second", report.n_frames, report.fps);
-    let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
-    let with = |counts: &[(usize, &str)]| -> String {
-        let told = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} with {what}"));
-        told.collect()
-    };
-    let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);
-    let masks = with(&[(n_masks, "a mask"), (n_foregrounds, "a foreground mask")]);
-    let priors = with(&[(report.n_flows, "flow"), (report.n_depths, "depth")]);
-    out!("images:  {n}{masks}{priors}; {mib:.1} MiB decoded");
-    if report.n_sounds > 0 {
-        out!("sound:   {}", count(report.n_sounds as u64, "file"));
-    }
-    let per_frame = if report.has_frame_points { "; every frame has its own" } else { "" };
-    if report.n_points > 0 || report.has_frame_points {
-        out!("points:  {}{per_frame}", report.n_points);
-    }
 }

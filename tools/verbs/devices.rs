@@ -1,12 +1,12 @@
 //! `ivv devices`.
 
-use crate::screen::out;
+use crate::ui::screen::{out, print_json};
 use ivv::vk::{Device, DeviceChoice, list_devices};
 
 /// Options of `ivv devices`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The device to pick, as elsewhere: an index or part of a name.
+    /// The device to choose: an index or part of a name.
     #[arg(long)]
     device: Option<String>,
 }
@@ -23,8 +23,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             })
             .collect();
         let report = serde_json::json!({ "devices": listed, "picked": picked.caps().name, "because": why });
-        out!("{}", serde_json::to_string_pretty(&report)?);
-        return Ok(());
+        return print_json(&report);
     }
     for (index, device) in devices.iter().enumerate() {
         let caps = match device {

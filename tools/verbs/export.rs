@@ -1,11 +1,11 @@
 //! `ivv export`.
 
-use crate::export_clip::ClipArgs;
-use crate::files::make_folder;
-use crate::page;
-use crate::screen::{out, say};
-use crate::shown::Source;
-use crate::views::clip_time;
+use crate::run::export_clip::ClipArgs;
+use crate::run::files::make_folder;
+use crate::run::player;
+use crate::ui::screen::{out, say};
+use crate::run::source::Source;
+use crate::run::views::clip_time;
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use ivv::files::{folder_of, read_file, remove_temporaries, write_atomic};
@@ -154,7 +154,7 @@ fn format_parser() -> impl TypedValueParser<Value = Format> {
 
 /// The `.4dgs` of an export that has one as a file of its own.
 fn scene_file(format: Format, to: &Path) -> PathBuf {
-    if matches!(format, Format::Web) { to.join(page::SCENE) } else { to.to_owned() }
+    if matches!(format, Format::Web) { to.join(player::SCENE) } else { to.to_owned() }
 }
 
 /// Removes what killed exports left where this one writes: files as large as its own.
@@ -175,8 +175,8 @@ fn write_parts(args: &Args, format: Format, source: &Source) -> anyhow::Result<O
     }
     let Some(mut written) = args.clip.write_parts(source, &scene_file(format, &args.output))? else { return Ok(None) };
     if is_web {
-        page::write_player(&args.output)?;
-        written.bytes += page::n_bytes();
+        player::write_player(&args.output)?;
+        written.bytes += player::n_bytes();
     }
     Ok(Some(written))
 }
@@ -186,10 +186,10 @@ fn write_clip(format: Format, to: &Path, scene: &[u8]) -> anyhow::Result<u64> {
     if matches!(format, Format::Web) {
         make_folder(to)?;
         write_atomic(&scene_file(format, to), |to| to.write_all(scene))?;
-        page::write_player(to)?;
-        return Ok(page::n_bytes() + scene.len() as u64);
+        player::write_player(to)?;
+        return Ok(player::n_bytes() + scene.len() as u64);
     }
-    let page = matches!(format, Format::Page).then(|| page::single_file(to, scene)).transpose()?;
+    let page = matches!(format, Format::Page).then(|| player::single_file(to, scene)).transpose()?;
     let bytes = page.as_ref().map_or(scene, |page| page.as_bytes());
     write_atomic(to, |to| to.write_all(bytes))?;
     Ok(bytes.len() as u64)

@@ -1,9 +1,9 @@
 //! `ivv inspect`.
 
-use crate::require;
-use crate::screen::{out, say};
-use crate::shown::{self, Shown, is_run};
-use crate::views::ViewArgs;
+use crate::run::review;
+use crate::run::source::{self, LoadedScene, is_run};
+use crate::run::views::ViewArgs;
+use crate::ui::screen::{out, print_json, say};
 use ivv::formats::FourDgs;
 use ivv::scene::{Quantiles, Summary, write_views};
 use ivv::train::Review;
@@ -16,20 +16,20 @@ use std::path::{Path, PathBuf};
 #[command(mut_args(of_cameras))]
 pub struct Args {
     /// A scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG; or the folder of a run: its
-    /// scene.ply, or the newest checkpoint where it has not ended. With --cameras a capture, or the folder of a run.
+    /// scene.ply, or its newest checkpoint if it has not ended. With --cameras a capture, or the folder of a run.
     #[arg(value_name = "SCENE|RUN|CAPTURE")]
     scene: PathBuf,
-    /// Instead writes the views of the capture, or of that of the run, to this file (JSON).
+    /// Instead writes the views of the capture, or of the run's capture, to this file (JSON).
     #[arg(long, value_name = "FILE")]
     cameras: Option<PathBuf>,
-    /// The capture of the run, if it has moved.
+    /// Where the run's capture is now, if it has moved.
     #[arg(long)]
     capture: Option<PathBuf>,
     #[command(flatten)]
     views: ViewArgs,
 }
 
-/// Options but the first two say which views --cameras writes.
+/// All options but the first two need --cameras.
 fn of_cameras(arg: clap::Arg) -> clap::Arg {
     if ["scene", "cameras"].contains(&arg.get_id().as_str()) { arg } else { arg.requires("cameras") }
 }
@@ -41,22 +41,21 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if FourDgs::is(&args.scene) {
         return clip(&args.scene, json);
     }
-    let Shown { file: scene, splats, unfinished, notes } = shown::open(&args.scene)?;
+    let LoadedScene { file: scene, splats, checkpoint_step, notes } = source::open(&args.scene)?;
     let reviews = reviews(&scene);
     let summary = splats.by_degree().summary();
     if json {
         let mut value = serde_json::to_value(&summary)?;
-        if let Some(step) = unfinished {
+        if let Some(step) = checkpoint_step {
             value["checkpoint_step"] = step.into();
         }
         value["reviews"] = serde_json::to_value(&reviews)?;
         value["notes"] = serde_json::to_value(&notes)?;
-        out!("{}", serde_json::to_string_pretty(&value)?);
-        return Ok(());
+        return print_json(&value);
     }
     print(&scene, &summary);
     for review in &reviews {
-        out!("{}", require::told(review));
+        out!("{}", review::describe(review));
     }
     Ok(())
 }
@@ -83,34 +82,33 @@ fn cameras(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A file with a clock. Its contents are printed even where its Gaussians cannot be ours at all times.
+/// Inspects a `.4dgs`. Its contents are printed even if its Gaussians cannot be converted to ours.
 fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
     let file = FourDgs::read(scene)?;
-    let (told, notes) = (file.summary(), file.notes());
+    let (contents, notes) = (file.summary(), file.notes());
     let summary = file.splats().map(|splats| splats.by_degree().summary());
     if json {
         let mut value = summary.as_ref().map_or_else(|_| Ok(serde_json::json!({})), serde_json::to_value)?;
-        value["fourdgs"] = serde_json::to_value(&told)?;
+        value["fourdgs"] = serde_json::to_value(&contents)?;
         value["notes"] = serde_json::to_value(&notes)?;
-        out!("{}", serde_json::to_string_pretty(&value)?);
-        return Ok(());
+        return print_json(&value);
     }
     match &summary {
         Ok(summary) => print(scene, summary),
         Err(fault) => {
-            out!("{}: {} Gaussians, SH degree {}", scene.display(), told.gaussian_count, told.sh_degree);
+            out!("{}: {} Gaussians, SH degree {}", scene.display(), contents.gaussian_count, contents.sh_degree);
             out!("at one moment: {fault}");
         }
     }
     notes.iter().for_each(|note| say!("{}: {note}", scene.display()));
     out!(
         "clip:          {:.3} s in {}, by {}; temporal factors from {:.4}",
-        told.duration_sec,
-        count(told.chunk_intervals.len(), "chunk"),
-        told.library,
-        told.cutoff
+        contents.duration_sec,
+        count(contents.chunk_intervals.len(), "chunk"),
+        contents.library,
+        contents.cutoff
     );
-    for source in &told.audio_sources {
+    for source in &contents.audio_sources {
         let kind = if source.spatial { "from a place" } else { "from everywhere" };
         out!("sound:         `{}`, {:.3} s of {}, {kind}", source.name, source.duration_sec, source.codec);
     }
@@ -157,7 +155,7 @@ fn print(scene: &Path, summary: &Summary) {
     }
 }
 
-/// What the reviews of the run said that `scene` is of; none of another file.
+/// The reviews of the run of `scene`; empty for another file.
 fn reviews(scene: &Path) -> Vec<Review> {
     let totals = scene.with_file_name("train.json");
     let totals: Value =

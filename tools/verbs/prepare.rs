@@ -1,10 +1,10 @@
 //! `ivv prepare`.
 
-use crate::capture::CaptureArgs;
-use crate::fault;
-use crate::progress::Pieces;
-use crate::screen::{out, say};
-use crate::verbs::check::{self, Faulty};
+use crate::run::capture::CaptureArgs;
+use crate::run::capture_report;
+use crate::ui::fault::{self, FaultyCapture};
+use crate::ui::progress::StageProgress;
+use crate::ui::screen::{out, print_json, say};
 use anyhow::Context;
 use ivv::prepare::{
     Estimate, ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate, estimate, forecast, prepare,
@@ -19,24 +19,23 @@ use std::sync::Mutex;
 /// Options of `ivv prepare`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// Photos of a scene that stands still, a video of one, or a folder of videos of one moment, whose cameras COLMAP finds; or
-    /// a recording with its calibration: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
+    /// Photos or a video of a static scene, or a folder of videos of one moment, whose cameras COLMAP finds; or a recording with its
+    /// calibration: ImViD or COLMAP's calibration beside videos, N3V, MeetRoom, Google Immersive, Dynamic3DGaussians,
     /// transforms.json, plain COLMAP, LLFF, OpenSfM, Pose2Sim, anipose, EasyMocap, caliscope, or a capture folder.
     source: PathBuf,
     /// The capture folder. Run the same command again to continue an interrupted preparation.
     #[arg(short, long)]
     output: PathBuf,
-    /// The folder of the videos or image sequences, if they are not beside the calibration. For plain COLMAP: the folder of
-    /// images inside the source.
+    /// The folder of the videos or image sequences, if they are not beside the calibration. For plain COLMAP, the folder of images
+    /// inside the source.
     #[arg(long)]
     footage: Option<PathBuf>,
-    /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`, for cameras that did not start recording
-    /// together. A negative number starts earlier. `timecode` takes them from the time codes of the videos, `sound` from what
-    /// their microphones hear.
+    /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`, for cameras that did not start together. A negative
+    /// number starts earlier. `timecode` takes them from the time codes of the videos, `sound` from their sound.
     #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES|timecode|sound")]
     shift: Vec<String>,
-    /// For a folder of videos without calibration, of cameras that move together on one rig: COLMAP places the cameras of every
-    /// N-th frame, and what lies between is interpolated. 1 for every frame.
+    /// For a folder of videos without calibration, of cameras that move together on one rig: COLMAP places the cameras of every N-th
+    /// frame, and the frames between are interpolated. 1 for every frame.
     #[arg(long, value_name = "N")]
     moving: Option<u32>,
     /// Size of the images relative to the source's, at most 1.
@@ -45,42 +44,41 @@ pub struct Args {
     /// Format of new images. Images that need no change are copied as they are.
     #[arg(long, value_parser = ["png", "jpg"], default_value = "png")]
     format: String,
-    /// Frames per second of the capture. Of videos, which are paired by time, it chooses frames; without it, the lowest of their rates
-    /// is taken. Image sequences were taken at this rate (30).
+    /// Frames per second of the capture. Frames of videos are paired by time and chosen at this rate, by default the lowest of the
+    /// videos. For image sequences it is the rate at which they were taken, by default 30.
     #[arg(long)]
     fps: Option<f64>,
-    /// The frames of which COLMAP triangulates points: none, the reference frame, or every N-th. By default every frame, unless
-    /// the source has points.
+    /// Frames for which COLMAP triangulates points: none, the reference frame, or every N-th. By default every frame, unless the
+    /// source has points.
     #[arg(long, num_args = 1..=2, value_names = ["none|reference|every", "N"])]
     triangulate: Option<Vec<String>>,
-    /// Photographs of the same place, taken at another time: of the static scene, none of what moves. Where the source has no cameras,
-    /// COLMAP places both together. Otherwise give a capture of them, such as a COLMAP project, in the world of the source. They train
-    /// the static scene.
+    /// Photographs of the same place, taken at another time, which train the static scene. If the source has no cameras, COLMAP places
+    /// both together. Otherwise give a capture of them, such as a COLMAP project, in the world of the source.
     #[arg(long = "static", value_name = "PHOTOS")]
     photos: Option<PathBuf>,
-    /// A folder of masks: of videos and image sequences a folder for each camera, with one mask for each frame; of photographs
-    /// NAME.png for each. What is bright in them counts, what is black is left out.
+    /// A folder of masks: for videos and image sequences a folder for each camera with a mask for each frame, for photographs NAME.png
+    /// for each. Bright pixels count, black ones are left out.
     #[arg(long, value_name = "FOLDER")]
     masks: Option<PathBuf>,
-    /// Estimates optical flow. dis: OpenCV's DIS, run in Python.
+    /// Estimates optical flow. dis: OpenCV's DIS, in Python.
     #[arg(long, value_parser = ["dis"])]
     flow: Option<String>,
     #[command(flatten)]
     read: CaptureArgs,
-    /// Replaces what was made with other settings, or a capture that was not made by `ivv prepare`.
+    /// Replaces a capture that was made with other settings, or not by `ivv prepare`.
     #[arg(long)]
     force: bool,
-    /// Only tells what this will take, in time and on the disk: prepares four frames from the middle, measures, and removes them.
+    /// Only estimates time and disk space: prepares four frames from the middle, measures, and removes them.
     #[arg(long)]
     plan: bool,
-    /// Does one stage alone: cameras (where the source has none), images, points or flow. The same command without this does what is left,
-    /// and completes the capture.
+    /// Does one stage alone: cameras (if the source has none), images, points or flow. The same command without this does the rest and
+    /// completes the capture.
     #[arg(long, conflicts_with_all = ["plan", "force"], value_name = "cameras|images|points|flow", value_parser = stage)]
     only: Option<Stage>,
-    /// With `--only`: does the K-th of N parts of the stage. Several machines with one file system do one each at the same time.
+    /// With `--only`: does the K-th of N parts of the stage. Machines that share a file system can do one each at the same time.
     #[arg(long, value_name = "K/N", requires = "only", value_parser = part)]
     part: Option<Share>,
-    /// Threads, and programs that run at once. By default the number of cores.
+    /// Most threads and concurrent programs. By default the number of cores.
     #[arg(long)]
     threads: Option<usize>,
 }
@@ -93,30 +91,30 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         forecast.notes.iter().for_each(|note| say!("note: {note}"));
     }
     let before = forecast.as_ref().map(|forecast| forecast.notes.clone()).unwrap_or_default();
-    let pieces = Mutex::new(Pieces::new());
-    let tell = |progress: Progress| {
-        // A thread that panicked while it told of progress is no reason to stop.
-        pieces.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
+    let progress_line = Mutex::new(StageProgress::new());
+    let report = |progress: Progress| {
+        // A thread that panicked while it showed progress is no reason to stop.
+        progress_line.lock().unwrap_or_else(std::sync::PoisonError::into_inner).show(&progress);
     };
     if args.plan {
         anyhow::ensure!(
             forecast.is_none(),
-            "--plan: expected a source with cameras, found pictures that COLMAP places first, as told above; prepare one frame \
+            "--plan: expected a source with cameras, found pictures that COLMAP places first (see above); prepare one frame \
              (--frames 1), and plan with its cameras"
         );
-        let estimate = estimate(&settings, &tell)?;
-        drop(pieces);
-        return tell_plan(&estimate, json);
+        let estimate = estimate(&settings, &report)?;
+        drop(progress_line);
+        return print_plan(&estimate, json);
     }
     if let Some(only) = args.only {
         let share = args.part.unwrap_or(Share::ALL);
-        prepare_share(&settings, only, share, &tell)?;
-        drop(pieces);
-        return tell_share(only, share, json);
+        prepare_share(&settings, only, share, &report)?;
+        drop(progress_line);
+        return print_share(only, share, json);
     }
-    let prepared = prepare(&settings, &tell)?;
-    drop(pieces);
-    let faulty = (prepared.report.n_faults > 0).then(|| anyhow::Error::from(Faulty(prepared.report.n_faults)));
+    let prepared = prepare(&settings, &report)?;
+    drop(progress_line);
+    let faulty = FaultyCapture::of(prepared.report.n_faults);
     if json {
         fault::results(&prepared, faulty.as_ref())?;
     } else {
@@ -131,13 +129,13 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             let mean = counts.sum::<usize>() as f64 / prepared.points.len() as f64;
             out!("points:  {mean:.0} a frame, {least} to {most}, of {}", count(prepared.points.len(), "frame"));
         }
-        check::print(&prepared.report);
+        capture_report::print(&prepared.report);
     }
     faulty.map_or(Ok(()), Err)
 }
 
-/// Prints what was done.
-fn tell_share(stage: Stage, share: Share, json: bool) -> anyhow::Result<()> {
+/// Prints the part of a stage that is done.
+fn print_share(stage: Stage, share: Share, json: bool) -> anyhow::Result<()> {
     let (part, of) = (share.part + 1, share.of);
     if json {
         out!("{}", serde_json::json!({ "stage": stage, "part": part, "parts": of }));
@@ -150,7 +148,7 @@ fn tell_share(stage: Stage, share: Share, json: bool) -> anyhow::Result<()> {
     } else {
         out!("{stage}: part {part} of {of} is done")
     }
-    out!("next: the stages that are left, then the same command without --only");
+    out!("next: the remaining stages, then the same command without --only");
     Ok(())
 }
 
@@ -164,7 +162,7 @@ fn stage(word: &str) -> Result<Stage, String> {
     }
 }
 
-/// Which part of how many, as K/N.
+/// Parses a part K/N.
 fn part(word: &str) -> Result<Share, String> {
     let parsed = word.split_once('/').and_then(|(part, of)| Some((part.parse::<u32>().ok()?, of.parse::<u32>().ok()?)));
     match parsed {
@@ -173,11 +171,10 @@ fn part(word: &str) -> Result<Share, String> {
     }
 }
 
-/// Prints what a preparation will take.
-fn tell_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
+/// Prints the time and bytes that a preparation will take.
+fn print_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
     if json {
-        out!("{}", serde_json::to_string_pretty(estimate)?);
-        return Ok(());
+        return print_json(estimate);
     }
     let Estimate { cameras, frames, sampled, threads, stages } = estimate;
     out!("{}, {}; from {sampled} frames, with {threads} threads:", count(*cameras, "camera"), count(*frames, "frame"));

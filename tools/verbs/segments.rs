@@ -1,13 +1,14 @@
-//! `ivv segments`: a long clip in segments, on one machine or as jobs of many.
+//! `ivv segments`: trains a long clip in segments, on one machine or as jobs of many.
 
-use crate::capture::{self, CaptureArgs};
-use crate::device::DeviceArgs;
-use crate::files::{make_folder, read_json, write_json};
-use crate::interrupt::{Interrupted, Stop};
-use crate::look::Look;
-use crate::outline;
-use crate::screen::{self, out, say};
-use crate::settings::SettingArgs;
+use crate::run::appearance::Look;
+use crate::run::capture::{self, CaptureArgs};
+use crate::run::device::DeviceArgs;
+use crate::run::files::{make_folder, read_json, write_json};
+use crate::run::settings::SettingArgs;
+use crate::run::subprocess::train_command;
+use crate::run::workload::work;
+use crate::ui::interrupt::{Interrupted, Stop};
+use crate::ui::screen::{self, out, say};
 use anyhow::{Context, ensure};
 use ivv::files::write_atomic;
 use ivv::formats::{PlyParts, read_ply, write_parts};
@@ -19,28 +20,28 @@ use ivv::words::count;
 use serde_json::json;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use std::process::Stdio;
 
 /// Options of `ivv segments`.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]
-    what: What,
+    verb: Verb,
 }
 
 #[derive(clap::Subcommand)]
-enum What {
+enum Verb {
     /// Cuts a clip into segments that share frames, and writes the jobs that train them.
     Plan(Box<PlanArgs>),
-    /// Trains the static scene, then what moves in each segment, then joins them; or one of these jobs. What is done is not done again, and
-    /// what was stopped goes on.
+    /// Trains the static scene, then the dynamic Gaussians of each segment, then joins them; or does one of these jobs. Finished jobs are skipped, and
+    /// interrupted ones continue.
     Run(RunArgs),
     /// Joins the scenes of the segments into PLAN/scene.ply, which `render`, `eval`, `export` and others take as that of a run.
     Join(JoinArgs),
 }
 
 #[derive(clap::Args)]
-// `--frames` says how long a segment is, and a plan is of a whole clip.
+// Here `--frames` is the length of a segment, and a plan covers the whole clip.
 #[command(mut_arg("max_frames", |of_capture| of_capture.visible_alias(None).hide(true)))]
 struct PlanArgs {
     /// The capture, see `ivv check`.
@@ -48,21 +49,21 @@ struct PlanArgs {
     /// The folder of the plan, and of all that its jobs write.
     #[arg(short, long)]
     output: PathBuf,
-    /// Frames of a segment, at most: what a training needs grows with them.
+    /// Most frames of a segment: the memory of a training grows with them.
     #[arg(long, default_value_t = 60)]
     frames: u32,
-    /// Makes segments as long as a training may be that takes so many bytes on the host and on the device together: for all of a
-    /// segment's images, decoded, and for as many Gaussians as `--max-gaussians` and the device allow.
+    /// Makes segments as long as this memory, in bytes on host and device together, allows: for all images of a segment, decoded, and
+    /// for as many Gaussians as `--max-gaussians` and the device allow.
     #[arg(long, value_name = "BYTES", conflicts_with = "frames")]
     memory: Option<u64>,
-    /// Frames that a segment shares with the next one, in which it gives way to it: at most half of it.
+    /// Frames that a segment shares with the next one, at most half of it. The segments cross-fade there.
     #[arg(long, default_value_t = 8)]
     overlap: u32,
     #[command(flatten)]
     settings: SettingArgs,
     #[command(flatten)]
     read: CaptureArgs,
-    // `--memory` asks what the device allows.
+    // For `--memory`.
     #[command(flatten)]
     device: DeviceArgs,
 }
@@ -71,10 +72,10 @@ struct PlanArgs {
 struct RunArgs {
     /// A folder that `ivv segments plan` made.
     plan: PathBuf,
-    /// One job alone: `base`, the static scene; the number of a segment, from 0; or `join`.
-    #[arg(long, value_name = "base|N|join")]
+    /// One job alone: `base`, the static scene, or the number of a segment, from 0.
+    #[arg(long, value_name = "base|N")]
     only: Option<String>,
-    /// Further options of `ivv train` for what is trained, such as --device.
+    /// More options for `ivv train`, such as --device.
     #[arg(last = true)]
     options: Vec<OsString>,
 }
@@ -86,10 +87,10 @@ struct JoinArgs {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    match &args.what {
-        What::Plan(args) => plan(args, json),
-        What::Run(args) => Jobs::open(&args.plan, json)?.run(args.only.as_deref(), &args.options),
-        What::Join(args) => Jobs::open(&args.plan, json)?.join(),
+    match &args.verb {
+        Verb::Plan(args) => plan(args, json),
+        Verb::Run(args) => Jobs::open(&args.plan, json)?.run(args.only.as_deref(), &args.options),
+        Verb::Join(args) => Jobs::open(&args.plan, json)?.join(),
     }
 }
 
@@ -99,7 +100,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         config.density.strategy != Strategy::Mcmc,
         "density.strategy=mcmc: would change the static Gaussians, which segments take over as they are; leave it out"
     );
-    ensure!(config.trains_static, "trains_static=false: nothing that rests would be there; leave it out");
+    ensure!(config.trains_static, "trains_static=false: this would remove all static Gaussians; leave it out");
     let settings = CaptureSettings { background: config.background, ..args.read.settings() };
     let capture = capture::open(&args.capture, &settings)?;
     ensure!(
@@ -107,13 +108,13 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         "--max-frames: a plan is of a whole clip; leave it out, or `ivv prepare` the part of the clip that is wanted"
     );
     let (frames, cache_bytes) = match args.memory {
-        Some(bytes) => within(bytes, args, &capture, &config)?,
+        Some(bytes) => longest_within(bytes, args, &capture, &config)?,
         None => (args.frames, None),
     };
     let mut segments = Segments::new(capture.n_frames, frames, args.overlap).map_err(anyhow::Error::msg)?;
     segments.cache_bytes = cache_bytes;
     let mut run = Run::new(&capture, Constants::default())?;
-    // Segments that are joined have brought theirs.
+    // Joined segments have set the constants.
     let before = Run::read(&args.output);
     run.constants = before.map_or_else(|_| Constants::default(), |before| before.constants);
     make_folder(&args.output)?;
@@ -123,7 +124,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         || Run::read(&args.output).is_ok_and(|before| before != run)
         || read_json::<Config>(&args.output.join("config.json"), "").is_ok_and(|before| before != config);
     if is_another {
-        let remedy = "choose another folder with -o, or remove it with all that it holds";
+        let remedy = "choose another folder with -o, or remove it";
         return Err(ivv::Error::data(&args.output, "", "holds another plan or a run", remedy).into());
     }
     segments.write(&args.output)?;
@@ -149,9 +150,14 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Frames of the longest segment that can be trained in `memory` bytes, and the bytes of its images.
-fn within(memory: u64, args: &PlanArgs, capture: &Capture, config: &Config) -> anyhow::Result<(u32, Option<u64>)> {
-    let (work, limits) = outline::work(capture, config, &*args.device.open()?, 0)?;
+/// Frames of the longest segment that trains in `memory` bytes, and the bytes of its images.
+fn longest_within(
+    memory: u64,
+    args: &PlanArgs,
+    capture: &Capture,
+    config: &Config,
+) -> anyhow::Result<(u32, Option<u64>)> {
+    let (work, limits) = work(capture, config, &*args.device.open()?, 0)?;
     let of_scene = TrainingPlan::new(&work, &limits).full;
     let of_frame = work.image_bytes.div_ceil(u64::from(capture.n_frames.max(1))).max(1);
     let frames = memory.saturating_sub(of_scene.bytes()) / of_frame;
@@ -195,16 +201,14 @@ impl<'a> Jobs<'a> {
         match only {
             Some("base") => {
                 self.train_base(options, &stop)?;
-                self.tell(&self.base());
+                self.print_path(&self.base());
             }
-            Some("join") => self.join()?,
             Some(word) => {
                 let segment = word.parse().ok().filter(|segment| *segment < n);
-                let segment = segment.with_context(|| {
-                    format!("--only: expected base, join or a segment from 0 to {}, found {word}", n - 1)
-                })?;
+                let segment = segment
+                    .with_context(|| format!("--only: expected base or a segment from 0 to {}, found {word}", n - 1))?;
                 self.train_segment(segment, options, &stop)?;
-                self.tell(&self.segment(segment));
+                self.print_path(&self.segment(segment));
             }
             None => {
                 self.train_base(options, &stop)?;
@@ -215,8 +219,8 @@ impl<'a> Jobs<'a> {
         Ok(())
     }
 
-    /// Of one job alone, where its run is.
-    fn tell(&self, folder: &Path) {
+    /// Prints where the run of a single job is.
+    fn print_path(&self, folder: &Path) {
         if self.json {
             out!("{}", json!({ "path": folder.to_string_lossy() }));
         }
@@ -239,16 +243,15 @@ impl<'a> Jobs<'a> {
         self.train(&self.segment(segment), &own, options, stop)
     }
 
-    /// Trains into `folder`, in a process of its own, whose memory ends with it; goes on where the folder holds a run that has not
-    /// ended, and does nothing where it has.
+    /// Trains into `folder`, in a process of its own, which frees its memory at its end. Resumes a run that has not ended, and skips
+    /// one that has.
     fn train(&self, folder: &Path, own: &[OsString], options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
         if has_ended(folder)? {
-            say!("{}: is there", folder.display());
+            say!("{}: is done", folder.display());
             return Ok(());
         }
-        let program = std::env::current_exe().context("the path of this program")?;
-        let mut command = Command::new(program);
-        command.arg("train").arg("-o").arg(folder);
+        let mut command = train_command()?;
+        command.arg("-o").arg(folder);
         let mut options = options.to_vec();
         if Run::file(folder).is_file() {
             command.arg("--resume");
@@ -264,7 +267,7 @@ impl<'a> Jobs<'a> {
             command.arg("--cache-bytes").arg(bytes.to_string());
         }
         if self.json {
-            // What is told there at the end is told of all jobs together.
+            // Only the results of all jobs together are printed.
             command.stdout(Stdio::null());
         }
         if !screen::has_messages() {
@@ -273,11 +276,11 @@ impl<'a> Jobs<'a> {
         let mut child = command.args(options).spawn().context("ivv train")?;
         let status = stop.wait_for(&mut child).context("ivv train")?;
         if stop.is_asked() || status.code() == Some(i32::from(Interrupted::EXIT_CODE)) {
-            return Err(Interrupted("run the same command again to go on").into());
+            return Err(Interrupted("run the same command again to continue").into());
         }
         ensure!(
             status.success(),
-            "the training into {} ended with {status}; run the same command again to go on from its newest checkpoint",
+            "the training into {} ended with {status}; run the same command again to continue from its newest checkpoint",
             folder.display()
         );
         Ok(())
@@ -303,8 +306,8 @@ impl<'a> Jobs<'a> {
         };
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
         write_parts(&file, &mut joined, &Look::of(&self.base(), None)?.0.unusual())?;
-        // The constants that the jobs were given, with --blur and the like. On a rig that moves the jobs trained in a frame with
-        // another unit, so the near plane is converted.
+        // The constants of the jobs, as set by --blur and the like. On a moving rig the jobs trained in a frame with another unit, so
+        // convert the near plane.
         let base = Run::read(&self.base())?;
         let near = (f64::from(base.constants.near) * (self.run.world.scale / base.world.scale)) as f32;
         Run { constants: Constants { near, ..base.constants }, ..self.run.clone() }.write(self.folder)?;
@@ -325,12 +328,12 @@ impl<'a> Jobs<'a> {
     }
 }
 
-/// Whether an option says how many bytes of images are decoded ahead.
+/// Whether an option sets the bytes of images that are decoded ahead.
 fn is_cache(option: &OsString) -> bool {
     option.to_str().is_some_and(|option| option.starts_with("--cache-bytes"))
 }
 
-/// Takes the file of viewpoints away: a run that goes on has them.
+/// Removes the file of viewpoints: a resumed run has them.
 fn without_viewpoints(options: &mut Vec<OsString>) {
     options.retain(|option| option.to_str().is_none_or(|option| !option.starts_with("--viewpoints=")));
     if let Some(at) = options.iter().position(|option| option == "--viewpoints") {
@@ -338,13 +341,13 @@ fn without_viewpoints(options: &mut Vec<OsString>) {
     }
 }
 
-/// Whether `folder` holds a run that has ended and written its scene.
+/// Whether the run in `folder` has ended and written its scene.
 fn has_ended(folder: &Path) -> ivv::Result<bool> {
     if !folder.join("scene.ply").is_file() || !folder.join("train.json").is_file() {
         return Ok(false);
     }
     let totals: serde_json::Value = read_json(&folder.join("train.json"), "train it again, with --overwrite")?;
-    // A run that was extended has got further than the totals of before.
+    // An extended run has passed the step of its last totals.
     let newest = Checkpoint::newest_step(&folder.join("checkpoints"))?;
     Ok(newest.is_none_or(|step| totals["steps"].as_u64().is_some_and(|steps| step <= steps)))
 }

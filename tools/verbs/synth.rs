@@ -1,7 +1,7 @@
 //! `ivv synth`.
 
-use crate::progress::Progress;
-use crate::screen::out;
+use crate::ui::progress::Progress;
+use crate::ui::screen::out;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
 use ivv::synth::{Noise, Options, Preset, Rig, write_capture};
@@ -11,13 +11,12 @@ use std::path::PathBuf;
 /// Options of `ivv synth`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder to write the capture to: a new or empty one, or one that `ivv synth` filled before, whose capture is
-    /// then replaced.
+    /// The folder for the capture: a new or empty one, or an earlier capture of `ivv synth`, which is replaced.
     #[arg(short, long)]
     output: PathBuf,
-    /// tiny: 6 cameras, 64 x 48, 8 frames. small: 10 cameras, 128 x 96, 12 frames. hard: small with --offsets --colors
-    /// --masks and --noise all. outward: small with 12 cameras that look outward. study: small
-    /// with 40 frames and --offsets. room: 20 cameras, 480 x 360, 60 frames.
+    /// tiny: 6 cameras, 64 x 48, 8 frames. small: 10 cameras, 128 x 96, 12 frames. hard: small with --offsets --colors --masks and
+    /// --noise all. outward: small with 12 cameras that look outward. study: small with 40 frames and --offsets. room: 20 cameras,
+    /// 480 x 360, 60 frames.
     #[arg(long, default_value = "small", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
     preset: String,
     /// Seed of colours, textures, speeds and all noise.
@@ -29,18 +28,18 @@ pub struct Args {
     /// Gives each training camera its own colour transform.
     #[arg(long)]
     colors: bool,
-    /// Covers a corner of every second training camera's images and writes masks that say so.
+    /// Covers a corner of the images of every second training camera, and writes masks of it.
     #[arg(long)]
     masks: bool,
-    /// Writes a calibration that has each training camera turned by 0.2 degrees and shifted by 10 mm from where it is.
+    /// Writes a calibration in which each training camera is turned by 0.2 degrees and shifted by 10 mm.
     #[arg(long)]
     bent: bool,
-    /// Where noise is added. none: nowhere. priors: to points, flow, depth and keypoints. rough: the same, with points 3 cm off and
-    /// one in five an outlier. all: to the priors and the images. By default as the preset says.
+    /// Where to add noise. none: nowhere. priors: to points, flow, depth and keypoints. rough: as priors, with points 3 cm off and one in
+    /// five an outlier. all: to the priors and the images. The default depends on the preset.
     #[arg(long, value_parser = PossibleValuesParser::new(["none", "priors", "rough", "all"]))]
     noise: Option<String>,
-    /// Where the cameras stand. inward: on an arc, looking at the middle of a room. outward: on a hemisphere 0.5 m wide, looking
-    /// out, with a scene 1 to 8 m away. moving: as outward, and the hemisphere moves. By default as the preset says.
+    /// The placement of the cameras. inward: on an arc, looking at the middle of a room. outward: on a hemisphere 0.5 m wide, looking
+    /// out, with a scene 1 to 8 m away. moving: as outward, and the hemisphere moves. The default depends on the preset.
     #[arg(long, value_parser = PossibleValuesParser::new(Rig::ALL.map(Rig::name)))]
     rig: Option<String>,
     /// Cameras in all, instead of the preset's.
@@ -49,13 +48,10 @@ pub struct Args {
     /// Frames, instead of the preset's.
     #[arg(long)]
     frames: Option<u32>,
-    /// Photographs of the room without what moves, from around the place of an outward rig, looking outward: photos/ of the capture.
+    /// Photographs of the static room, taken around the place of an outward rig, looking outward. They go to photos/ of the capture.
     #[arg(long)]
     photos: Option<u32>,
-    /// Frames at the beginning in which nothing moves; all movement takes place that much later.
-    #[arg(long, default_value_t = 0)]
-    still_frames: u32,
-    /// Pixels of an image across and down, WIDTHxHEIGHT, instead of the preset's.
+    /// WIDTHxHEIGHT of an image in pixels, instead of the preset's.
     #[arg(long, value_parser = size)]
     size: Option<(u32, u32)>,
 }
@@ -106,7 +102,6 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     }
     options.cameras = args.cameras.unwrap_or(options.cameras);
     options.frames = args.frames.unwrap_or(options.frames);
-    options.still_frames = args.still_frames;
     options.photos = args.photos;
     (options.width, options.height) = args.size.unwrap_or((options.width, options.height));
     Ok(options)

@@ -1,6 +1,6 @@
 //! `ivv debug demo`.
 
-use crate::screen::out;
+use crate::ui::screen::out;
 use ivv::formats::write_ply;
 use ivv::scene::{demo, write_views};
 use ivv::words::count;
@@ -16,7 +16,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    crate::files::make_folder(&args.output)?;
+    crate::run::files::make_folder(&args.output)?;
     let (splats, views) = demo();
     write_ply(&args.output.join("scene.ply"), &splats)?;
     write_views(&args.output.join("cameras.json"), &views)?;

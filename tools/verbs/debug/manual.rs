@@ -1,8 +1,8 @@
-//! `ivv debug completions` and `ivv debug man`: what shells and manual readers are told of the command line.
+//! `ivv debug completions` and `ivv debug man`.
 
 use crate::Cli;
-use crate::files::make_folder;
-use crate::screen::out;
+use crate::run::files::make_folder;
+use crate::ui::screen::out;
 use clap::{Command, CommandFactory};
 use ivv::files::write_atomic;
 use ivv::words::count;

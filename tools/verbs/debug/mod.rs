@@ -1,4 +1,4 @@
-//! `ivv debug`: what developers and packagers need. One file per verb; `manual` has two.
+//! `ivv debug`: verbs for developers and packagers, one per file; `manual` has two.
 
 mod demo;
 mod manual;
@@ -17,7 +17,7 @@ enum Verb {
     Vjp(vjp::Args),
     /// Writes the scene that the project ships in assets/demo.
     Demo(demo::Args),
-    /// Writes what a shell needs to complete commands and options, on standard output.
+    /// Writes the completions of a shell on standard output.
     Completions(manual::CompletionArgs),
     /// Writes manual pages.
     Man(manual::ManArgs),

@@ -1,8 +1,8 @@
 //! `ivv debug vjp`.
 
-use crate::device::DeviceArgs;
-use crate::screen::out;
-use crate::shown::Source;
+use crate::run::device::DeviceArgs;
+use crate::run::source::Source;
+use crate::ui::screen::out;
 use anyhow::ensure;
 use ivv::files::{Tensor, read_tensors, write_tensors};
 use ivv::scene::{Frame, Splats, View, read_views};
@@ -27,29 +27,10 @@ pub struct Args {
     /// background, and camera_rotation (radians about the camera's axes) and camera_translation (along them).
     #[arg(short, long)]
     output: PathBuf,
-    /// How gradients are added up.
-    #[arg(long, value_enum, default_value = "slots")]
-    accumulation: Mode,
     #[command(flatten)]
-    constants: crate::verbs::render::ConstantArgs,
+    constants: crate::run::constants::ConstantArgs,
     #[command(flatten)]
     device: DeviceArgs,
-}
-
-/// [`Accumulation`] as an option.
-#[derive(Clone, Copy, clap::ValueEnum)]
-enum Mode {
-    Slots,
-    FixedPoint,
-}
-
-impl From<Mode> for Accumulation {
-    fn from(mode: Mode) -> Self {
-        match mode {
-            Mode::Slots => Accumulation::Slots,
-            Mode::FixedPoint => Accumulation::FixedPoint,
-        }
-    }
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
@@ -63,15 +44,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let constants = args.constants.checked_over(source.look.constants)?;
     let splats = source.scene()?.splats;
     let gpu = args.device.open()?;
-    let sums = Accumulation::from(args.accumulation).on(gpu.caps());
+    let sums = Accumulation::Slots.on(gpu.caps());
     let mut renderer = Renderer::new(gpu, &splats, constants)?;
     renderer.accumulate(sums)?;
     let (gradients, report) = renderer.vjp(view, &cotangents)?;
     if gradients.n_bad > 0 {
-        let remedy = match args.accumulation {
-            Mode::FixedPoint => "give --accumulation slots, which has no range as fixed point has",
-            Mode::Slots => "give smaller cotangents, or see with `ivv inspect` how large the scene's numbers are",
-        };
+        let remedy = "give smaller cotangents, or see with `ivv inspect` how large the scene's numbers are";
         let what = format!("the gradient of view `{}`", view.name);
         return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad), remedy }.into());
     }
@@ -79,8 +57,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let n = splats.len();
     if json {
         let path = args.output.to_string_lossy();
-        let told = json!({ "path": path, "view": view.name, "gaussians": n, "visible": report.visible });
-        out!("{told}");
+        let line = json!({ "path": path, "view": view.name, "gaussians": n, "visible": report.visible });
+        out!("{line}");
         return Ok(());
     }
     out!("{}: gradients of view `{}`, {} of {n} Gaussians visible", args.output.display(), view.name, report.visible);
@@ -109,7 +87,7 @@ fn cotangents(args: &Args, view: &View) -> anyhow::Result<Frame> {
     Ok(frame)
 }
 
-/// Removes `name` from `tensors`: `[H][W][channels]` numbers, zeros where it is absent.
+/// Removes `name` from `tensors`: `[H][W][channels]` numbers, zeros if it is missing.
 fn take(
     tensors: &mut BTreeMap<String, Tensor>,
     args: &Args,

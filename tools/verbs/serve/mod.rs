@@ -1,22 +1,22 @@
 //! `ivv serve`: the browser player with a scene, or with a run that trains, on this machine.
 
-mod held;
 mod live;
+mod scene;
 mod site;
 
-pub use live::Said;
+pub use live::LatestLine;
 
-use crate::export_clip::ClipArgs;
-use crate::interrupt::Stop;
-use crate::screen::{alert, out, say};
-use crate::shown::{Source, is_run, scene_of_end};
+use crate::run::export_clip::ClipArgs;
+use crate::run::source::{Source, final_scene, is_run};
+use crate::ui::interrupt::Stop;
+use crate::ui::screen::{alert, out, say};
 use anyhow::Context;
-use held::{Removed, Scene};
 use hyper::Request;
 use hyper_util::rt::{TokioIo, TokioTimer};
 use ivv::files::remove_temporaries;
-use live::Live;
-use site::{Shown, Site};
+use live::LiveRun;
+use scene::{ServedScene, TemporaryFile};
+use site::{Content, Site};
 use std::convert::Infallible;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr, TcpListener};
 use std::path::{Path, PathBuf};
@@ -34,23 +34,23 @@ const MOST_CONNECTIONS: usize = 64;
 const LONGEST_HEAD: usize = 16 << 10;
 /// How long a head may take, and how long a reader may take nothing.
 const PATIENCE: Duration = Duration::from_secs(20);
-/// How often the end that was asked for is looked for.
+/// How often a request to end is checked for.
 const GLANCE: Duration = Duration::from_millis(100);
 
 /// Options of `ivv serve`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run, or a scene file: a .4dgs is sent as it is, others are put into one first. Of a run that has not ended
-    /// the page shows its course, its test views, and the scene as of its newest checkpoint.
+    /// The folder of a run, or a scene file: a .4dgs is sent as it is, others are converted first. The page of a run that has not ended
+    /// shows its curves, its test views, and the scene of its newest checkpoint.
     #[arg(value_name = "RUN|SCENE")]
     source: PathBuf,
     /// The port; 0 for any that is free.
     #[arg(long, default_value_t = 8080)]
     port: u16,
-    /// The address to listen at. Everyone who can reach it can see the scene.
+    /// The address to listen at. Anyone who can reach it can view the scene.
     #[arg(long, default_value_t = IpAddr::V4(Ipv4Addr::LOCALHOST))]
     bind: IpAddr,
-    /// A name that others reach this machine by, for --bind; can be given several times. Requests for other names are refused.
+    /// A name of this machine for others, with --bind; may be given several times. Requests for other names are refused.
     #[arg(long = "name", value_name = "HOST")]
     names: Vec<String>,
     #[command(flatten)]
@@ -59,8 +59,8 @@ pub struct Args {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let Args { source, bind, names, clip, .. } = args;
-    let is_live = is_run(source) && scene_of_end(source).is_none();
-    let shown = if is_live { Shown::Run(Rc::new(Live::new(source, None, clip))) } else { scene(source, clip)? };
+    let is_live = is_run(source) && final_scene(source).is_none();
+    let content = if is_live { Content::Run(Rc::new(LiveRun::new(source, None, clip))) } else { scene(source, clip)? };
     let stop = Stop::listen()?;
     let listener = listen(*bind, args.port, "--port")?;
     let url = url(&listener)?;
@@ -70,64 +70,67 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         out!("{url}  (Ctrl-C ends it)");
     }
     if !bind.is_loopback() {
-        alert!("everyone who can reach {} can see this", url.trim_start_matches("http://").trim_end_matches('/'));
+        alert!(
+            "warning: anyone who can reach {} can view the scene",
+            url.trim_start_matches("http://").trim_end_matches('/')
+        );
     }
-    serve(listener, || Site::new(shown, *bind, names), &|| stop.is_asked())
+    serve(listener, || Site::new(content, *bind, names), &|| stop.is_asked())
 }
 
 /// The `.4dgs` that is sent.
-fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Shown> {
+fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Content> {
     let source = Source::open(source)?;
     if clip.is_as_it_is(&source)? {
-        return Ok(Shown::File(source.path.to_owned()));
+        return Ok(Content::File(source.path.to_owned()));
     }
     say!("{}: put into a .4dgs", source.path.display());
     let folder = std::env::temp_dir();
     // Of servers that were killed while they wrote. A scene that is sent from memory needs no such folder.
     let _ = remove_temporaries(&folder, 0);
-    let beside = Removed(folder.join(format!("ivv-serve-{}.4dgs", std::process::id())));
-    if clip.write_parts(&source, &beside.0)?.is_some() {
-        return Ok(Shown::Scene(Scene::of_file(&beside.0.clone(), Some(beside))?));
+    let file = TemporaryFile(folder.join(format!("ivv-serve-{}.4dgs", std::process::id())));
+    if clip.write_parts(&source, &file.0)?.is_some() {
+        return Ok(Content::Scene(ServedScene::of_file(&file.0.clone(), Some(file))?));
     }
     let splats = source.scene()?.splats;
-    Ok(Shown::Scene(Scene::new(clip.bytes(&source, splats)?.into())))
+    Ok(Content::Scene(ServedScene::new(clip.bytes(&source, splats)?.into())))
 }
 
-/// A server of a training in this process, which ends with it.
-pub struct Beside {
+/// A server beside a training in this process.
+pub struct BackgroundServer {
     is_over: Arc<AtomicBool>,
     server: Option<std::thread::JoinHandle<()>>,
 }
 
-impl Beside {
-    /// Shows the run in `folder` at `port` of this machine; `said` is what its training says. Says where.
-    pub fn new(folder: &Path, port: u16, said: Said) -> anyhow::Result<Self> {
+impl BackgroundServer {
+    /// Shows the run in `folder` at `port` of this machine; its training writes to `latest_line`. Prints the address.
+    pub fn new(folder: &Path, port: u16, latest_line: LatestLine) -> anyhow::Result<Self> {
         let bind = IpAddr::V4(Ipv4Addr::LOCALHOST);
         let listener = listen(bind, port, "--view")?;
         say!("watch it: {}", url(&listener)?);
         let is_over = Arc::new(AtomicBool::new(false));
         let (folder, over) = (folder.to_owned(), is_over.clone());
         let site = move || {
-            let live = Live::new(&folder, Some(said), &ClipArgs::default());
-            Site::new(Shown::Run(Rc::new(live)), bind, &[])
+            let live = LiveRun::new(&folder, Some(latest_line), &ClipArgs::default());
+            Site::new(Content::Run(Rc::new(live)), bind, &[])
         };
         let server = std::thread::Builder::new().name("view".to_owned()).spawn(move || {
             if let Err(fault) = serve(listener, site, &|| over.load(Ordering::Relaxed)) {
-                alert!("the run cannot be watched any more: {fault:#}");
+                alert!("the page of the run has stopped: {fault:#}");
             }
         });
-        Ok(Beside { is_over, server: Some(server.context("no thread for a server")?) })
+        Ok(BackgroundServer { is_over, server: Some(server.context("no thread for a server")?) })
     }
 }
 
-impl Drop for Beside {
+impl Drop for BackgroundServer {
     fn drop(&mut self) {
         self.is_over.store(true, Ordering::Relaxed);
         self.server.take().map(std::thread::JoinHandle::join);
     }
 }
 
-/// At an address and a port, which `option` gives.
+/// Listens at an address and the port of `option`.
 fn listen(bind: IpAddr, port: u16, option: &str) -> anyhow::Result<TcpListener> {
     TcpListener::bind(SocketAddr::new(bind, port))
         .with_context(|| format!("expected a free port, found {port} of {bind} taken or refused; give {option} 0"))
@@ -170,6 +173,6 @@ async fn talk(stream: TcpStream, site: &Rc<Site>) {
     });
     let mut server = hyper::server::conn::http1::Builder::new();
     server.timer(TokioTimer::new()).header_read_timeout(PATIENCE).max_buf_size(LONGEST_HEAD).half_close(true);
-    // An error that ends a connection concerns its other side alone.
+    // An error of a connection concerns only its other side.
     let _ = server.serve_connection(TokioIo::new(Box::pin(stream)), answer).await;
 }

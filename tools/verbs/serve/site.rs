@@ -1,8 +1,8 @@
-//! What the server of a scene or a run answers.
+//! The answers of the server of a scene or a run.
 
-use super::held::{FilePart, Scene};
-use super::live::{Events, Live};
-use crate::page::{LIVE, PARTS, POLICY, Part, SCENE};
+use super::live::{Events, LiveRun};
+use super::scene::{FilePart, ServedScene};
+use crate::run::player::{LIVE_PAGE, PLAYER_FILES, POLICY, PlayerFile, SCENE};
 use bytes::Bytes;
 use http_body_util::{Either, Full};
 use hyper::header::{self, HeaderValue};
@@ -12,47 +12,47 @@ use std::ops::Range;
 use std::path::PathBuf;
 use std::rc::Rc;
 
-/// What there is to see.
-pub enum Shown {
+/// The scene or run that is served.
+pub enum Content {
     /// One scene.
-    Scene(Scene),
-    /// That in this file, which others may write anew.
+    Scene(ServedScene),
+    /// The scene in this file, which others may replace.
     File(PathBuf),
     /// A run that trains.
-    Run(Rc<Live>),
+    Run(Rc<LiveRun>),
 }
 
 /// The server's answers.
 pub struct Site {
-    shown: Shown,
+    content: Content,
     /// Names and addresses that a request may be for, without ports.
     hosts: Vec<String>,
     /// Whether it listens at every address of this machine, so that a request may be for any address.
     is_everywhere: bool,
 }
 
-/// Something that is there, in memory or in a file.
-type Found = Either<Full<Bytes>, FilePart>;
-/// What is sent: something that is there, or what a run says as it says it.
-type Sent = Either<Found, Events>;
+/// A body in memory or in a file.
+type StaticBody = Either<Full<Bytes>, FilePart>;
+/// A body in memory or in a file, or the events of a run.
+type AnyBody = Either<StaticBody, Events>;
 
 impl Site {
     /// At an address, to requests for that and for `names`.
-    pub fn new(shown: Shown, bind: IpAddr, names: &[String]) -> Self {
+    pub fn new(content: Content, bind: IpAddr, names: &[String]) -> Self {
         let literal = |address: IpAddr| match address {
             IpAddr::V4(address) => address.to_string(),
             IpAddr::V6(address) => format!("[{address}]"),
         };
         let own = ["localhost", "127.0.0.1", "[::1]"].map(str::to_owned).into_iter().chain([literal(bind)]);
         let hosts = own.chain(names.iter().map(|name| name.to_ascii_lowercase())).collect();
-        Site { shown, hosts, is_everywhere: bind.is_unspecified() }
+        Site { content, hosts, is_everywhere: bind.is_unspecified() }
     }
 
     /// The answer to a request, whatever its body.
-    pub async fn answer<B>(&self, request: &Request<B>) -> Response<Sent> {
+    pub async fn answer<B>(&self, request: &Request<B>) -> Response<AnyBody> {
         let is_head = request.method() == Method::HEAD;
-        let mut answer = match &self.shown {
-            Shown::Run(live) if request.uri().path() == "/events" && self.refused(request).is_none() && !is_head => {
+        let mut answer = match &self.content {
+            Content::Run(live) if request.uri().path() == "/events" && self.refused(request).is_none() && !is_head => {
                 let mut answer = Response::new(Either::Right(Events::new(live.clone())));
                 answer.headers_mut().insert(header::CONTENT_TYPE, HeaderValue::from_static("text/event-stream"));
                 answer
@@ -75,39 +75,43 @@ impl Site {
     /// The reply to a request that is refused.
     fn refused<B>(&self, request: &Request<B>) -> Option<Response<Full<Bytes>>> {
         if !matches!(*request.method(), Method::GET | Method::HEAD) {
-            let mut answer = told(StatusCode::METHOD_NOT_ALLOWED, "expected GET or HEAD");
+            let mut answer = plain_text(StatusCode::METHOD_NOT_ALLOWED, "expected GET or HEAD");
             answer.headers_mut().insert(header::ALLOW, HeaderValue::from_static("GET, HEAD"));
             return Some(answer);
         }
         // A page of another site that had its name lead here could otherwise read the scene.
         if !self.is_ours(request) {
             let text = "expected a request for this machine; --name allows another name";
-            return Some(told(StatusCode::MISDIRECTED_REQUEST, text));
+            return Some(plain_text(StatusCode::MISDIRECTED_REQUEST, text));
         }
         None
     }
 
-    async fn found<B>(&self, request: &Request<B>) -> Response<Found> {
+    async fn found<B>(&self, request: &Request<B>) -> Response<StaticBody> {
         if let Some(refused) = self.refused(request) {
             return refused.map(Either::Left);
         }
         let path = request.uri().path().trim_start_matches('/');
-        let other = match &self.shown {
-            Shown::Scene(scene) if path == SCENE => return of_scene(scene, request),
-            Shown::File(file) if path == SCENE => match Scene::of_file(file, None) {
+        let other = match &self.content {
+            Content::Scene(scene) if path == SCENE => return of_scene(scene, request),
+            Content::File(file) if path == SCENE => match ServedScene::of_file(file, None) {
                 Ok(scene) => return of_scene(&scene, request),
-                Err(_) => told(StatusCode::NOT_FOUND, "expected the file of the scene, found none that can be read"),
+                Err(_) => {
+                    plain_text(StatusCode::NOT_FOUND, "expected the file of the scene, found none that can be read")
+                }
             },
-            Shown::Scene(_) | Shown::File(_) => of_part(PARTS, path),
-            Shown::Run(live) => match path.strip_prefix("at/").and_then(|rest| rest.split_once('/')) {
+            Content::Scene(_) | Content::File(_) => of_part(PLAYER_FILES, path),
+            Content::Run(live) => match path.strip_prefix("at/").and_then(|rest| rest.split_once('/')) {
                 Some((name, SCENE)) => match live.scene(name).await {
                     Some(scene) => return of_scene(&scene, request),
-                    None => told(StatusCode::NOT_FOUND, "expected one of the newest scenes, found none of this name"),
+                    None => {
+                        plain_text(StatusCode::NOT_FOUND, "expected one of the newest scenes, found none of this name")
+                    }
                 },
-                Some((_, rest)) => of_part(PARTS, rest),
+                Some((_, rest)) => of_part(PLAYER_FILES, rest),
                 None if path == "report.html" => of_report(live),
-                None if path == "icon.svg" => of_part(PARTS, path),
-                None => of_part(LIVE, path),
+                None if path == "icon.svg" => of_part(PLAYER_FILES, path),
+                None => of_part(LIVE_PAGE, path),
             },
         };
         other.map(Either::Left)
@@ -120,18 +124,18 @@ impl Site {
             Some((name, port)) if port.bytes().all(|byte| byte.is_ascii_digit()) => name,
             _ => host,
         };
-        // What another site can have lead here is a name, never an address.
+        // Another site can make a name lead here, never an address.
         let is_address = || name.trim_start_matches('[').trim_end_matches(']').parse::<IpAddr>().is_ok();
         self.hosts.iter().any(|ours| *ours == name.to_ascii_lowercase()) || (self.is_everywhere && is_address())
     }
 }
 
 /// The scene, or the part of it that is asked for.
-fn of_scene<B>(scene: &Scene, request: &Request<B>) -> Response<Found> {
+fn of_scene<B>(scene: &ServedScene, request: &Request<B>) -> Response<StaticBody> {
     let tag = &scene.tag;
     let asked = |name: header::HeaderName| request.headers().get(name).and_then(|value| value.to_str().ok());
     let length = scene.len();
-    let tagged = |mut answer: Response<Found>| {
+    let tagged = |mut answer: Response<StaticBody>| {
         let headers = answer.headers_mut();
         headers.insert(header::ACCEPT_RANGES, HeaderValue::from_static("bytes"));
         headers.extend(HeaderValue::from_str(tag).ok().map(|tag| (header::ETAG, tag)));
@@ -140,12 +144,12 @@ fn of_scene<B>(scene: &Scene, request: &Request<B>) -> Response<Found> {
     if asked(header::IF_NONE_MATCH).is_some_and(|tags| tags.split(',').any(|known| known.trim() == tag)) {
         return tagged(empty(StatusCode::NOT_MODIFIED).map(Either::Left));
     }
-    // A part of what the browser has is of no use once that is another scene.
+    // A part of an older scene is of no use to the browser.
     let is_same = asked(header::IF_RANGE).is_none_or(|known| known == tag);
     let (status, range) = match asked(header::RANGE).filter(|_| is_same).map(|range| part_of(range, length)) {
-        None | Some(Asked::Whole) => (StatusCode::OK, 0..length),
-        Some(Asked::Range(range)) => (StatusCode::PARTIAL_CONTENT, range),
-        Some(Asked::Beyond) => {
+        None | Some(ByteRange::Whole) => (StatusCode::OK, 0..length),
+        Some(ByteRange::Part(range)) => (StatusCode::PARTIAL_CONTENT, range),
+        Some(ByteRange::Beyond) => {
             let mut answer = empty(StatusCode::RANGE_NOT_SATISFIABLE);
             let value = HeaderValue::from_str(&format!("bytes */{length}"));
             answer.headers_mut().extend(value.ok().map(|value| (header::CONTENT_RANGE, value)));
@@ -161,9 +165,12 @@ fn of_scene<B>(scene: &Scene, request: &Request<B>) -> Response<Found> {
 }
 
 /// The report so far. It is a page of its own, without scripts.
-fn of_report(live: &Live) -> Response<Full<Bytes>> {
+fn of_report(live: &LiveRun) -> Response<Full<Bytes>> {
     let Some(report) = live.report() else {
-        return told(StatusCode::NOT_FOUND, "expected a report, found none yet: it comes with the first evaluation");
+        return plain_text(
+            StatusCode::NOT_FOUND,
+            "expected a report, found none yet: it comes with the first evaluation",
+        );
     };
     let mut answer = of_bytes(StatusCode::OK, "text/html; charset=utf-8", report.into());
     let policy = HeaderValue::from_static("default-src 'none'; style-src 'unsafe-inline'; img-src data:");
@@ -171,20 +178,20 @@ fn of_report(live: &Live) -> Response<Full<Bytes>> {
     answer
 }
 
-/// What a `Range` asks for.
+/// What a `Range` header asks for.
 #[derive(Debug, PartialEq)]
-enum Asked {
-    /// Everything: it asks for nothing that is understood, or for several parts.
+enum ByteRange {
+    /// Everything: the header is not understood, or asks for several parts.
     Whole,
     /// These bytes, at least one.
-    Range(Range<usize>),
-    /// None that there are.
+    Part(Range<usize>),
+    /// Beyond the end.
     Beyond,
 }
 
-fn part_of(asked: &str, length: usize) -> Asked {
+fn part_of(asked: &str, length: usize) -> ByteRange {
     let Some((from, to)) = asked.strip_prefix("bytes=").and_then(|range| range.split_once('-')) else {
-        return Asked::Whole;
+        return ByteRange::Whole;
     };
     let number = |text: &str| text.parse::<usize>().ok().filter(|_| text.bytes().all(|byte| byte.is_ascii_digit()));
     let range = match (from, to) {
@@ -196,22 +203,22 @@ fn part_of(asked: &str, length: usize) -> Asked {
             .map(|(from, to)| from..to.saturating_add(1).min(length)),
     };
     match range {
-        None => Asked::Whole,
-        Some(range) if range.is_empty() => Asked::Beyond,
-        Some(range) => Asked::Range(range),
+        None => ByteRange::Whole,
+        Some(range) if range.is_empty() => ByteRange::Beyond,
+        Some(range) => ByteRange::Part(range),
     }
 }
 
 /// A file of the page; its first one where none is named.
-fn of_part(parts: &'static [Part], name: &str) -> Response<Full<Bytes>> {
+fn of_part(parts: &'static [PlayerFile], name: &str) -> Response<Full<Bytes>> {
     let name = if name.is_empty() { "index.html" } else { name };
     parts.iter().find(|part| part.name == name).map_or_else(
-        || told(StatusCode::NOT_FOUND, "expected a file of the page, found none of this name"),
+        || plain_text(StatusCode::NOT_FOUND, "expected a file of the page, found none of this name"),
         |part| of_bytes(StatusCode::OK, part.media_type, Bytes::from_static(part.text.as_bytes())),
     )
 }
 
-fn told(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {
+fn plain_text(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {
     of_bytes(status, "text/plain; charset=utf-8", Bytes::from_static(text.as_bytes()))
 }
 

@@ -1,7 +1,7 @@
 //! `ivv sound bench`.
 
 use super::render::ConfigArgs;
-use crate::screen::out;
+use crate::ui::screen::out;
 use ivv::report::Table;
 use ivv::sound::bench::{Ablation, Difference, Trade, ablation, compare, lateness, trade};
 use ivv::sound::geometry::Mode;

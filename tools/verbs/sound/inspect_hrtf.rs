@@ -1,6 +1,6 @@
 //! `ivv sound inspect-hrtf`.
 
-use crate::screen::out;
+use crate::ui::screen::out;
 use ivv::sound::FS;
 use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
 use ivv::sound::metrics::{ild_db, itd};

@@ -1,7 +1,7 @@
 //! `ivv sound localize`.
 
-use crate::files::{make_folder, write_json};
-use crate::screen::out;
+use crate::run::files::{make_folder, write_json};
+use crate::ui::screen::out;
 use crate::verbs::synth::size;
 use anyhow::Context;
 use glam::DVec3;
@@ -15,28 +15,28 @@ use ivv::sound::{FS, speaker};
 use ivv::words::count;
 use std::path::{Path, PathBuf};
 
-/// Below this part of agreeing mouths something is wrong with the keypoints, and not with a detection here and there.
+/// If fewer mouths agree than this part, the keypoints are wrong, and not just single detections.
 const FEW_AGREE: f64 = 0.5;
 
 /// Options of `ivv sound localize`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// A capture folder. Its lenses may distort where the keypoints are of pictures as they were taken.
+    /// A capture folder. Its lenses may distort if the keypoints are from the original pictures.
     capture: PathBuf,
-    /// The folder to write to: a track of each speaker (.csv), scene.json for `ivv sound render`, localize.json.
+    /// The folder for a track of each speaker (.csv), scene.json for `ivv sound render`, and localize.json.
     #[arg(short, long)]
     output: PathBuf,
     /// The folder of the keypoints: <camera>.json (MMPose's of a video), or a folder <camera> or <camera>_json with a file
     /// for each frame (OpenPose, Pose2Sim, MMPose's of pictures). By default keypoints/ of the capture.
     #[arg(long)]
     keypoints: Option<PathBuf>,
-    /// The cameras' clocks: offsets.json of a run on this capture, or the run's folder.
+    /// Time offsets of the cameras: offsets.json of a run on this capture, or the run's folder.
     #[arg(long)]
     offsets: Option<PathBuf>,
-    /// Metres in a scene unit, where that is known. It goes into scene.json; the smoothing otherwise takes mouths for 5 cm wide.
+    /// Metres in a scene unit, if known, for scene.json. Without it the smoothing assumes mouths of 5 cm.
     #[arg(long)]
     metres_per_unit: Option<f64>,
-    /// Hold a speaker's place through gaps of any length, instead of silence in those above 3 s.
+    /// Holds a speaker's place through gaps of any length. Without it, gaps above 3 s are silent.
     #[arg(long)]
     hold: bool,
     /// Number of the first frame, if the keypoints do not say; usually 0 or 1.
@@ -84,7 +84,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What each camera of the rig saw; a camera without keypoints saw nobody.
+/// The mouths in each camera of the rig; empty for a camera without keypoints.
 fn read_keypoints(args: &Args, rig: &Rig) -> anyhow::Result<Vec<Mouths>> {
     let folder = args.keypoints.clone().unwrap_or_else(|| args.capture.join("keypoints"));
     let settings = KeypointSettings { first_frame: args.first_frame, image_size: args.image_size };
@@ -107,7 +107,7 @@ fn recording(args: &Args, camera: &RigCamera) -> PathBuf {
     args.capture.join("audio").join(format!("{}.wav", camera.name))
 }
 
-/// The camera that is asked for; else of those with a recording the one nearest to the mean of all places.
+/// The camera of --microphone; else, of those with a recording, the one nearest to the centre of all.
 fn microphone<'a>(args: &Args, rig: &'a Rig) -> anyhow::Result<Option<&'a RigCamera>> {
     if let Some(name) = &args.microphone {
         let camera = rig.cameras.iter().find(|camera| camera.name == *name);
@@ -123,7 +123,7 @@ fn microphone<'a>(args: &Args, rig: &'a Rig) -> anyhow::Result<Option<&'a RigCam
     Ok(recorded.min_by(|a, b| away(a).total_cmp(&away(b))))
 }
 
-/// What is heard by the microphone: of several speakers in turn the one whose lips move.
+/// The sound scene of the microphone. Of several speakers, the one whose lips move is heard.
 fn sound_scene(args: &Args, rig: &Rig, microphone: &RigCamera, found: &Localized) -> anyhow::Result<SoundScene> {
     let wav = recording(args, microphone);
     let offset_s = microphone.offset / rig.fps;

@@ -1,9 +1,9 @@
 //! `ivv sound render`.
 
 use super::plot::plot;
-use crate::files::write_json;
-use crate::film::Axes;
-use crate::screen::out;
+use crate::run::files::write_json;
+use crate::run::axes::Axes;
+use crate::ui::screen::out;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
 use ivv::sound::loudness::{self, PEAK_LIMIT_DB};
@@ -60,15 +60,6 @@ pub struct ConfigArgs {
     /// aligned: responses between the measured directions. nearest: the measured one.
     #[arg(long, default_value = "aligned", value_parser = lookup)]
     lookup: Lookup,
-    /// Paper modes: samples of a frame.
-    #[arg(long, default_value_t = RenderConfig::default().frame)]
-    frame: usize,
-    /// Paper modes: samples between frames; a half, a third, ... of a frame. By default half a frame.
-    #[arg(long)]
-    hop: Option<usize>,
-    /// Physical mode: samples of a block.
-    #[arg(long, default_value_t = RenderConfig::default().block)]
-    block: usize,
     /// Sources nearer than this get no louder, metres.
     #[arg(long, default_value_t = RenderConfig::default().r_min_m)]
     r_min: f64,
@@ -102,15 +93,9 @@ impl ConfigArgs {
         if let Some(lufs) = self.lufs {
             anyhow::ensure!((-70.0..=0.0).contains(&lufs), "--lufs: expected a number from -70 to 0, found {lufs}");
         }
-        for (name, n) in [("frame", self.frame), ("block", self.block)] {
-            anyhow::ensure!(n <= 1 << 16, "--{name}: expected at most 65536 samples, found {n}");
-        }
         Ok(RenderConfig {
             mode: self.mode,
             lookup: self.lookup,
-            frame: self.frame,
-            hop: self.hop.unwrap_or(self.frame / 2),
-            block: self.block,
             r_min_m: r_min,
             lufs: self.lufs,
             ..RenderConfig::default()

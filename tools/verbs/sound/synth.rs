@@ -1,7 +1,7 @@
 //! `ivv sound synth`.
 
-use crate::files::{make_folder, read_json};
-use crate::screen::out;
+use crate::run::files::{make_folder, read_json};
+use crate::ui::screen::out;
 use anyhow::Context;
 use glam::{DQuat, DVec3};
 use ivv::sound::FS;

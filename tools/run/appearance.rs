@@ -1,0 +1,79 @@
+//! How a scene is rendered: what its run or its file says.
+
+use crate::run::files::{is_run, read_json};
+use crate::ui::screen::{alert, say};
+use ivv::Constants;
+use ivv::formats::{self, FourDgs, Own, Rendering, list, ply_own};
+use ivv::train::{Config, Run};
+use std::ffi::OsStr;
+use std::path::Path;
+
+const RUN: &str = "give the folder of a run of `ivv train`";
+
+/// How a scene is rendered.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Look {
+    /// In the scene's own frame.
+    pub constants: Constants,
+    /// The background that it was made over, where run or file says that.
+    pub background: Option<[f32; 3]>,
+}
+
+impl Look {
+    /// How the run in the folder `path` is rendered, or what the file `path` says; `clip` is that file where it is a `.4dgs`. A `scene.ply`
+    /// that does not say it takes the constants of the run beside it, and a message names those that are not the usual ones. Also gives
+    /// the notes on impossible values, already printed.
+    ///
+    /// # Errors
+    /// Those of the file.
+    pub fn of(path: &Path, clip: Option<&FourDgs>) -> ivv::Result<(Self, Vec<String>)> {
+        if is_run(path) {
+            return Ok((Self::of_run(path), Vec::new()));
+        }
+        let own = match clip {
+            Some(clip) => clip.own().cloned(),
+            None if path.is_file() => ply_own(path)?,
+            None => None,
+        };
+        if let Some(own) = own {
+            let Rendering { constants, background, notes } = Rendering::of(&own);
+            notes.iter().for_each(|note| alert!("{}: {note}", path.display()));
+            return Ok((Look { constants, background }, notes));
+        }
+        let is_scene = path.file_name() == Some(OsStr::new("scene.ply"));
+        let Some(folder) = path.parent().filter(|folder| is_scene && is_run(folder)) else {
+            return Ok((Look::default(), Vec::new()));
+        };
+        let look = Self::of_run(folder);
+        let unusual = look.unusual();
+        if !unusual.is_empty() {
+            say!("{}: rendered with {} of the run.json beside it", path.display(), list(&unusual));
+        }
+        Ok((look, Vec::new()))
+    }
+
+    /// How `run` is rendered, which was trained with `config`.
+    pub fn new(run: &Run, config: &Config) -> Self {
+        Look { constants: run.constants_of_capture(), background: Some(config.background) }
+    }
+
+    /// How the run in `folder` is rendered; as usual, with a warning, where its files cannot be read.
+    fn of_run(folder: &Path) -> Self {
+        let read = || -> ivv::Result<Self> {
+            let constants = Run::read(folder)?.constants_of_capture();
+            let config = folder.join("config.json");
+            // Segments that were joined have none of their own.
+            let config: Option<Config> = if config.is_file() { Some(read_json(&config, RUN)?) } else { None };
+            Ok(Look { constants, background: config.map(|config| config.background) })
+        };
+        read().unwrap_or_else(|fault| {
+            alert!("rendered as usual, since it is not known how the run was: {fault}");
+            Look::default()
+        })
+    }
+
+    /// The values that differ from the usual ones.
+    pub fn unusual(&self) -> Own {
+        formats::unusual(&self.constants, self.background)
+    }
+}

@@ -1,0 +1,180 @@
+//! The options of all verbs that read a capture: `check`, `prepare`, `train`, `render`, `inspect` and `segments`.
+
+use crate::run::settings::contradiction;
+use crate::ui::screen::say;
+use ivv::prepare::{Recognised, recognise};
+use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
+use ivv::train::Run;
+use std::collections::BTreeSet;
+use std::ffi::{OsStr, OsString};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// How to read a capture.
+#[derive(clap::Args)]
+pub struct CaptureArgs {
+    /// Names of the test cameras, separated by commas. They replace those that the capture declares.
+    #[arg(long, value_delimiter = ',')]
+    test_cameras: Option<Vec<String>>,
+    /// Takes every n-th image as a test image if the capture declares none; 0 for none.
+    #[arg(long, default_value_t = CaptureSettings::default().test_every)]
+    test_every: usize,
+    /// Uses only the first N frames of the clip, or those from A up to, but not including, B, counted from 0; with S every S-th
+    /// of them. `A:` and `:B` work too.
+    #[arg(long, visible_alias = "frames", value_name = "N|A:B[:S]", value_parser = Frames::from_str)]
+    max_frames: Option<Frames>,
+    /// Names of cameras to leave out, separated by commas.
+    #[arg(long, value_delimiter = ',', value_name = "NAMES")]
+    exclude: Vec<String>,
+    /// Leaves out images whose file is missing. Without it, each is a fault.
+    #[arg(long)]
+    skip_missing: bool,
+    /// Number of the model in `sparse` of a plain COLMAP project. By default the one with the most images.
+    #[arg(long, value_name = "N")]
+    model: Option<u32>,
+    /// Folder of the images, relative to the capture, if a COLMAP project, a transforms.json, LLFF or OpenSfM does not name it. If
+    /// there is no `images`, the default is the largest of `images_2`, `images_4` and `images_8`.
+    #[arg(long, default_value = "images")]
+    images: PathBuf,
+    /// Takes the folder with `_N` behind its name, as `images_4`: pictures of 1/N of the size.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    downscale: Option<u32>,
+    /// Scales the calibration of each camera and axis to the size of its images. Without it, all images must have the same scale.
+    #[arg(long)]
+    rescale: bool,
+    /// Also takes the foreground masks of Dynamic3DGaussians as masks.
+    #[arg(long)]
+    foreground_masks: bool,
+    /// How to read the alpha of images. background: the background shows through it. mask: it is also the foreground mask from which
+    /// the first Gaussians are made.
+    #[arg(long, value_parser = alpha, default_value = "background", value_name = "background|mask")]
+    alpha: Alpha,
+}
+
+fn alpha(word: &str) -> Result<Alpha, String> {
+    match word {
+        "background" => Ok(Alpha::Background),
+        "mask" => Ok(Alpha::Mask),
+        _ => Err("expected background or mask".to_owned()),
+    }
+}
+
+impl CaptureArgs {
+    /// The settings of the options.
+    pub fn settings(&self) -> CaptureSettings {
+        CaptureSettings {
+            test_cameras: self.test_cameras.clone(),
+            test_every: self.test_every,
+            frames: self.max_frames.unwrap_or_default(),
+            exclude: self.exclude.clone(),
+            model: self.model,
+            skip_missing: self.skip_missing,
+            images: self.images.clone(),
+            downscale: self.downscale,
+            rescale: self.rescale,
+            foreground_masks: self.foreground_masks,
+            alpha: self.alpha,
+            ..CaptureSettings::default()
+        }
+    }
+
+    /// The options for `settings`, without those of frames and test cameras.
+    pub fn words(settings: &CaptureSettings) -> Vec<OsString> {
+        let default = CaptureSettings::default();
+        // All are named, so that nobody forgets a new one here. The last two have no option.
+        let CaptureSettings {
+            test_cameras: _,
+            frames: _,
+            test_every,
+            exclude,
+            model,
+            skip_missing,
+            foreground_masks,
+            images,
+            downscale,
+            rescale,
+            alpha,
+            background: _,
+            fps: _,
+        } = settings;
+        let mut words: Vec<OsString> = Vec::new();
+        let mut word = |is_asked: bool, name: &str, value: &OsStr| {
+            if is_asked {
+                words.extend([name.into(), value.to_owned()]);
+            }
+        };
+        word(*test_every != default.test_every, "--test-every", test_every.to_string().as_ref());
+        word(!exclude.is_empty(), "--exclude", exclude.join(",").as_ref());
+        word(model.is_some(), "--model", model.unwrap_or_default().to_string().as_ref());
+        word(*images != default.images, "--images", images.as_os_str());
+        word(downscale.is_some(), "--downscale", downscale.unwrap_or_default().to_string().as_ref());
+        word(*alpha == Alpha::Mask, "--alpha", "mask".as_ref());
+        let switches =
+            [(skip_missing, "--skip-missing"), (rescale, "--rescale"), (foreground_masks, "--foreground-masks")];
+        words.extend(switches.into_iter().filter(|(is_asked, _)| **is_asked).map(|(_, name)| name.into()));
+        words
+    }
+
+    /// Whether no option is given.
+    pub fn are_default(&self) -> bool {
+        self.settings() == CaptureSettings::default()
+    }
+
+    /// How the options differ from `run`.
+    pub fn differ_from(&self, run: &Run) -> Vec<String> {
+        let asked = self.settings();
+        let names = |cameras: &[String]| cameras.iter().cloned().collect::<BTreeSet<_>>();
+        let mut differ = Vec::new();
+        if let Some(asked) = asked.test_cameras.as_ref().filter(|asked| names(asked) != names(&run.test_cameras)) {
+            let (asked, has) = (asked.join(","), run.test_cameras.join(","));
+            differ.push(contradiction("--test-cameras", has, asked));
+        }
+        let background = run.capture_settings.background;
+        let of = |settings: &CaptureSettings| CaptureSettings { test_cameras: None, background, ..settings.clone() };
+        if of(&asked) != of(&CaptureSettings::default()) && of(&asked) != of(&run.capture_settings) {
+            differ.push("the options of how the capture is read: run.json has those of the run".to_owned());
+        }
+        differ
+    }
+}
+
+/// Opens a capture, and prints the notes of the reader. The error of a source for `ivv prepare` says so.
+pub fn open(path: &Path, settings: &CaptureSettings) -> ivv::Result<Capture> {
+    let capture = match Capture::open_with(path, settings) {
+        Ok(capture) if capture.path == path => capture,
+        // A recording may contain a capture, for example of one of its frames.
+        opened => unprepared(path).map_or(opened, |(_, fault)| Err(fault.into()))?,
+    };
+    capture.notes.iter().for_each(|note| say!("note: {note}"));
+    Ok(capture)
+}
+
+/// The report of a capture. That of a source for `ivv prepare` says so.
+pub fn check(path: &Path, settings: &CaptureSettings) -> Report {
+    let mut report = check_capture(path, settings);
+    let is_itself = report.n_faults == 0 && report.path == path;
+    if let Some((what, fault)) = (!is_itself).then(|| unprepared(path)).flatten() {
+        (report.format, report.n_faults, report.faults) = (what, 1, vec![fault]);
+        if report.n_cameras > 0 {
+            // It was read as something else.
+            report.n_cameras = 0;
+            report.notes.clear();
+        }
+    }
+    report
+}
+
+/// The kind of a recording that is not a capture yet, and the fault that says so.
+fn unprepared(path: &Path) -> Option<(String, Fault)> {
+    let Recognised { what, source } = recognise(path)?;
+    let fault = Fault {
+        file: path.to_owned(),
+        place: String::new(),
+        reason: format!("expected a capture, found {what}"),
+        remedy: format!(
+            "run `ivv prepare {} -o CAPTURE`, which makes a capture of it, then use that",
+            source.display()
+        ),
+    };
+    Some((what, fault))
+}

@@ -1,0 +1,113 @@
+//! The clip of a scene: its length and start, the views to begin from, its sound, and how it is rendered.
+
+use crate::run::files::read_json;
+use crate::run::appearance::Look;
+use crate::ui::screen::say;
+use crate::run::source::{Source, is_run};
+use anyhow::ensure;
+use ivv::Constants;
+use ivv::formats::{Clock, FourDgs, Sounds};
+use ivv::scene::{View, read_views};
+use ivv::train::{Config, Run};
+use std::path::Path;
+
+/// Frames per second of a clip of which only the length is known.
+const FPS: f64 = 30.0;
+
+/// How a scene is rendered and seen, and when.
+pub struct Setting {
+    /// The clock of the clip, where something tells it.
+    pub clock: Option<Clock>,
+    /// When the clip begins, seconds of the capture that it was trained on; 0 where nothing tells. A run tells it of its scene too, if
+    /// the clip is as long as the run's.
+    pub start: f64,
+    /// Views to start from.
+    pub views: Vec<View>,
+    /// What is heard.
+    pub sounds: Sounds,
+    /// How it is rendered.
+    pub constants: Constants,
+    /// What it was made over.
+    pub background: [f32; 3],
+}
+
+/// Reads what is known of the scene of `source`, with the length and the cameras file that the user gave.
+///
+/// # Errors
+/// Those of the files; a length that the source contradicts.
+pub fn setting(source: &Source, seconds: Option<f64>, cameras: Option<&Path>) -> anyhow::Result<Setting> {
+    let given = cameras.map(read_views).transpose()?;
+    if is_run(source.path) {
+        ensure!(seconds.is_none(), "--seconds: the run knows how long its clip is; leave it out");
+        let run = Run::read(source.path)?;
+        let views = given.map_or_else(|| of_training_cameras(source.path, &run), Ok)?;
+        let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
+        let background = views.first().map_or([0.0; 3], |view| view.background);
+        let (sounds, constants) = (Sounds::default(), source.look.constants);
+        return Ok(Setting { clock, start: start_of(&run), views, sounds, constants, background });
+    }
+    let file = source.clip.as_ref();
+    let clock = match seconds {
+        Some(seconds) => {
+            ensure!(seconds.is_finite() && seconds > 0.0, "--seconds: expected a positive number, found {seconds}");
+            let frames = (seconds * FPS).round().clamp(1.0, f64::from(u32::MAX));
+            Some(Clock { fps: frames / seconds, frames: frames as u32 })
+        }
+        None => file.map(FourDgs::clock),
+    };
+    let kept = match file {
+        Some(file) if given.is_none() => file.views()?,
+        _ => Vec::new(),
+    };
+    let views = given.unwrap_or(kept);
+    let Look { constants, background } = source.look;
+    let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
+    let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
+    let is_as_long = |run: &Run| {
+        clock.is_some_and(|clock| (clock.seconds() * run.held.fps - f64::from(run.held.frames)).abs() < 0.5)
+    };
+    let start = start_in_run(source.path, is_as_long);
+    Ok(Setting { clock, start, views, sounds, constants, background })
+}
+
+/// Refuses to show in other `seconds` what comes with `sounds` of its own, which stay as long as they are.
+pub fn refuse_stretched(seconds: Option<f64>, sounds: &Sounds) -> anyhow::Result<()> {
+    ensure!(
+        seconds.is_none() || sounds.is_empty(),
+        "--seconds: the file knows how long its clip is, and its sound cannot be stretched; leave it out, or give --sound"
+    );
+    Ok(())
+}
+
+/// When the clip of `run` begins, seconds of its capture: the run may have taken only some of the frames.
+fn start_of(run: &Run) -> f64 {
+    let frames = run.capture_settings.frames;
+    f64::from(frames.from) / (run.held.fps * f64::from(frames.every))
+}
+
+/// When the clip of the scene in `file` begins, seconds of its capture: that of the run which the file lies in, where that
+/// `is_its`; else 0.
+pub fn start_in_run(file: &Path, is_its: impl Fn(&Run) -> bool) -> f64 {
+    let run = file.ancestors().find_map(|folder| Run::read(folder).ok().filter(&is_its));
+    run.map_or(0.0, |run| start_of(&run))
+}
+
+/// The first view of each training camera of the run in `folder` that films; none where its capture is gone, which is said.
+fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
+    if !run.capture.exists() {
+        let gone = run.capture.display();
+        say!(
+            "no views to start from: the run's capture, {gone}, is not there any more; --cameras takes a cameras file"
+        );
+        return Ok(Vec::new());
+    }
+    let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
+    let capture = run.open_capture(None)?.transformed(&run.world.inverse());
+    let mut views = Vec::new();
+    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| camera.films()) {
+        if let Some(shot) = camera.shots.first() {
+            views.push(View { background: config.background, ..capture.view(index, shot.frame)? });
+        }
+    }
+    Ok(views)
+}

@@ -1,0 +1,227 @@
+//! `ivv export` to files in which time passes.
+
+use crate::run::clip::{Setting, refuse_stretched, setting};
+use crate::run::device::DeviceArgs;
+use crate::run::appearance::own;
+use crate::ui::progress::Progress;
+use crate::ui::screen::say;
+use crate::run::source::Source;
+use anyhow::ensure;
+use glam::DVec3;
+use ivv::Constants;
+use ivv::formats::{Clip, Clock, Contents, Encoded, FourDgs, Scene, Sounds, World, WriteOptions, Written};
+use ivv::scene::{Splats, View, upright};
+use ivv::sound::hrtf::HrtfSet;
+use ivv::sound::scene_file::SoundScene;
+use ivv::stage::{Goal, Subject, compact};
+use ivv::words::count;
+use std::path::{Path, PathBuf};
+
+/// Views that files are compared in, and their longest side, pixels.
+const MOST_VIEWS: usize = 8;
+const LONGEST_SIDE: u32 = 640;
+
+/// Options of formats in which time passes.
+#[derive(clap::Args, Clone, Default)]
+pub struct ClipArgs {
+    /// Length of the clip, seconds, where neither a run nor the file says it.
+    #[arg(long, value_name = "S")]
+    seconds: Option<f64>,
+    /// Views to start from: a cameras file (JSON, as of `ivv inspect --cameras`). By default those of the run's training cameras.
+    #[arg(long)]
+    cameras: Option<PathBuf>,
+    /// Stores every attribute of a .4dgs as coarsely as pictures of the scene stay so many dB from what they are. By default
+    /// places are off by 0.02 of the median standard deviation at most, colours by half a step of 255.
+    #[arg(long, value_name = "DB", conflicts_with = "target_size")]
+    min_psnr: Option<f64>,
+    /// Stores a .4dgs as well as it can be in so many megabytes (10^6 bytes).
+    #[arg(long, value_name = "MB")]
+    target_size: Option<f64>,
+    /// Sound of a .4dgs: the scene.json of `ivv sound localize`, of the capture that the scene was trained on. By default that of
+    /// the scene file, if it is a .4dgs.
+    #[arg(long, value_name = "SCENE_JSON")]
+    sound: Option<PathBuf>,
+    /// The ears that a player hears the sound of a .4dgs with: `sphere`, a SOFA file, or a folder of WAV files as SADIE's; at most
+    /// 2.4 MB. By default those of the scene file, if it is a .4dgs that has some, or else the browser's.
+    #[arg(long, value_name = "EARS")]
+    hrtf: Option<PathBuf>,
+    /// Metres of a unit of the scene, so that a headset shows it as large as it is. By default those of --sound, or of the scene
+    /// file, if it is a .4dgs that says it.
+    #[arg(long, value_name = "M")]
+    metres_per_unit: Option<f64>,
+    /// Writes the file even if the format, which cannot hold all colours, changes those of more than 1 in 10 Gaussians by more than 2
+    /// levels of 255.
+    #[arg(long)]
+    clamp_colors: bool,
+    /// Whether nothing is said of what is stored, and it is stored quickly, since nobody asked for this file.
+    #[arg(skip)]
+    is_silent: bool,
+    #[command(flatten)]
+    device: DeviceArgs,
+}
+
+impl ClipArgs {
+    /// These options for files that nobody asked for by name: nothing is said of them, and what they cannot hold is cut.
+    pub fn unasked(&self) -> Self {
+        ClipArgs { is_silent: true, ..self.clone() }
+    }
+
+    /// Whether `source` is a `.4dgs` of which nothing is asked to be changed.
+    ///
+    /// # Errors
+    /// Those of options that cannot be; those of a file that no player shows as it is.
+    pub fn is_as_it_is(&self, source: &Source) -> anyhow::Result<bool> {
+        source.clip.as_ref().map_or(Ok(()), FourDgs::check_shown)?;
+        let is_changed = self.cameras.is_some() || self.seconds.is_some();
+        let is_changed = is_changed || self.sound.is_some() || self.hrtf.is_some() || self.metres_per_unit.is_some();
+        Ok(source.clip.is_some() && self.goal()?.is_none() && !is_changed)
+    }
+
+    /// Refuses the options that do not apply to a format without a clip, which may begin with `views` and have a clock all the same.
+    ///
+    /// # Errors
+    /// Those that were given.
+    pub fn refuse_without_clip(&self, format: &str, has_views: bool) -> anyhow::Result<()> {
+        let given = [
+            (self.min_psnr.is_some(), "--min-psnr"),
+            (self.target_size.is_some(), "--target-size"),
+            (self.sound.is_some(), "--sound"),
+            (self.hrtf.is_some(), "--hrtf"),
+            (self.metres_per_unit.is_some(), "--metres-per-unit"),
+            (self.clamp_colors, "--clamp-colors"),
+            (self.cameras.is_some() && !has_views, "--cameras"),
+            (self.seconds.is_some() && !has_views, "--seconds"),
+        ];
+        let names: Vec<&str> = given.into_iter().filter(|(is_given, _)| *is_given).map(|(_, name)| name).collect();
+        anyhow::ensure!(
+            names.is_empty(),
+            "{} {} not apply to the format {format}; leave it out, or export a .4dgs",
+            names.join(", "),
+            if names.len() == 1 { "does" } else { "do" }
+        );
+        Ok(())
+    }
+
+    /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
+    pub fn bytes(&self, source: &Source, splats: Splats) -> anyhow::Result<Vec<u8>> {
+        let clip = self.clip(source, splats.motion.is_empty())?;
+        let scene = Scene { splats, clip, notes: Vec::new() };
+        let options = self.options(source, &scene, WriteOptions::default())?;
+        let (bytes, written) = FourDgs::encode(source.path, &scene, &options)?;
+        written.notes.iter().for_each(|note| say!("{note}"));
+        Ok(bytes)
+    }
+
+    /// `options` with those of this command, and with the grades that reach its goal, which are searched for.
+    pub fn options(&self, source: &Source, scene: &Scene, options: WriteOptions) -> anyhow::Result<WriteOptions> {
+        let options = WriteOptions { clamp_colors: self.clamp_colors, is_quick: self.is_silent, ..options };
+        let Some(goal) = self.goal()? else { return Ok(options) };
+        let (path, splats) = (source.path, options.moment(&scene.splats));
+        let contents = Contents::of(path, &scene.clip, splats.motion.is_empty(), &options)?;
+        let encoded = Encoded::new(&splats, contents.clock);
+        if !self.is_silent {
+            // A refusal comes before the search.
+            encoded.losses(contents.views).judge(path, self.clamp_colors)?;
+        }
+        let views = spread(contents.views);
+        let constants = scene.clip.constants;
+        let subject =
+            Subject { path, splats: &splats, encoded: &encoded, contents: &contents, constants, views: &views };
+        let mut progress = Progress::passing("files", 0);
+        let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
+            progress.reach(n, most, "looked at");
+        })?;
+        say!(
+            "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
+            found.bytes.len() as f64 / 1e6,
+            found.psnr,
+            count(views.len(), "view"),
+            count(found.n_tried, "file"),
+            found.grades
+        );
+        Ok(WriteOptions { grades: found.grades, ..options })
+    }
+
+    /// Writes a `.4dgs` of the clip in parts that `source` is, one part after the other; says what it holds. `None` where
+    /// `source` is no such clip, or a file that can be so small has to be looked for.
+    pub fn write_parts(&self, source: &Source, to: &Path) -> anyhow::Result<Option<Written>> {
+        let (None, Some((_, mut parts))) = (self.goal()?, source.parts()?) else { return Ok(None) };
+        let clip = self.clip(source, false)?;
+        let options = WriteOptions { clamp_colors: self.clamp_colors, ..WriteOptions::default() };
+        let written = FourDgs::write_parts(to, &mut *parts, &clip, &options)?;
+        written.notes.iter().for_each(|note| say!("{note}"));
+        Ok(Some(written))
+    }
+
+    /// What a `.4dgs` of the scene of `source` holds beside its Gaussians.
+    pub fn clip(&self, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
+        let Setting { clock, start, views, mut sounds, constants, background } = setting(source, self.seconds, self.cameras.as_deref())?;
+        let clock = match clock {
+            Some(clock) => clock,
+            None if is_still => Clock::STILL,
+            None => anyhow::bail!(
+                "{} does not say how long its clip is; give --seconds, or the folder of the run instead of its scene.ply",
+                source.path.display()
+            ),
+        };
+        let mut world = source.clip.as_ref().and_then(FourDgs::world);
+        if let Some(scene) = &self.sound {
+            let (ears, scene) = (sounds.ears().cloned(), SoundScene::read(scene)?);
+            let known = world.and_then(|world| world.metres_per_unit);
+            let metres_per_unit = scene.metres_per_unit.or(known);
+            world = Some(World { up: scene.up.to_array(), metres_per_unit });
+            sounds = ivv::sound::clip::sounds(&scene, start, clock.seconds())?.heard_with(ears);
+            let bytes = sounds.n_bytes() as f64 / 1e6;
+            say!("{} of sound, {bytes:.2} MB", count(sounds.len(), "source"));
+        } else {
+            refuse_stretched(self.seconds, &sounds)?;
+        }
+        if let Some(hrtf) = &self.hrtf {
+            ensure!(!sounds.is_empty(), "--hrtf: expected a scene with sound, found none; give --sound too");
+            let ears = ivv::sound::clip::ears(&HrtfSet::open(hrtf)?);
+            say!("ears: {}; {:.2} MB", ears.about(), ears.bytes().len() as f64 / 1e6);
+            sounds = sounds.heard_with(Some(ears));
+        }
+        if let Some(metres) = self.metres_per_unit {
+            ensure!(
+                metres.is_finite() && metres > 0.0,
+                "--metres-per-unit: expected a positive number, found {metres}"
+            );
+            // Without any, as COLMAP has it: against the y axis.
+            let up = world.map_or_else(|| upright(&views).unwrap_or(DVec3::NEG_Y).to_array(), |world| world.up);
+            world = Some(World { up, metres_per_unit: Some(metres) });
+        }
+        let cutoff = source.clip.as_ref().and_then(FourDgs::cutoff);
+        Ok(Clip { clock: Some(clock), views, sounds, world, constants, background: Some(background), cutoff })
+    }
+
+    fn goal(&self) -> anyhow::Result<Option<Goal>> {
+        let is_positive = |number: f64| number.is_finite() && number > 0.0;
+        match (self.min_psnr, self.target_size) {
+            (None, None) => Ok(None),
+            (Some(db), _) => {
+                ensure!(is_positive(db), "--min-psnr: expected a positive number of dB, found {db}");
+                Ok(Some(Goal::Psnr(db)))
+            }
+            (None, Some(megabytes)) => {
+                ensure!(
+                    is_positive(megabytes),
+                    "--target-size: expected a positive number of megabytes, found {megabytes}"
+                );
+                Ok(Some(Goal::Bytes((1e6 * megabytes) as u64)))
+            }
+        }
+    }
+
+}
+
+/// Views to look from: at most some of those given, at times all over the clip.
+fn spread(views: &[View]) -> Vec<View> {
+    let n = views.len().min(MOST_VIEWS);
+    let at = |k: usize| {
+        let view = &views[k * views.len() / n];
+        let view = view.reduced(view.intrinsics.width.max(view.intrinsics.height).div_ceil(LONGEST_SIDE));
+        View { time: (k as f64 + 0.5) / n as f64, time_offset: 0.0, ..view }
+    };
+    (0..n).map(at).collect()
+}

@@ -1,0 +1,43 @@
+//! Folders, JSON files and scenes of the verbs.
+
+use ivv::files::{read_file, write_atomic};
+use ivv::formats::{Own, write_ply_with};
+use ivv::scene::{Similarity, Splats};
+use ivv::train::Run;
+use std::path::Path;
+
+/// Whether `path` is the folder of a run.
+pub fn is_run(path: &Path) -> bool {
+    Run::file(path).is_file()
+}
+
+/// Makes `folder` and its parents.
+pub fn make_folder(folder: &Path) -> ivv::Result<()> {
+    std::fs::create_dir_all(folder)
+        .map_err(|e| ivv::Error::data(folder, "", format!("cannot be made: {e}"), "choose another folder with -o"))
+}
+
+/// Writes `value` as indented JSON.
+pub fn write_json(file: &Path, value: &impl serde::Serialize) -> ivv::Result<()> {
+    write_atomic(file, |to| Ok(serde_json::to_writer_pretty(to, value)?))
+}
+
+/// Reads JSON.
+pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> ivv::Result<T> {
+    let fault = |reason: String| ivv::Error::data(file, "", reason, remedy);
+    let text = read_file(file).map_err(|e| fault(format!("cannot be read: {e}")))?;
+    serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
+}
+
+/// Writes the Gaussians of a run in the capture's own frame. `world` maps that frame to the frame of training; `own` says how they are
+/// rendered.
+pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity, own: &Own) -> ivv::Result<()> {
+    if !world.is_exact_in_f32() {
+        tracing::warn!(
+            "{}: the capture lies so far from its origin that single precision rounds positions there visibly; the \
+             checkpoints and the renders are exact. Move the capture to its origin to get an exact file",
+            path.display()
+        );
+    }
+    write_ply_with(path, splats, own)
+}

@@ -1,0 +1,32 @@
+//! What the verbs share about scenes, captures and training runs.
+
+pub mod appearance;
+pub mod axes;
+pub mod background;
+pub mod camera_poses;
+pub mod capture;
+pub mod capture_report;
+#[expect(dead_code, reason = "ivv-gpu-model uses the rest")]
+pub mod cards;
+pub mod clip;
+pub mod constants;
+pub mod device;
+pub mod export_clip;
+pub mod files;
+#[cfg(feature = "mpi")]
+mod mpi;
+pub mod overwrite;
+pub mod pass_times;
+pub mod player;
+pub mod ranks;
+pub mod rescue;
+pub mod review;
+pub mod schedule;
+pub mod scoring;
+pub mod settings;
+pub mod source;
+pub mod subprocess;
+pub mod time_offsets;
+pub mod totals;
+pub mod views;
+pub mod workload;

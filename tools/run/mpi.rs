@@ -1,0 +1,147 @@
+//! [`Ranks`] by MPI. Calls of MPI wait for the other processes, so a thread of its own makes them: if the others are gone, the training
+//! thread can stop waiting and write a checkpoint.
+
+use crate::ui::interrupt::Stop;
+use anyhow::Context;
+use ivv::error::{Error, Result};
+use ivv::train::Ranks;
+use mpi::Threading;
+use mpi::collective::SystemOperation;
+use mpi::topology::SimpleCommunicator;
+use mpi::traits::{Communicator, CommunicatorCollectives, Equivalence};
+use std::sync::Mutex;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+/// How often a request to end is checked for.
+const POLL: Duration = Duration::from_millis(50);
+/// How long to wait for the others after such a request. A launcher kills all processes soon after it, Open MPI by default after a
+/// second.
+const PATIENCE: Duration = Duration::from_millis(250);
+/// Most numbers of a call: MPI counts with 31 bits.
+const MOST: usize = 1 << 26;
+
+type Job = Box<dyn FnOnce(&SimpleCommunicator) + Send>;
+
+/// The processes of MPI.
+pub struct Mpi {
+    rank: usize,
+    size: usize,
+    stop: Stop,
+    /// `None` after the end.
+    jobs: Mutex<Option<Sender<Job>>>,
+    thread: Mutex<Option<JoinHandle<()>>>,
+}
+
+impl Mpi {
+    /// Joins the other processes; once in a process.
+    pub fn begin(stop: Stop) -> anyhow::Result<Self> {
+        let (jobs, todo) = channel::<Job>();
+        let (answer, answers) = channel();
+        let thread = std::thread::Builder::new().name("mpi".to_owned()).spawn(move || work(&todo, &answer))?;
+        let (rank, size) = answers.recv().context("MPI_Init failed")?;
+        Ok(Mpi { rank, size, stop, jobs: Mutex::new(Some(jobs)), thread: Mutex::new(Some(thread)) })
+    }
+
+    /// The result of `job`, which waits until all other processes make the same call.
+    fn ask<T: Send + 'static>(&self, job: impl FnOnce(&SimpleCommunicator) -> T + Send + 'static) -> Result<T> {
+        let lost = |reason: &str| Error::RanksLost { reason: reason.to_owned() };
+        let (answer, answers) = channel();
+        let job: Job = Box::new(move |world| {
+            // The caller may have stopped waiting.
+            let _ = answer.send(job(world));
+        });
+        let jobs = self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
+        let sent = jobs.is_some_and(|jobs| jobs.send(job).is_ok());
+        if !sent {
+            return Err(lost("MPI has ended"));
+        }
+        let mut asked = None;
+        loop {
+            match answers.recv_timeout(POLL) {
+                Ok(result) => return Ok(result),
+                Err(RecvTimeoutError::Disconnected) => return Err(lost("MPI has ended")),
+                Err(RecvTimeoutError::Timeout) => {}
+            }
+            if self.stop.is_asked() && asked.get_or_insert_with(Instant::now).elapsed() > PATIENCE {
+                return Err(lost("this one was asked to end, and another one does not answer"));
+            }
+        }
+    }
+
+    /// Each number reduced over all processes.
+    fn reduce<T>(&self, numbers: &mut [T], operation: fn() -> SystemOperation) -> Result<()>
+    where
+        T: Copy + Default + Equivalence + Send + 'static,
+    {
+        for part in numbers.chunks_mut(MOST) {
+            let own = part.to_vec();
+            let all = self.ask(move |world| {
+                let mut all = vec![T::default(); own.len()];
+                world.all_reduce_into(&own[..], &mut all[..], operation());
+                all
+            })?;
+            part.copy_from_slice(&all);
+        }
+        Ok(())
+    }
+}
+
+/// Makes the calls until the channel closes.
+fn work(todo: &Receiver<Job>, answer: &Sender<(usize, usize)>) {
+    let Some((universe, _)) = mpi::initialize_with_threading(Threading::Funneled) else { return };
+    let world = universe.world();
+    if answer.send((world.rank() as usize, world.size() as usize)).is_ok() {
+        todo.iter().for_each(|job| job(&world));
+    }
+}
+
+impl Ranks for Mpi {
+    fn rank(&self) -> usize {
+        self.rank
+    }
+
+    fn size(&self) -> usize {
+        self.size
+    }
+
+    fn or(&self, words: &mut [u32]) -> Result<()> {
+        self.reduce(words, SystemOperation::bitwise_or)
+    }
+
+    fn sum(&self, numbers: &mut [i64]) -> Result<()> {
+        self.reduce(numbers, SystemOperation::sum)
+    }
+
+    fn gather(&self, own: &[u8]) -> Result<Vec<u8>> {
+        let (own, size) = (own.to_vec(), self.size);
+        self.ask(move |world| {
+            let mut all = vec![0; own.len() * size];
+            world.all_gather_into(&own[..], &mut all[..]);
+            all
+        })
+    }
+
+    fn meet(&self) {
+        let (answer, answers) = channel();
+        let job: Job = Box::new(move |world| {
+            world.barrier();
+            let _ = answer.send(());
+        });
+        let jobs = self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
+        if jobs.is_some_and(|jobs| jobs.send(job).is_ok()) {
+            // If MPI has ended there is nobody to wait for.
+            let _ = answers.recv();
+        }
+    }
+
+    fn finish(&self) {
+        // The closed channel ends the thread, which leaves MPI when all others do.
+        self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+        let thread = self.thread.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+        if let Some(thread) = thread {
+            let _ = thread.join();
+        }
+    }
+}

@@ -1,0 +1,96 @@
+//! `train.json`: the totals of a run.
+
+use crate::run::pass_times::{TimedPass, mean, total};
+use ivv::gpu::Gpu;
+use ivv::scene::Splats;
+use ivv::train::{Config, Kind, Log, Run};
+use serde_json::{Value, json};
+
+/// A profiled step in train.jsonl.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub struct ProfiledStep {
+    /// The step.
+    pub step: u64,
+    /// Its passes, by label.
+    pub passes: Vec<TimedPass>,
+    /// Bytes of device buffers, by their name.
+    pub bytes_by_buffer: std::collections::BTreeMap<String, u64>,
+}
+
+/// Times of a run.
+#[derive(serde::Serialize)]
+pub struct Seconds {
+    /// Since this process began.
+    pub seconds: f64,
+    /// CPU time; see [`cpu_seconds`].
+    pub cpu_seconds: Option<f64>,
+    /// In steps and density control, since the run began.
+    pub seconds_stepping: f64,
+    /// The same per step.
+    pub seconds_per_step: f64,
+    /// Waiting for images.
+    pub waited_for_images_s: f64,
+}
+
+/// All totals but the scores.
+pub fn totals(
+    gpu: &Gpu,
+    steps_done: u64,
+    splats: &Splats,
+    run: &Run,
+    config: &Config,
+    log: &Log,
+    seconds: &Seconds,
+) -> anyhow::Result<Value> {
+    let summary = splats.summary();
+    let lines = log.lines(Kind::Profile).map(|line| serde_json::from_value::<ProfiledStep>(line.clone()));
+    let mut profiled: Vec<ProfiledStep> = lines.collect::<Result<_, _>>()?;
+    let steps: Vec<u64> = profiled.iter().map(|p| p.step).collect();
+    let bytes_by_buffer = profiled.last_mut().map(|p| std::mem::take(&mut p.bytes_by_buffer));
+    let passes = mean(profiled.into_iter().flat_map(|p| p.passes), steps.len());
+    let sum = total(&passes, "step");
+    let mut value = json!({
+        "version": env!("CARGO_PKG_VERSION"),
+        // Set by the project's scripts when they build.
+        "revision": option_env!("IVV_REVISION").filter(|revision| !revision.is_empty()),
+        "device": gpu.caps(),
+        "capture": { "path": run.capture, "held": run.held },
+        "preset": config.preset,
+        "steps": steps_done,
+        "gaussians": summary.n,
+        "dynamic_gaussians": summary.n_dynamic,
+        "sh_degree": summary.sh_degree,
+        "scene_bytes": summary.parameter_bytes,
+        "peak_bytes": gpu.device().memory().1,
+        "host_peak_bytes": host_peak_bytes(),
+        "bytes_by_buffer": bytes_by_buffer,
+        "profile": {
+            "steps": steps,
+            "ms": sum.as_ref().map(|sum| sum.ms),
+            "passes": passes,
+        },
+    });
+    if let (Value::Object(all), Value::Object(times)) = (&mut value, serde_json::to_value(seconds)?) {
+        all.extend(times);
+    }
+    Ok(value)
+}
+
+/// Peak memory of this process, including a software driver; `None` except on Linux.
+fn host_peak_bytes() -> Option<u64> {
+    let status = std::fs::read_to_string("/proc/self/status").ok()?;
+    let line = status.lines().find_map(|line| line.strip_prefix("VmHWM:"))?;
+    Some(1024 * line.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
+}
+
+/// CPU time of this process so far, over all threads and including a software driver; `None` except on Linux. Unlike wall time it
+/// hardly depends on what else runs on the machine.
+pub fn cpu_seconds() -> Option<f64> {
+    // Linux counts in hundredths of a second here, whatever its clock rate.
+    const TICKS: f64 = 100.0;
+    let stat = std::fs::read_to_string("/proc/self/stat").ok()?;
+    // The program's name is in brackets and may contain anything; user and system time are the 12th and 13th fields after it.
+    let fields: Vec<&str> = stat.rsplit_once(')')?.1.split_whitespace().collect();
+    let ticks = |index: usize| fields.get(index)?.parse::<f64>().ok();
+    Some((ticks(11)? + ticks(12)?) / TICKS)
+}

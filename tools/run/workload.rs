@@ -1,0 +1,21 @@
+//! The memory that a training needs.
+
+use ivv::gpu::Gpu;
+use ivv::scene::capture::Capture;
+use ivv::train::{Config, ImageMemory, Limits, Setup, Workload};
+use ivv::vk::DeviceKind;
+
+/// A training on `capture` with the most Gaussians that `config` allows, all dynamic if it is a clip, and with `cache_bytes` of decoded
+/// images in host memory; and the limits of the device.
+///
+/// # Errors
+/// Those of the weights of LPIPS.
+pub fn work(capture: &Capture, config: &Config, gpu: &Gpu, cache_bytes: u64) -> ivv::Result<(Workload, Limits)> {
+    let n = config.max_gaussians as u64;
+    let n_dynamic = if capture.n_frames > 1 { n } else { 0 };
+    let memory = ImageMemory { cache_bytes, device_bytes: None };
+    let work = Workload::of(capture, config, &Setup::new(capture, config), n, n_dynamic, gpu, memory)?;
+    let caps = gpu.caps();
+    let is_host = caps.kind == DeviceKind::Cpu;
+    Ok((work, Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host }))
+}

@@ -1,0 +1,59 @@
+//! Ctrl-C and SIGTERM.
+
+use anyhow::Context;
+use std::process::{Child, ExitStatus};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Duration;
+
+/// The error of a verb that Ctrl-C or SIGTERM ended; names what is left.
+#[derive(Debug)]
+pub struct Interrupted(pub &'static str);
+
+impl Interrupted {
+    /// 128 and the number of SIGINT.
+    pub const EXIT_CODE: u8 = 130;
+}
+
+impl std::fmt::Display for Interrupted {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        write!(f, "interrupted; {}", self.0)
+    }
+}
+
+impl std::error::Error for Interrupted {}
+
+/// The request to end.
+#[derive(Clone)]
+pub struct Stop(Arc<AtomicBool>);
+
+impl Stop {
+    /// Listens from now on; call it once in a process.
+    pub fn listen() -> anyhow::Result<Self> {
+        let asked = Arc::new(AtomicBool::new(false));
+        let flag = asked.clone();
+        ctrlc::set_handler(move || flag.store(true, Ordering::Relaxed)).context("no handler for Ctrl-C")?;
+        Ok(Stop(asked))
+    }
+
+    /// Whether Ctrl-C or SIGTERM came.
+    pub fn is_asked(&self) -> bool {
+        self.0.load(Ordering::Relaxed)
+    }
+
+    /// Waits for another `ivv`, and passes a request to end on: Ctrl-C reaches both, but SIGTERM reaches only this one.
+    pub fn wait_for(&self, child: &mut Child) -> std::io::Result<ExitStatus> {
+        let mut is_signalled = false;
+        loop {
+            if let Some(status) = child.try_wait()? {
+                return Ok(status);
+            }
+            if self.is_asked() && !is_signalled {
+                #[cfg(unix)]
+                rustix::process::kill_process(rustix::process::Pid::from_child(child), rustix::process::Signal::TERM)?;
+                is_signalled = true;
+            }
+            std::thread::sleep(Duration::from_millis(50));
+        }
+    }
+}

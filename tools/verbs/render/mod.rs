@@ -1,0 +1,254 @@
+//! `ivv render`.
+
+mod picture;
+pub mod video;
+
+use crate::run::constants::{ConstantArgs, KnobArgs};
+use crate::run::device::DeviceArgs;
+use crate::run::files::make_folder;
+use crate::run::pass_times::{self, TimedPass};
+use crate::run::source::{Gaussians, LoadedScene, Source, is_run};
+use crate::run::views::{ViewArgs, clip_time};
+use crate::ui::interrupt::{Interrupted, Stop};
+use crate::ui::progress::Progress;
+use crate::ui::screen::{alert, out, print_json};
+use crate::verbs::render::picture::{Format, check_finite};
+use crate::verbs::render::video::{Film, PathArgs, VideoJob};
+use ivv::formats::FourDgs;
+use ivv::scene::View;
+use ivv::sound::rig::Rig;
+use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
+use ivv::train::Run;
+use ivv::words::count;
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Options of `ivv render`.
+#[derive(clap::Args)]
+pub struct Args {
+    /// The folder of a run, for its scene (or newest checkpoint, if it has not ended), the views of its capture and its rendering
+    /// constants; or a scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG.
+    #[arg(value_name = "RUN|SCENE")]
+    source: PathBuf,
+    /// Views to render: a cameras file (JSON, as of `ivv inspect --cameras`), a transforms.json, or a capture, as a COLMAP project.
+    #[arg(long, conflicts_with_all = ["path", "capture"])]
+    cameras: Option<PathBuf>,
+    /// The capture of the scene, for its views; for a run, where its capture is now. With --path its frame rate and length map seconds
+    /// to scene time, which a dynamic scene needs.
+    #[arg(long)]
+    capture: Option<PathBuf>,
+    #[command(flatten)]
+    views: ViewArgs,
+    /// Shows a dynamic scene at this normalised time, 0 to 1, from every view. A static camera is rendered once.
+    #[arg(long, value_parser = clip_time, allow_negative_numbers = true)]
+    time: Option<f64>,
+    /// The folder for the pictures; with --path or --orbit the video: .mp4, .mov or .mkv (by ffmpeg), or .y4m.
+    #[arg(short, long)]
+    output: PathBuf,
+    /// Formats of the pictures: png (colour), exr (all outputs as named channels), safetensors (all outputs).
+    #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
+    format: Vec<Format>,
+    /// Prints the time of every pass and its share.
+    #[arg(long, conflicts_with = "film")]
+    profile: bool,
+    #[command(flatten)]
+    film: PathArgs,
+    #[command(flatten)]
+    device: DeviceArgs,
+    #[command(flatten)]
+    constants: ConstantArgs,
+    #[command(flatten)]
+    knobs: KnobArgs,
+}
+
+#[derive(serde::Serialize)]
+struct ViewReport {
+    name: String,
+    width: u32,
+    height: u32,
+    seconds: f64,
+    #[serde(flatten)]
+    frame: FrameReport,
+}
+
+impl Args {
+    /// Frames per second and number of frames of the clip, if known.
+    fn clip(&self, source: &Source, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
+        match (run, &self.capture) {
+            (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
+            (None, Some(capture)) => {
+                Rig::open_with(capture, &self.views.settings()).map(|rig| Some((rig.fps, rig.n_frames)))
+            }
+            (None, None) => Ok(source.clip.as_ref().map(FourDgs::clock).map(|clock| (clock.fps, clock.frames))),
+        }
+    }
+
+    /// The span of the clip in normalised time, if the views come from the scene's file: those are starting places, whatever their times.
+    fn span_of_file(&self, source: &Source, run: Option<&Run>) -> Option<[f64; 2]> {
+        let is_of_file = run.is_none() && self.capture.is_none() && self.cameras.is_none();
+        let frames = source.clip.as_ref().filter(|_| is_of_file)?.clock().frames.max(1);
+        Some([0.0, f64::from(frames - 1) / f64::from(frames)])
+    }
+
+    /// The video that the options ask for; `None` if they ask for views.
+    fn film(&self, source: &Source, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
+        let Some(path) = self.film.path() else {
+            let span = self.span_of_file(source, run);
+            let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, span, self.time);
+            return self.film.orbit().map(orbit).transpose();
+        };
+        let remedy = "leave them out, or use --orbit";
+        anyhow::ensure!(!self.views.choose(), "--camera and --frames choose views, and --path has its own; {remedy}");
+        match run {
+            Some(run) => self.views.agree_with(run)?,
+            None if self.capture.is_none() => self.views.need_no_capture("--capture is not given")?,
+            None => {}
+        }
+        let background = source.look.background.unwrap_or_default();
+        Ok(Some(Film::along(&self.film, path, self.clip(source, run)?, self.time, background)?))
+    }
+
+    /// The views that the options ask for.
+    fn views(&self, source: &Source) -> anyhow::Result<Vec<View>> {
+        let mut views = match (&self.cameras, &self.capture) {
+            (Some(cameras), _) => self.views.of_cameras(cameras, self.time)?,
+            (None, capture) if is_run(source.path) => self.views.of_run(source.path, capture.as_deref(), self.time)?,
+            (None, Some(capture)) => self.views.of_capture(capture, self.time)?,
+            (None, None) => {
+                let views = source.clip.as_ref().map_or(Ok(Vec::new()), FourDgs::views)?;
+                anyhow::ensure!(
+                    !views.is_empty(),
+                    "{} is a scene without cameras; give --capture or --cameras, or --path for a video, or the folder of \
+                     its run",
+                    source.path.display()
+                );
+                self.views.need_no_capture("the views are those of the file")?;
+                views
+            }
+        };
+        if let Some(time) = self.time {
+            views.iter_mut().for_each(|view| (view.time, view.time_offset) = (time, 0.0));
+        }
+        Ok(views)
+    }
+}
+
+/// Refuses views of a dynamic scene at times outside of its clip.
+fn within_clip(cameras: &Path, loaded: &LoadedScene<Gaussians>, views: &[View]) -> ivv::Result<()> {
+    let outside = |view: &&View| !loaded.splats.are_static() && !(0.0..=1.0).contains(&view.time);
+    views.iter().find(outside).map_or(Ok(()), |view| {
+        let reason = format!("expected a time within the clip, 0 to 1, found {}", view.time);
+        let remedy = "correct `time` of this view, or give --time for all views";
+        Err(ivv::Error::data(cameras, format!("view `{}`", view.name.escape_debug()), reason, remedy))
+    })
+}
+
+pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
+    let path = args.source.as_path();
+    let run = if is_run(path) { Some(Run::read(path)?) } else { None };
+    // Report errors of options before reading a scene.
+    args.knobs.on(args.constants.checked()?)?;
+    let stop = Stop::listen()?;
+    let source = Source::open(path)?;
+    let constants = args.knobs.on(args.constants.checked_over(source.look.constants)?)?;
+    if let Some(film) = args.film(&source, run.as_ref())? {
+        let loaded = source.seen()?;
+        let job = VideoJob { output: &args.output, device: &args.device, constants, stop: &stop };
+        return video::run(&film, &args.film, loaded, &job, json);
+    }
+    let views = args.views(&source)?;
+    let loaded = source.seen()?;
+    within_clip(args.cameras.as_deref().unwrap_or(path), &loaded, &views)?;
+    make_folder(&args.output)?;
+    let gpu = args.device.open()?;
+    let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
+    let mut renderer = loaded.splats.renderer(gpu.clone(), constants)?;
+    let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
+    let reports = write_views(&mut renderer, &views, outputs, &args.output, &args.format, &profiled, &stop)?;
+    let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
+    if bad > 0 {
+        alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
+    }
+    let caps = gpu.caps();
+    let passes = reports.iter().flat_map(|r| &r.frame.passes).map(TimedPass::from);
+    let profile = args.profile.then(|| pass_times::mean(passes, reports.len()));
+    let peak_bytes = gpu.device().memory().1;
+    if json {
+        let report = serde_json::json!({
+            "device": caps, "constants": constants, "views": reports, "profile": profile, "peak_bytes": peak_bytes,
+        });
+        print_json(&report)?;
+    } else if let Some(passes) = &profile {
+        print_counts(&reports);
+        pass_times::print(passes, "view");
+        out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
+    }
+    Ok(())
+}
+
+/// Renders `views` into files of the folder in these formats, with a report of each. Reports of `profiled` views replace their own.
+fn write_views(
+    renderer: &mut Renderer,
+    views: &[View],
+    outputs: Outputs,
+    folder: &Path,
+    formats: &[Format],
+    profiled: &[FrameReport],
+    stop: &Stop,
+) -> anyhow::Result<Vec<ViewReport>> {
+    let mut progress = Progress::new("view", views.len());
+    let mut reports = Vec::new();
+    let mut begun = Instant::now();
+    renderer.stream(views.iter().cloned(), outputs, Destination::Host, |view, frame, report| {
+        let seconds = begun.elapsed().as_secs_f64();
+        check_finite(&frame, view)?;
+        for format in formats {
+            format.write(&frame, folder, view)?;
+        }
+        progress.step(&format!(
+            "{}, {} Gaussians, {} intersections, {:.1} ms",
+            view.name,
+            report.gaussians,
+            report.intersections,
+            1e3 * seconds
+        ));
+        reports.push(ViewReport {
+            name: view.name.clone(),
+            width: view.intrinsics.width,
+            height: view.intrinsics.height,
+            seconds,
+            frame: profiled.get(reports.len()).cloned().unwrap_or(report),
+        });
+        begun = Instant::now();
+        if stop.is_asked() && reports.len() < views.len() { Err(interrupted()) } else { Ok(true) }
+    })?;
+    Ok(reports)
+}
+
+/// The reports of all views with timed passes.
+fn profile(renderer: &mut Renderer, views: &[View], outputs: Outputs, stop: &Stop) -> anyhow::Result<Vec<FrameReport>> {
+    // Kernels are compiled at their first dispatch, and lists grow to their size.
+    views.first().map(|view| renderer.draw(view, outputs)).transpose()?;
+    let profiled = views
+        .iter()
+        .map(|view| if stop.is_asked() { Err(interrupted()) } else { Ok(renderer.profile(view, outputs)?) });
+    profiled.collect()
+}
+
+fn interrupted() -> anyhow::Error {
+    Interrupted("the files written so far are complete").into()
+}
+
+/// Prints the mean work of the views.
+fn print_counts(reports: &[ViewReport]) {
+    let mean = |f: fn(&FrameReport) -> u64| {
+        reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
+    };
+    out!(
+        "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
+        mean(|f| f.active),
+        mean(|f| f.visible),
+        mean(|f| f.intersections),
+        mean(|f| f.tiles)
+    );
+}
