@@ -7,8 +7,8 @@ use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 use ivv::twin::{Adam, BilateralGrid, Dual, centred, pooled};
-use std::fmt::Display;
 use ivv_conformance::fixtures::grids::{Case, Found, random_grid, step};
+use std::fmt::Display;
 
 tested! {
     "bilateral/bilateral_slice.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;

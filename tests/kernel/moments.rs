@@ -16,8 +16,8 @@ use ivv::stage::{
     AdamMode, Purpose, Rates, SceneBuffers, StepSettings, adam_params, lazy_sums, moment_word, moments_of,
 };
 use ivv::twin::{random_bits, rounded_moment};
-use std::fmt::Display;
 use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
+use std::fmt::Display;
 
 tested! {
     "adam/adam_idle.comp" by rounded_moment in moments_fade_to_the_twins_bits_in_groups_of_any_size;

@@ -21,13 +21,13 @@ mod ui {
 }
 mod window;
 
-use anyhow::{Context, ensure};
-use clap::Parser;
 use crate::run::clip::{refuse_stretched, setting};
 use crate::run::device::DeviceArgs;
 use crate::run::source::{Gaussians, Source};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::screen::alert;
+use anyhow::{Context, ensure};
+use clap::Parser;
 use ivv::scene::{Navigator, Playhead, Splats};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;

@@ -1,9 +1,9 @@
 //! The window: events, frames, and what is shown.
 
-use crate::ui::interrupt::{Interrupted, Stop};
 use crate::overlay::{bar_height, draw, track};
-use crate::ui::screen::say;
 use crate::sound::{Heard, Sound};
+use crate::ui::interrupt::{Interrupted, Stop};
+use crate::ui::screen::say;
 use crate::{Args, keys};
 use anyhow::Context;
 use glam::{DVec2, DVec3};

@@ -1,9 +1,9 @@
 //! The clip of a scene: its length and start, the views to begin from, its sound, and how it is rendered.
 
-use crate::run::files::read_json;
 use crate::run::appearance::Look;
-use crate::ui::screen::say;
+use crate::run::files::read_json;
 use crate::run::source::{Source, is_run};
+use crate::ui::screen::say;
 use anyhow::ensure;
 use ivv::Constants;
 use ivv::formats::{Clock, FourDgs, Sounds};

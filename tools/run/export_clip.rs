@@ -1,11 +1,11 @@
 //! `ivv export` to files in which time passes.
 
+use crate::run::appearance::own;
 use crate::run::clip::{Setting, refuse_stretched, setting};
 use crate::run::device::DeviceArgs;
-use crate::run::appearance::own;
+use crate::run::source::Source;
 use crate::ui::progress::Progress;
 use crate::ui::screen::say;
-use crate::run::source::Source;
 use anyhow::ensure;
 use glam::DVec3;
 use ivv::Constants;
@@ -155,7 +155,8 @@ impl ClipArgs {
 
     /// What a `.4dgs` of the scene of `source` holds beside its Gaussians.
     pub fn clip(&self, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
-        let Setting { clock, start, views, mut sounds, constants, background } = setting(source, self.seconds, self.cameras.as_deref())?;
+        let Setting { clock, start, views, mut sounds, constants, background } =
+            setting(source, self.seconds, self.cameras.as_deref())?;
         let clock = match clock {
             Some(clock) => clock,
             None if is_still => Clock::STILL,
@@ -212,7 +213,6 @@ impl ClipArgs {
             }
         }
     }
-
 }
 
 /// Views to look from: at most some of those given, at times all over the clip.

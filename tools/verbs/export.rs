@@ -3,9 +3,9 @@
 use crate::run::export_clip::ClipArgs;
 use crate::run::files::make_folder;
 use crate::run::player;
-use crate::ui::screen::{out, say};
 use crate::run::source::Source;
 use crate::run::views::clip_time;
+use crate::ui::screen::{out, say};
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use ivv::files::{folder_of, read_file, remove_temporaries, write_atomic};

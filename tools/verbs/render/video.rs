@@ -1,7 +1,7 @@
 //! `ivv render --path` and `--orbit`: a video along a path, with its sound, or around a scene.
 
-use crate::run::clip::start_in_run;
 use crate::run::axes::Axes;
+use crate::run::clip::start_in_run;
 use crate::run::device::DeviceArgs;
 use crate::run::files::make_folder;
 use crate::run::source::{Gaussians, LoadedScene};

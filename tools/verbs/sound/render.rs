@@ -1,8 +1,8 @@
 //! `ivv sound render`.
 
 use super::plot::plot;
-use crate::run::files::write_json;
 use crate::run::axes::Axes;
+use crate::run::files::write_json;
 use crate::ui::screen::out;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};

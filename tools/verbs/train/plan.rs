@@ -1,7 +1,7 @@
 //! `ivv train --plan`: the steps, memory and bytes of a training, without the training.
 
-use crate::run::cards::Card;
 use crate::run::capture;
+use crate::run::cards::Card;
 use crate::run::device::DeviceArgs;
 use crate::run::workload::work;
 use crate::ui::screen::{out, print_json};
