@@ -8,7 +8,7 @@ use super::{cast, colmap, points, priors, sound};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// All hidden values. A microphone has a place, one that moves a place at each frame and one more; `outliers` holds by frame the rows of points/<frame>.ply that are outliers.
+/// All hidden values. A microphone has a place, one that moves a place at each frame and one more; `outliers` holds by frame the rows of `points/<frame>.ply` that are outliers.
 pub(super) fn truth(world: &World, options: &Options, cameras: &[Camera], outliers: &[Vec<u32>]) -> Value {
     let by_camera = |value: &dyn Fn(usize, &Camera) -> Value| -> BTreeMap<String, Value> {
         cameras.iter().enumerate().map(|(index, camera)| (camera.name.clone(), value(index, camera))).collect()
