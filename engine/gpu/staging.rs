@@ -19,37 +19,25 @@ impl Staging {
         Staging { device: gpu.device.clone(), kept: Mutex::default() }
     }
 
-    /// As [`Gpu::staged`]: bytes that a recording may copy from, `items`.
+    /// As [`Gpu::staged`]: `words` words that a recording may copy from, with bytes from these words on. What lies between is left as
+    /// it is.
     ///
     /// # Errors
     /// [`crate::Error::OutOfMemory`].
-    pub fn staged<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
-        let bytes: &[u8] = bytemuck::cast_slice(items);
-        self.staged_parts(name, bytes.len(), &[(0, bytes)])
-    }
-
-    /// As [`Staging::staged`]: `words` words, with bytes from these words on. What lies between is left as it is.
-    ///
-    /// # Errors
-    /// As [`Staging::staged`].
     pub fn staged_words(&self, name: &str, words: usize, parts: &[(usize, &[u8])]) -> Result<Slice> {
-        let parts: Vec<_> = parts.iter().map(|(first, bytes)| (4 * first, *bytes)).collect();
-        self.staged_parts(name, 4 * words, &parts)
-    }
-
-    fn staged_parts(&self, name: &str, size: usize, parts: &[(usize, &[u8])]) -> Result<Slice> {
-        let mut buffer = self.take(name, Location::Upload, size as u64)?;
+        let size = 4 * words as u64;
+        let mut buffer = self.take(name, Location::Upload, size)?;
         let mapped = Arc::get_mut(&mut buffer).and_then(Buffer::bytes_mut).ok_or_else(|| unmapped(name))?;
         for (first, bytes) in parts {
-            mapped[*first..first + bytes.len()].copy_from_slice(bytes);
+            mapped[4 * first..][..bytes.len()].copy_from_slice(bytes);
         }
-        Ok(self.lend(Location::Upload, buffer, size as u64))
+        Ok(self.lend(Location::Upload, buffer, size))
     }
 
     /// As [`Gpu::readback`]: room for `len` items that a recording may copy to; read them with [`Gpu::peek`].
     ///
     /// # Errors
-    /// As [`Staging::staged`].
+    /// As [`Staging::staged_words`].
     pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Slice> {
         let size = (len * size_of::<T>()) as u64;
         let buffer = self.take(name, Location::Readback, size)?;
