@@ -139,8 +139,7 @@ fn is_temporary(name: &str) -> bool {
 /// # Errors
 /// [`Error::Data`] naming a folder that cannot be listed.
 pub fn remove_temporaries(folder: &Path, depth: usize) -> Result<()> {
-    let cannot_list = |fault| Error::data(folder, "", format!("cannot be listed: {fault}"), "check its permissions");
-    for entry in fs::read_dir(folder).map_err(cannot_list)?.flatten() {
+    for entry in fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?.flatten() {
         let Ok(kind) = entry.file_type() else { continue };
         if kind.is_dir() && depth > 0 {
             remove_temporaries(&entry.path(), depth - 1)?;
@@ -198,6 +197,17 @@ fn cannot_write(path: &Path, fault: &io::Error) -> Error {
         format!("cannot be written: {fault}"),
         "check that the folder exists, is writable and not full",
     )
+}
+
+/// Makes a folder that is absent.
+pub(crate) fn make_folder(path: &Path) -> Result<()> {
+    let remedy = "choose another folder with -o";
+    fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
+}
+
+/// The error of a folder that cannot be listed.
+pub(crate) fn cannot_list(path: &Path, fault: &io::Error) -> Error {
+    Error::data(path, "", format!("cannot be listed: {fault}"), "check the path and its permissions")
 }
 
 /// A path for a reader: JSON is text, and not every name of a file is.
@@ -259,6 +269,24 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 /// A whole file in memory.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     read_file(path).map_err(|fault| cannot_read(path, &fault))
+}
+
+/// Reads a JSON file that should be a `what`, such as "meta file".
+pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path, what: &str, remedy: &str) -> Result<T> {
+    parse_json(path, &read_bytes(path)?, what, remedy)
+}
+
+/// As [`read_json`], of bytes that were read.
+pub(crate) fn parse_json<T: serde::de::DeserializeOwned>(
+    path: &Path,
+    bytes: &[u8],
+    what: &str,
+    remedy: &str,
+) -> Result<T> {
+    serde_json::from_slice(bytes).map_err(|fault| {
+        let place = format!("line {}, column {}", fault.line(), fault.column());
+        Error::data(path, place, format!("is no {what}: {fault}"), remedy)
+    })
 }
 
 /// The error of a file that cannot be opened or read.
