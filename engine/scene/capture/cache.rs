@@ -17,7 +17,6 @@ const DECODING_BYTES: [u64; 2] = [8, 32];
 /// Images for each thread that may be ahead of the consumer by making others leave: enough that no thread waits, and not
 /// more, because what the consumer is about to hand back is often the best to leave.
 const AHEAD: usize = 3;
-/// A position in the order that never comes.
 const NEVER: usize = usize::MAX;
 
 /// An image of the order of a [`FrameCache`].
@@ -65,7 +64,6 @@ pub struct FrameCache {
 
 struct Shared {
     sources: Vec<Source>,
-    /// Indices into `sources`.
     order: Vec<u32>,
     /// For each position of the order, the next position of the same image, or [`NEVER`].
     next_use: Vec<usize>,
@@ -81,7 +79,6 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    /// Positions handed out.
     consumed: usize,
     /// Positions whose image is there or being decoded.
     planned: usize,
@@ -217,7 +214,6 @@ impl Shared {
         DECODING_BYTES[usize::from(has_priors)] * self.pixels(index, 1)
     }
 
-    /// The work of a thread.
     fn decode_all(&self) {
         let mut state = self.lock();
         while !state.closed && state.planned < self.order.len() {

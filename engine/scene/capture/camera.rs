@@ -41,7 +41,7 @@ impl Shot {
 }
 
 /// A pinhole camera and its images.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Camera {
     /// Unique; fit as a file name.
     pub name: String,
@@ -81,7 +81,6 @@ impl Camera {
         shot.and_then(|shot| shot.world_to_camera.as_ref()).unwrap_or(&self.world_to_camera)
     }
 
-    /// Its view with a pose.
     pub(super) fn view(&self, frame: u32, n_frames: u32, pose: &Pose, background: [f32; 3]) -> View {
         let name = if n_frames == 1 { self.name.clone() } else { format!("{}_{frame:05}", self.name) };
         let n_frames = f64::from(n_frames.max(1));
@@ -98,6 +97,18 @@ impl Camera {
             next_pose: (next != pose).then_some(*next),
         }
     }
+}
+
+/// By how much a camera differs from what its capture says.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// By how much later than their frames say its pictures were taken, seconds.
+    pub offset: f64,
+    /// Turn about the axes of the capture's world, radians.
+    pub turn: [f64; 3],
+    /// Shift along those axes, the capture's units.
+    pub shift: [f64; 3],
 }
 
 /// A point of a sparse reconstruction.
@@ -131,7 +142,6 @@ fn steep(median: f64, radius: f64) -> f64 {
     radius + (to - 1.0) / (to - from) * (median - from * radius)
 }
 
-/// See [`Capture::extent`].
 pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     let all_test = cameras.iter().all(|camera| camera.is_test);
     let used = cameras.iter().filter(|camera| !camera.is_photo && (all_test || !camera.is_test));

@@ -11,7 +11,7 @@ use super::npz;
 use super::report::Faults;
 use super::settings::CaptureSettings;
 use crate::error::{self, Error};
-use crate::files::read_bytes;
+use crate::files::read_json;
 use crate::scene::{Intrinsics, Pose};
 
 const REMEDY: &str = "correct the file, or export the capture again";
@@ -28,15 +28,6 @@ struct Meta {
     cam_id: Vec<Vec<u32>>,
 }
 
-impl Meta {
-    fn read(path: &Path) -> error::Result<Meta> {
-        serde_json::from_slice(&read_bytes(path)?).map_err(|fault| {
-            let place = format!("line {}, column {}", fault.line(), fault.column());
-            Error::data(path, place, format!("is no meta file: {fault}"), REMEDY)
-        })
-    }
-}
-
 pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let path = named.folder.as_path();
     let calibration = path.join("train_meta.json");
@@ -46,7 +37,7 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
         if is_test && !file.exists() {
             continue;
         }
-        if let Some(meta) = faults.take(Meta::read(&file)) {
+        if let Some(meta) = faults.take(read_json(&file, "meta file", REMEDY)) {
             found.add(&file, &meta, is_test, faults);
         }
     }
@@ -71,10 +62,8 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
 struct Found<'a> {
     path: &'a Path,
     settings: &'a CaptureSettings,
-    /// By id.
     cameras: BTreeMap<u32, Camera>,
     n_listed: u32,
-    /// Names that are not read as they stand.
     n_respelled: usize,
 }
 
@@ -136,8 +125,7 @@ impl Found<'_> {
             },
             world_to_camera: pose,
             is_test,
-            is_photo: false,
-            shots: Vec::new(),
+            ..Camera::default()
         };
         let camera = self.cameras.entry(id).or_insert_with(|| new.clone());
         if camera.is_test != is_test {

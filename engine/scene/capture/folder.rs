@@ -12,7 +12,7 @@ use super::frames::Frames;
 use super::named::Named;
 use super::names::with_image_extension;
 use super::points::FramePoints;
-use super::report::Faults;
+use super::report::{Faults, camera_place};
 use super::settings::CaptureSettings;
 use super::truth::read_true_offsets;
 use crate::error::{self, Error};
@@ -21,7 +21,6 @@ use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
 use crate::scene::undistort::{Distortion, Lens};
 
 const FILE: &str = "capture.toml";
-/// See [`Manifest::photos`].
 pub(crate) const PHOTOS: &str = "photos";
 /// What `ivv prepare` begins a capture folder with; the manifest is the last that it writes.
 pub(crate) const JOURNAL: &str = "prepare.json";
@@ -108,7 +107,6 @@ pub(crate) fn is_unfinished(path: &Path) -> bool {
     path.join(JOURNAL).is_file() && !path.join(FILE).exists()
 }
 
-/// What is said of an unfinished capture.
 pub(super) fn unfinished(named: &Named, _: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let remedy = "run the same `ivv prepare` command again to continue it";
     faults.add(&named.folder, "", "is a capture that `ivv prepare` has not finished", remedy);
@@ -196,7 +194,6 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     builder
 }
 
-/// The photographs in a folder.
 fn photos(folder: &Path, faults: &mut Faults) -> Option<CaptureBuilder> {
     // Photographs have no photographs: a folder that held itself would have no end.
     let manifest = faults.take(Manifest::read(folder))?;
@@ -261,7 +258,6 @@ fn frame_points(
     Some(points)
 }
 
-/// Files of a folder; none where there is no folder.
 fn n_files(folder: &Path) -> u32 {
     std::fs::read_dir(folder).map_or(0, |files| u32::try_from(files.count()).unwrap_or(u32::MAX))
 }
@@ -362,7 +358,6 @@ fn cameras(
     cameras
 }
 
-/// The images of one camera in the model.
 struct Poses<'a> {
     file: &'a Path,
     name: &'a str,
@@ -373,7 +368,7 @@ struct Poses<'a> {
 impl Poses<'_> {
     /// The camera's intrinsics, and for a moving camera the index of each frame's pose.
     fn check(&self, n_frames: u32, faults: &mut Faults) -> Option<(Lens, Option<BTreeMap<u32, usize>>)> {
-        let place = format!("camera `{}`", self.name.escape_debug());
+        let place = camera_place(&self.name);
         let mut fault = |reason: String, remedy: &str| faults.add(self.file, &place, reason, remedy);
         let lens = self.posed.first()?.1.lens;
         if self.posed.iter().any(|(_, posed)| posed.lens != lens) {

@@ -4,12 +4,10 @@ use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::marks::is_capture;
+use super::named::is_capture;
 use super::names::{Spelled, by_number, is_hidden, is_image, is_picture, with_image_extension};
 
-/// Folders within folders that are searched.
 const MAX_DEPTH: usize = 4;
-/// Most files that are looked at when images are searched.
 const MAX_FILES: usize = 200_000;
 /// Most files of one name that are compared with it.
 const MAX_NAMESAKES: usize = 64;
@@ -32,12 +30,10 @@ impl From<Spelled> for Wanted {
     }
 }
 
-/// What was found.
 #[derive(Debug, Default)]
 pub(super) struct Located {
     /// Of each image: the file, and which reading of its name that is. Of one that was not found, where it should be.
     pub files: Vec<(PathBuf, usize)>,
-    /// Images that were not found.
     pub n_missing: usize,
     /// What was done about names that do not say quite where their images are.
     pub notes: Vec<String>,
@@ -45,7 +41,6 @@ pub(super) struct Located {
     pub elsewhere: Vec<PathBuf>,
 }
 
-/// How a name differs from that of its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Differs {
     No,
@@ -299,11 +294,10 @@ pub(super) fn listed(root: &Path, depth: usize) -> Vec<PathBuf> {
     files
 }
 
-/// Images of a folder, relative to it, in the order in which people count.
 pub(super) fn images_of(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<PathBuf> = entries.map(|entry| PathBuf::from(entry.file_name())).collect();
     names.retain(|name| is_image(name));
-    names.sort_by(|a, b| by_number(a, b));
+    names.sort_by_cached_key(|name| by_number(&name.to_string_lossy()));
     names
 }

@@ -8,7 +8,6 @@ use super::builder::CaptureBuilder;
 use super::header::read_size;
 use super::locate::listed;
 
-/// Folders that masks are in, beside that of the images.
 const FOLDERS: [&str; 2] = ["masks", "mask"];
 
 /// Gives each image below `images` its mask, where the capture in `folder` has one of its size: `masks/NAME.png` for `images/NAME`,

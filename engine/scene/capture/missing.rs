@@ -62,7 +62,6 @@ impl CaptureBuilder {
         faults.add(&self.calibration, "", reason, remedy);
     }
 
-    /// The folders in which images of the missing names lie.
     fn elsewhere_words(&self, path: &Path) -> Option<String> {
         let named = |folder: &PathBuf| match folder.as_os_str().is_empty() {
             true => ".".to_owned(),
@@ -77,7 +76,6 @@ impl CaptureBuilder {
         ))
     }
 
-    /// Leaves out the cameras of these names.
     pub fn exclude(&mut self, names: &[String], faults: &mut Faults) {
         if names.is_empty() {
             return;

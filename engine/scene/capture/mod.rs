@@ -4,11 +4,8 @@
 
 mod builder;
 mod cache;
-mod calibration;
 mod camera;
 mod colmap;
-pub(super) mod decoder;
-
 mod dynamic;
 mod folder;
 mod foreign;
@@ -16,7 +13,6 @@ mod frames;
 pub(super) mod header;
 mod llff;
 mod locate;
-mod marks;
 mod masks;
 mod missing;
 mod named;
@@ -33,8 +29,7 @@ mod transforms;
 mod truth;
 
 pub use cache::{Asked, CacheStats, FrameCache, decoded_bytes, share_of_memory};
-pub use calibration::Calibration;
-pub use camera::{Camera, Extent, Point, Shot};
+pub use camera::{Calibration, Camera, Extent, Point, Shot};
 pub use folder::Manifest;
 pub(crate) use folder::{JOURNAL, PHOTOS, is_unfinished};
 pub use frames::Frames;
@@ -52,12 +47,14 @@ use crate::error::Error;
 
 pub(crate) use builder::{CaptureBuilder, RATES, check_names};
 pub(crate) use colmap::{Posed, chosen_model, images_folder, read_images, seen_points, tracks};
-pub(crate) use header::{has_alpha, read_size, size_for};
-pub(crate) use names::{is_hidden, is_image, relative};
+pub(crate) use foreign::unread_poses;
+pub(crate) use header::{has_alpha, read_size, size_for, whole_side};
+pub(crate) use llff::{camera_of_row, read_rows};
+pub(crate) use names::{by_number, is_hidden, is_image, relative};
 pub(crate) use npz::read_npy;
 pub(crate) use picture::{alpha_of, decode_image};
 pub(crate) use points::FramePoints;
-pub(crate) use report::Faults;
+pub(crate) use report::{Faults, camera_place};
 pub(crate) use truth::write_true_offsets;
 
 use crate::error::Result;
@@ -118,9 +115,6 @@ pub(crate) fn is_capture(path: &Path) -> bool {
 }
 
 /// Refuses what only a plain COLMAP project has: folders of smaller images, and several models.
-///
-/// # Errors
-/// [`Error::Data`] where `settings` ask for it.
 pub(crate) fn check_asked(path: &Path, format: &str, settings: &CaptureSettings) -> Result<()> {
     let refused = |option, reason, remedy| Err(Error::data(path, option, reason, remedy));
     if settings.model.is_some() && !["COLMAP", "COLMAP rig"].contains(&format) {
@@ -225,7 +219,7 @@ fn unknown(path: &Path, faults: &mut Faults) -> Vec<String> {
     };
     faults.add(path, "", reason, remedy);
     let named = |inside: &PathBuf| format!("it holds a capture: `ivv check {}`", inside.display());
-    below.iter().take(5).map(named).chain(foreign::unread(path)).collect()
+    below.iter().take(5).map(named).chain(unread_poses(path)).collect()
 }
 
 fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {

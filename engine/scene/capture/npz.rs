@@ -8,10 +8,8 @@ use crate::files::npy::Header;
 use crate::files::read_bytes;
 
 const REMEDY: &str = "save the array again with numpy.savez";
-/// Most bytes of an array.
 const MAX_BYTES: u64 = 1 << 31;
 
-/// A floating-point array.
 #[derive(Debug)]
 pub(crate) struct Array {
     pub shape: Vec<usize>,
@@ -20,9 +18,6 @@ pub(crate) struct Array {
 }
 
 /// Reads the array `name` of little-endian floats in C order.
-///
-/// # Errors
-/// [`Error::Data`] when the archive is damaged or encrypted, holds no such array or one of another type.
 pub(super) fn read(path: &Path, name: &str) -> error::Result<Array> {
     let archive = Archive::open(path, REMEDY)?;
     let array = archive.read(&format!("{name}.npy"), MAX_BYTES).and_then(|content| parse(&content));
@@ -30,9 +25,6 @@ pub(super) fn read(path: &Path, name: &str) -> error::Result<Array> {
 }
 
 /// Reads a `.npy` file of little-endian f32 or f64 in C order.
-///
-/// # Errors
-/// [`Error::Data`] when it is damaged or of another type.
 pub(crate) fn read_npy(path: &Path) -> error::Result<Array> {
     parse(&read_bytes(path)?).map_err(|reason| Error::data(path, "", reason, "save the array again with numpy.save"))
 }

@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageDecoder};
 
-use super::decoder::{DECODER_SLACK, decoder_of, guarded};
 use super::header::{BROKEN, fault, is_turned, read_size};
+use super::header::{DECODER_SLACK, decoder_of, guarded};
 use super::priors::{PriorSource, half_bits, half_value, is_prior};
 use super::report::Fault;
 use crate::error;
@@ -37,7 +37,6 @@ pub struct Picture {
     pub n_flow: u32,
 }
 
-/// Whether the mask lets a pixel count.
 fn counts(word: u32) -> bool {
     word >> 24 != 0
 }
@@ -118,7 +117,6 @@ fn mean<const N: usize>(priors: impl Iterator<Item = [u16; N]>) -> [f64; N] {
     sums.map(|sum| sum / n)
 }
 
-/// What is needed to decode one image; the threads of a cache share it.
 #[derive(Clone, Debug)]
 pub(super) struct Source {
     pub image: PathBuf,
@@ -132,9 +130,6 @@ pub(super) struct Source {
 }
 
 /// Decodes an image and its mask, and reduces them.
-///
-/// # Errors
-/// `Error::Data` naming the image or the mask.
 pub(super) fn decode(source: &Source) -> error::Result<Picture> {
     Ok(decode_or_fault(source)?)
 }
@@ -157,9 +152,6 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
 }
 
 /// Whether each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
-///
-/// # Errors
-/// `Error::Data` naming the mask.
 pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
     let mask = guarded(path, || pixels_of(path, source))?;
     if path == source.image {
@@ -168,15 +160,11 @@ pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
     Ok(mask.into_luma8().as_raw().iter().map(|level| *level >= 128).collect())
 }
 
-/// The alpha channel of an image, row by row.
 pub(crate) fn alpha_of(image: DynamicImage) -> Vec<u8> {
     image.into_rgba8().as_raw().as_chunks::<4>().0.iter().map(|pixel| pixel[3]).collect()
 }
 
 /// Decodes an image or a mask of a known size.
-///
-/// # Errors
-/// `Error::Data` naming the image.
 pub(crate) fn decode_image(path: &Path, width: u32, height: u32) -> error::Result<DynamicImage> {
     let (image, priors) = (path.to_owned(), PriorSource::default());
     let source = Source { image, mask: None, width, height, background: [0.0; 3], priors, reduction: 1 };
@@ -200,7 +188,6 @@ fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
     DynamicImage::from_decoder(decoder).map_err(|cause| fault(path, format!("does not decode: {cause}"), BROKEN))
 }
 
-/// The picture as its EXIF says that it is shown.
 fn turned(path: &Path, mut decoder: impl ImageDecoder) -> Result<DynamicImage, Fault> {
     let broken = |cause| fault(path, format!("does not decode: {cause}"), BROKEN);
     let turn = decoder.orientation().map_err(broken)?;

@@ -26,9 +26,6 @@ pub struct FramePoint {
 
 /// The points of a PLY: `x y z`, and `red green blue` as bytes or, from 0 to 1, as floats; grey where they are absent. Lists and
 /// other elements are passed over.
-///
-/// # Errors
-/// [`Error::Data`] when the file is damaged, has no positions, or one that is not finite.
 pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
     let missing = |what: &str| Error::data(path, "header", format!("has no {what}"), "export the points again");
     let (header, mut rows) = Rows::open(path)?;
@@ -64,14 +61,12 @@ pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FramePoints {
     pub folder: PathBuf,
-    /// Name of the camera of an id.
     pub cameras: HashMap<u32, String>,
     /// Which files of the clip belong to its frames.
     pub frames: Frames,
 }
 
 impl FramePoints {
-    /// Whether a frame has a file.
     pub fn has(&self, frame: u32) -> bool {
         self.path(frame).exists()
     }
@@ -107,7 +102,6 @@ impl FramePoints {
         Ok(points)
     }
 
-    /// The file of a frame.
     pub fn path(&self, frame: u32) -> PathBuf {
         let file = u64::from(self.frames.from) + u64::from(frame) * u64::from(self.frames.every);
         self.folder.join(format!("{file:05}.ply"))

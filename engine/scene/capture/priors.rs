@@ -18,7 +18,6 @@ pub struct PriorPlan {
     pub depth: HashMap<(usize, u32), [f64; 2]>,
 }
 
-/// The priors of one image.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PriorSource {
     pub flow: Option<PathBuf>,
@@ -78,7 +77,6 @@ pub fn half_value(bits: u16) -> f64 {
     f16::from_bits(bits).to_f64()
 }
 
-/// Whether the halves are a prior: all finite.
 pub(super) fn is_prior(halves: &[u16]) -> bool {
     halves.iter().all(|half| half & 0x7c00 != 0x7c00)
 }

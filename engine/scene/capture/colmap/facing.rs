@@ -8,7 +8,6 @@ use glam::DVec3;
 
 /// Observations that are judged, those of the first points.
 const MAX_JUDGED: usize = 20_000;
-/// Fewer say nothing.
 const MIN_JUDGED: usize = 24;
 /// The share of observations that a right model shows at least in or near its pictures.
 const GOOD: f64 = 0.9;
@@ -37,7 +36,6 @@ const WAYS: [Way; 6] = [
     ),
 ];
 
-/// What the observations of the points say of the poses.
 #[derive(Default)]
 pub(super) struct Facing {
     /// By image: its lens with its reach, and its pose in every way.

@@ -54,7 +54,6 @@ impl<'a> Lines<'a> {
         Ok(read > 0)
     }
 
-    /// The next line that begins a record.
     fn record(&mut self) -> error::Result<bool> {
         while self.any()? {
             let line = self.line.trim_ascii();
@@ -106,7 +105,6 @@ fn numbers<const N: usize>(fields: &mut SplitAsciiWhitespace, what: &str) -> Res
     Ok(values)
 }
 
-/// `cameras.txt`.
 pub(super) fn cameras(path: &Path, faults: &mut Faults) -> Vec<RawCamera> {
     let mut cameras = Vec::new();
     records(path, faults, |lines, _| Ok(camera(lines).map(|camera| cameras.push(camera))));
@@ -179,7 +177,6 @@ fn image(lines: &Lines) -> Result<RawImage, String> {
     Ok(RawImage { place: lines.place(), id, quaternion, translation, camera_id, name: name.to_owned() })
 }
 
-/// `points3D.txt`, point by point.
 pub(super) fn points(path: &Path, faults: &mut Faults, mut add: impl FnMut(RawPoint, &mut Faults)) {
     records(path, faults, |lines, faults| Ok(point(lines).map(|point| add(point, faults))));
 }

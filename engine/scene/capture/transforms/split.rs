@@ -4,7 +4,7 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-use super::entry::{Entry, REMEDY};
+use super::{Entry, REMEDY};
 use crate::scene::capture::report::Faults;
 
 /// How far two poses may differ, in any entry, to be one: files are written with as few digits.
