@@ -14,7 +14,6 @@ use crate::scene::undistort::Lens;
 pub(super) const ON: &str = "1";
 pub(super) const OFF: &str = "0";
 
-/// Options of a command and their values.
 pub(super) type Arguments<'a> = [(&'a str, &'a OsStr)];
 
 /// Options and their names in newer versions: the last one since COLMAP 3.12, the others since 3.13.
@@ -50,22 +49,17 @@ pub(super) fn attempt(
     }
 }
 
-/// The argument that COLMAP says it does not know, and its newer name.
 fn unknown_option(fault: &str, arguments: &Arguments) -> Option<(usize, &'static str)> {
     let (old, new) = RENAMED.into_iter().find(|(old, _)| fault.contains(&format!("'{old}'")))?;
     let place = arguments.iter().position(|(name, _)| *name == old)?;
     Some((place, new))
 }
 
-/// COLMAP and a database of its own.
 pub(super) struct Colmap<'a> {
-    /// Named in errors.
     pub about: &'a Path,
-    /// Of the images.
     pub folder: PathBuf,
     pub database: PathBuf,
     pub threads: String,
-    /// [`ON`] or [`OFF`].
     pub on_gpu: &'static str,
 }
 
@@ -102,7 +96,6 @@ impl Colmap<'_> {
         Ok(())
     }
 
-    /// What every command that matches is given.
     pub fn matching(&self) -> [(&'static str, &OsStr); 2] {
         [("--SiftMatching.use_gpu", OsStr::new(self.on_gpu)), ("--SiftMatching.num_threads", OsStr::new(&self.threads))]
     }
@@ -154,7 +147,6 @@ impl Matched {
         (0..poses.len()).flat_map(|a| (a + 1..poses.len()).map(move |b| (a, b))).collect()
     }
 
-    /// About how many pairs there are.
     pub fn count(self, n: usize) -> usize {
         if n > self.all { n * self.neighbours } else { n * n.saturating_sub(1) / 2 }
     }

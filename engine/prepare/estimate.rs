@@ -6,13 +6,12 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use super::settings::{PrepareSettings, Progress, Triangulate};
-use super::{Begun, prepare_posed, triangulate};
+use super::{Preparation, prepare_posed, triangulate};
 use crate::error::{Error, Result};
 use crate::scene::capture::Frames;
 
 /// Frames that are prepared, from the middle of the clip.
 const SAMPLED: u32 = 4;
-/// What each stage makes.
 const STAGES: [(&str, &[&str]); 3] = [
     ("images", &["images", "masks", "foreground", "covisible", "depth", "audio", "keypoints"]),
     ("points", &["points", "sparse"]),
@@ -59,16 +58,13 @@ impl Drop for Scratch {
 
 /// Prepares some frames of a source that has cameras in a folder beside the output, and tells from that what all frames will take. The
 /// folder is removed.
-///
-/// # Errors
-/// As [`super::prepare`]; [`Error::Data`] for the first fault of the source, or of what the sample became.
 pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Estimate> {
     settings.check()?;
-    let Begun { source, images, settings, .. } = Begun::faultless(settings)?;
+    let Preparation { source, images, settings, .. } = Preparation::faultless(settings)?;
     let (n, every) = (images.n_frames(), settings.frames.every);
     let sampled = SAMPLED.min(n);
     let from = settings.frames.from + (n - sampled) / 2 * every;
-    let scratch = Scratch(beside(&settings.output)?);
+    let scratch = Scratch(scratch_folder(&settings.output)?);
     let sample = PrepareSettings {
         frames: Frames { from, to: Some(from + sampled * every), every },
         output: scratch.0.clone(),
@@ -115,7 +111,7 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
 }
 
 /// A folder on the disk of `output` that nobody else uses.
-fn beside(output: &Path) -> Result<PathBuf> {
+fn scratch_folder(output: &Path) -> Result<PathBuf> {
     let Some(name) = output.file_name() else {
         return Err(Error::data(output, "", "this names no folder", "choose another folder with -o"));
     };
@@ -125,7 +121,6 @@ fn beside(output: &Path) -> Result<PathBuf> {
     Ok(output.with_file_name(hidden))
 }
 
-/// Bytes of all files of a folder, or of a file; 0 where there is none.
 fn size(path: &Path) -> u64 {
     match fs::read_dir(path) {
         Ok(entries) => entries.flatten().map(|entry| size(&entry.path())).sum(),

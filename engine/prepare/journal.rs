@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::settings::PrepareSettings;
 use crate::error::{Error, Result};
-use crate::files::{read_file, remove_temporaries, write_atomic};
+use crate::files::{cannot_list, make_folder, read_file, remove_temporaries, write_atomic};
 use crate::scene::capture::JOURNAL;
 
 /// The parts of a capture that each stage makes. All depend on the first two, which come in this order.
@@ -32,7 +32,6 @@ const LOCK: &str = ".prepare.lock";
 #[derive(Default, serde::Serialize, serde::Deserialize)]
 struct Record {
     made_by: String,
-    /// By stage.
     made_from: BTreeMap<String, Value>,
 }
 
@@ -199,19 +198,9 @@ fn stamp(file: &Path) -> Value {
     json!([file.to_string_lossy(), data.map(|data| data.len()), seconds])
 }
 
-/// A folder, made when it is absent.
-pub(super) fn make_folder(path: &Path) -> Result<()> {
-    let remedy = "choose another folder with -o";
-    fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
-}
-
 fn is_empty(path: &Path) -> Result<bool> {
     let mut entries = fs::read_dir(path).map_err(|fault| cannot_list(path, &fault))?.flatten();
     Ok(entries.all(|entry| entry.file_name() == LOCK))
-}
-
-pub(super) fn cannot_list(path: &Path, fault: &std::io::Error) -> Error {
-    Error::data(path, "", format!("cannot be listed: {fault}"), "check the path and its permissions")
 }
 
 #[cfg(test)]

@@ -17,12 +17,10 @@ const PATIENCE: Duration = Duration::from_secs(30);
 /// How often such a program is run. What it had done it finds, and does not do again.
 const ATTEMPTS: usize = 3;
 
-/// A program and what to install when it is missing.
 #[derive(Clone, Copy)]
 pub(super) struct Program {
     pub name: &'static str,
     pub install: &'static str,
-    /// What to do when it fails.
     pub failure: &'static str,
 }
 
@@ -39,10 +37,8 @@ pub(super) const COLMAP: Program = Program {
               --threads (each takes memory), or install another version of COLMAP",
 };
 
-/// All that comes from a pipe until it closes.
 type Heard = JoinHandle<std::io::Result<Vec<u8>>>;
 
-/// A running program whose standard error is read.
 pub(super) struct Running {
     pub child: Child,
     program: Program,
@@ -50,10 +46,7 @@ pub(super) struct Running {
 }
 
 impl Program {
-    /// Looks for the program on the path, before anything is begun that needs it.
-    ///
-    /// # Errors
-    /// [`Error::Data`] that names the program and what to install.
+    /// Looks for the program on the path, before anything is planned that needs it.
     pub fn require(self, about: &Path) -> Result<()> {
         let folders = std::env::var_os("PATH").unwrap_or_default();
         let name = format!("{}{}", self.name, std::env::consts::EXE_SUFFIX);
@@ -151,7 +144,6 @@ impl Program {
         (output, Err(self.failed(about, status, last)))
     }
 
-    /// The error of a program that ended badly.
     pub fn failed(self, about: &Path, status: ExitStatus, last: Option<String>) -> Error {
         let last = last.map_or_else(String::new, |line| format!(": {line}"));
         let reason = format!("{} failed ({status}){last}", self.name);
@@ -210,7 +202,6 @@ fn listen(mut pipe: impl Read + Send + 'static) -> Heard {
     })
 }
 
-/// As [`listen`], and sends each line as it comes.
 fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> Heard {
     std::thread::spawn(move || {
         let (mut heard, mut pipe) = (Vec::new(), BufReader::new(pipe));

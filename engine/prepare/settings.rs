@@ -4,13 +4,15 @@ use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
 use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
+use crate::files::write_atomic;
 use crate::scene::capture::{CaptureSettings, Frames, RATES};
 
-/// Of images that are made as JPEG.
-pub(super) const JPEG_QUALITY: u8 = 95;
+const JPEG_QUALITY: u8 = 95;
 
 /// The format of images that are made here; images that need no change are taken over as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -27,6 +29,19 @@ impl ImageFormat {
             ImageFormat::Png => "png",
             ImageFormat::Jpeg => "jpg",
         }
+    }
+
+    pub(super) fn write(self, path: &Path, pixels: &[u8], size: (u32, u32), kind: ExtendedColorType) -> Result<()> {
+        let (width, height) = size;
+        write_atomic(path, |to| {
+            let written = match self {
+                ImageFormat::Png => PngEncoder::new(to).write_image(pixels, width, height, kind),
+                ImageFormat::Jpeg => {
+                    JpegEncoder::new_with_quality(to, JPEG_QUALITY).write_image(pixels, width, height, kind)
+                }
+            };
+            written.map_err(std::io::Error::other)
+        })
     }
 }
 
@@ -80,7 +95,6 @@ impl Share {
     /// All of them.
     pub const ALL: Share = Share { part: 0, of: 1 };
 
-    /// Whether the piece with this number is among them.
     pub(super) fn has(self, piece: usize) -> bool {
         piece % self.of.max(1) as usize == self.part as usize
     }
@@ -156,7 +170,6 @@ impl PrepareSettings {
         }
     }
 
-    /// See [`PrepareSettings::shifts`].
     pub(super) fn shift(&self, camera: &str) -> f64 {
         self.shifts.get(camera).copied().unwrap_or(0.0)
     }

@@ -15,7 +15,6 @@ use crate::sound::lag::{CONFIDENT, Lag, lags};
 const RATE: u32 = 8000;
 const HEARD: f64 = 300.0;
 
-/// The names of a source's cameras, with their videos.
 pub(super) fn videos_of(source: &Source) -> Vec<(String, Option<PathBuf>)> {
     let video = |footage: &Footage| match footage {
         Footage::Video(path) => Some(path.clone()),
@@ -25,10 +24,7 @@ pub(super) fn videos_of(source: &Source) -> Vec<(String, Option<PathBuf>)> {
 }
 
 /// `settings` with the shifts that the videos tell, where they are asked, and what is worth knowing of them.
-///
-/// # Errors
-/// [`Error::Data`] where they do not tell any.
-pub(super) fn found(
+pub(super) fn resolved(
     settings: &PrepareSettings,
     videos: &[(String, Option<PathBuf>)],
 ) -> Result<(PrepareSettings, Vec<String>)> {

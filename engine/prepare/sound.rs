@@ -1,15 +1,16 @@
 //! Sound and keypoints that lie beside a source's pictures.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::images::{Camera, Images, keypoints, sounds, take_over};
-use super::journal::{Journal, SOUND, make_folder, stamps};
+use super::images::{Camera, Images, take_over};
+use super::journal::{Journal, SOUND, stamps};
 use super::settings::PrepareSettings;
 use super::video::Selection;
 use crate::error::{Error, Result};
-use crate::files::{read_file, write_atomic};
+use crate::files::{cannot_list, make_folder, read_file, write_atomic};
 use crate::scene::undistort::Undistortion;
 
 /// Writes the sound of the videos. Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is
@@ -38,6 +39,28 @@ pub(super) fn carry(images: &Images, settings: &PrepareSettings, journal: &Journ
         }
     }
     Ok(())
+}
+
+/// The sound of a source of which the frames from `start` on are taken.
+fn sounds(source: &Path, cameras: &[Camera], start: u32) -> Result<Vec<PathBuf>> {
+    let audio = source.join("audio");
+    if start != 0 || !audio.is_dir() {
+        return Ok(Vec::new());
+    }
+    let is_taken = |path: &PathBuf| {
+        let is_of = |camera: &Camera| path.file_stem().is_some_and(|stem| stem == camera.name.as_str());
+        let is_shifted = cameras.iter().any(|camera| camera.start != 0 && is_of(camera));
+        path.extension().is_some_and(|ending| ending == "wav") && !is_shifted
+    };
+    let entries = fs::read_dir(&audio).map_err(|fault| cannot_list(&audio, &fault))?.flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_taken).collect();
+    files.sort();
+    Ok(files)
+}
+
+fn keypoints(source: &Path, camera: &Camera) -> Option<PathBuf> {
+    let path = source.join(format!("keypoints/{}.json", camera.name));
+    (camera.start == 0 && path.is_file()).then_some(path)
 }
 
 /// The detections of the chosen frames, `{"frame_id", "instances": [{"keypoints": [[x, y], ..], "keypoint_scores", "bbox"}]}`;

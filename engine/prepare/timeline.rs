@@ -11,25 +11,22 @@ const ROUNDED: f64 = 1e-3;
 /// Pictures that tell where a video's frames are between those of the clip.
 const ASKED: usize = 101;
 
-/// The frames of a clip in the time of each video.
 pub(super) struct Timeline {
     /// Frames per second, before any are left out.
     pub fps: f64,
     clips: BTreeMap<String, Clip>,
 }
 
-/// A video's part in a clip.
 struct Clip {
     /// When frame 0 is, seconds of the file's clock.
     begins: f64,
     /// As `begins`, moved to the nearest picture where the video has the clip's rate: then no picture lies between two frames.
     snapped: f64,
-    /// Frames until its last picture.
     n: u32,
 }
 
 impl Timeline {
-    /// The rate is the lowest of the videos, unless the settings have one; frame 0 is when the last camera has begun, later by its shift.
+    /// The rate is the lowest of the videos, unless the settings have one; frame 0 is when the last camera has planned, later by its shift.
     pub fn new<'a>(
         videos: impl IntoIterator<Item = (&'a str, &'a Video)>,
         settings: &PrepareSettings,
@@ -94,7 +91,6 @@ impl Timeline {
     }
 }
 
-/// Whether two rates are one, but for rounding.
 pub(super) fn is_same(a: f64, b: f64) -> bool {
     (a / b - 1.0).abs() < RATE_TOLERANCE
 }

@@ -11,15 +11,15 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::colmap::{Colmap, Matched, OFF, ON};
-use super::images::{Camera, Images};
-use super::journal::{Journal, make_folder, stamps};
+use super::images::{Camera, Images, take_over};
+use super::journal::{Journal, stamps};
 use super::model::{self, ModelCamera, ModelPoint};
 use super::program::COLMAP;
 use super::settings::{PrepareSettings, Progress, Share, Triangulate};
 use super::source::Source;
 use super::video::Selection;
 use crate::error::{Error, Result};
-use crate::files::{read_file, read_text};
+use crate::files::{make_folder, read_file, read_text};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{FramePoints, tracks};
 use crate::scene::undistort::Lens;
@@ -27,7 +27,6 @@ use crate::scene::{Pose, SeenPoint, write_points};
 
 /// The frame of `sparse/0/points3D.txt`.
 const REFERENCE: u32 = 0;
-/// Cameras that are matched with each other.
 const MATCHED: Matched = Matched { all: 40, neighbours: 20 };
 /// Frames whose features one process of COLMAP finds, lens by lens: its start takes as long as those of a small picture.
 const FRAMES_AT_ONCE: usize = 8;
@@ -115,7 +114,6 @@ pub(super) fn make(
     frames.into_iter().step_by(every as usize).map(|frame| Ok((frame, n_points(&file(frame))?))).collect()
 }
 
-/// The frame of the source that a frame of the capture is.
 fn source_frame(images: &Images, frame: u32) -> u32 {
     let Selection { start, every, .. } = images.select();
     start + frame * every
@@ -153,15 +151,11 @@ pub(super) fn of_frames(what: Triangulate, n: usize) -> usize {
     }
 }
 
-/// Pairs of cameras that are matched in a frame.
 pub(super) fn n_pairs(cameras: usize) -> usize {
     MATCHED.count(cameras)
 }
 
 /// What COLMAP will need, unless all points that are asked for are there from an earlier run: itself, and two cameras.
-///
-/// # Errors
-/// [`Error::Data`] that says what is missing.
 pub(super) fn require(images: &Images, source: &Source, settings: &PrepareSettings) -> Result<()> {
     let points = |frame: u32| images.output.join(format!("points/{frame:05}.ply")).is_file();
     let has_points = match asked(source, settings).0 {
@@ -179,7 +173,6 @@ pub(super) fn require(images: &Images, source: &Source, settings: &PrepareSettin
     COLMAP.require(&settings.source)
 }
 
-/// The number in the header of a file of points.
 fn n_points(path: &Path) -> Result<usize> {
     let fault = || Error::data(path, "", "is no file of points", "remove it and prepare again");
     let bytes = read_file(path).map_err(|_| fault())?;
@@ -198,7 +191,6 @@ struct Triangulation<'a> {
 }
 
 impl Triangulation<'_> {
-    /// The id of a camera in COLMAP's files.
     fn id(index: usize) -> u32 {
         index as u32 + 1
     }
@@ -289,7 +281,9 @@ impl Triangulation<'_> {
             make_folder(&folder.join(format!("{index:03}")))?;
             for frame in frames.iter().filter(|frame| camera.has(**frame)) {
                 let from = self.images.output.join("images").join(self.images.image_name(camera, *frame));
-                lend(&from, &folder.join(self.name(*index, *frame)))?;
+                let to = folder.join(self.name(*index, *frame));
+                // No copy where the file system can do without.
+                fs::hard_link(&from, &to).or_else(|_| take_over(&from, &to))?;
             }
         }
         let colmap = Colmap {
@@ -341,18 +335,6 @@ impl Triangulation<'_> {
     }
 }
 
-/// Puts a picture where COLMAP finds it by a name of ours, without a copy where the file system can.
-fn lend(from: &Path, to: &Path) -> Result<()> {
-    fs::hard_link(from, to).or_else(|_| fs::copy(from, to).map(|_| ())).map_err(|fault| {
-        Error::data(
-            from,
-            "",
-            format!("cannot be copied to {}: {fault}", to.display()),
-            "check permissions and free space",
-        )
-    })
-}
-
 /// Matches every pair of images of each frame, or of many cameras those that are likely to see the same.
 fn match_features(colmap: &Colmap, of_frames: &[Vec<ModelCamera>], work: &Path) -> Result<()> {
     // Matches along the epipolar lines that the first ones give: nearly twice as many points where views are few.
@@ -394,7 +376,6 @@ fn on_gpu() -> bool {
         && COLMAP.run(["help"], Path::new("COLMAP")).is_ok_and(|said| is_with_cuda(&String::from_utf8_lossy(&said)))
 }
 
-/// What COLMAP's help says of how it was built.
 fn is_with_cuda(said: &str) -> bool {
     said.contains("with CUDA")
 }

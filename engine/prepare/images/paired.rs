@@ -8,13 +8,10 @@ use crate::prepare::video::{Selection, Video};
 
 /// Frames by which pictures may be off their frames before that is told.
 const EVEN: f64 = 0.1;
-/// Names that are told of many.
 const TOLD: usize = 8;
 
-/// The pictures of a camera.
 #[derive(Default)]
 pub(super) struct Paired {
-    /// By frame of the capture, the number of the picture.
     pub pictures: Vec<Option<usize>>,
     /// How much later the pictures are than their frames in the mean, frames of the capture.
     pub rest: f64,
@@ -37,7 +34,6 @@ pub(super) fn pair(timeline: &Timeline, name: &str, video: &Video, select: Selec
     Paired { pictures, rest: rest / f64::from(select.every), notes }
 }
 
-/// Which frames have no picture.
 fn of_gaps(timeline: &Timeline, name: &str, video: &Video, frames: &[(u32, Option<usize>)]) -> Option<String> {
     let absent = |at: usize| frames[at].1.is_none();
     let n = (0..frames.len()).filter(|at| absent(*at)).count();

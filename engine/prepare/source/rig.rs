@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use super::footage;
 use super::recording::{Footage, Place, Source, SourceCamera};
-use crate::scene::capture::{Faults, Posed, chosen_model, images_folder, read_images};
+use crate::scene::capture::{Faults, Posed, camera_place, chosen_model, images_folder, read_images};
 
 /// Whether the cameras of the model have footage: a video, or more images than the model has of them. Cameras of a rig that have none
 /// are reported as faults. But footage may also have strayed into a plain project: the film of a Live Photo, or a folder of which one
@@ -49,7 +49,6 @@ pub(super) fn is_rig(place: Place) -> bool {
     (n_with > 0 && !has_live) || n_with + n_perhaps > n_without
 }
 
-/// The model that is asked for, or the largest.
 fn model(place: Place) -> Option<PathBuf> {
     Some(chosen_model(place.folder, &place.settings.capture).ok()??.0)
 }
@@ -74,7 +73,7 @@ fn by_camera(images: &[Posed]) -> BTreeMap<String, Vec<&Posed>> {
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let model = model(place).map(|folder| read_images(&folder, faults)).unwrap_or_default();
-    let mut source = Source { calibration: model.file.clone(), ..Source::default() };
+    let mut source = Source::of(&model.file);
     // Frames may be counted from 0 or from 1; the lowest number of all moving cameras tells.
     let cameras = by_camera(&model.images);
     let moving = cameras.values().filter(|posed| posed.len() > 1).flatten();
@@ -85,7 +84,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let mut is_complete = true;
     for (name, posed) in cameras {
         let mut fault = |reason: String, remedy: &str| {
-            faults.add(&model.file, format!("camera `{}`", name.escape_debug()), reason, remedy);
+            faults.add(&model.file, camera_place(&name), reason, remedy);
         };
         let lens = posed[0].lens;
         if posed.iter().any(|other| other.lens != lens) {
@@ -119,7 +118,6 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     source
 }
 
-/// The frame that an image's name tells.
 fn number(posed: &Posed) -> Option<u32> {
     posed.name.file_stem()?.to_str()?.parse().ok()
 }

@@ -7,10 +7,10 @@ use std::fs;
 use std::path::Path;
 
 use super::motion::back;
-use super::rig::{MATCHED, Placed, Tracked, picture};
+use super::{MATCHED, Placed, Tracked, picture};
 use crate::error::Result;
+use crate::files::make_folder;
 use crate::prepare::colmap::{Colmap, OFF, ON};
-use crate::prepare::journal::make_folder;
 use crate::prepare::model::{self, ModelCamera};
 use crate::prepare::settings::PrepareSettings;
 use crate::scene::Pose;
@@ -25,24 +25,19 @@ const MAX_FEATURES: &str = "4096";
 const MISS: f64 = 1.0 / 640.0;
 const LEAST_MISS: f64 = 1.0;
 
-/// Key frames, by their numbers among these.
 pub(super) struct Block<'a> {
     pub settings: &'a PrepareSettings,
-    /// The COLMAP project.
     pub project: &'a Path,
-    /// Where the pictures of the key frames are.
     pub pictures: &'a Path,
     pub cameras: &'a [Tracked],
     /// Where the poses are known.
     pub old: usize,
     /// Where they are to be found, in the order of time.
     pub new: &'a [usize],
-    /// What is known.
     pub held: &'a Placed,
 }
 
 impl Block<'_> {
-    /// The poses that COLMAP finds at the new key frames, in the order of the cameras.
     pub fn place(&self) -> Result<Vec<Vec<Option<Pose>>>> {
         let work = self.project.join("block");
         let _ = fs::remove_dir_all(&work);

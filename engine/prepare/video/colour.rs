@@ -15,11 +15,9 @@ const KNEE: f64 = 0.5;
 /// How pictures become BT.709: the same for every picture and every camera, so that none is brighter than another.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::prepare) struct Conversion {
-    /// What the video is, for messages.
     pub name: String,
     /// Whether light beyond white is compressed.
     pub tone_maps: bool,
-    /// The filters of ffmpeg.
     pub filter: String,
 }
 
@@ -69,9 +67,6 @@ fn one_of(tag: Option<&str>, known: &[&'static str]) -> Option<&'static str> {
 }
 
 /// Whether the installed ffmpeg has the filters of a conversion.
-///
-/// # Errors
-/// [`Error::Data`](crate::Error::Data) where ffmpeg does not run.
 pub(in crate::prepare) fn can_convert(about: &Path) -> Result<bool> {
     let listed = FFMPEG.run(["-v", "error", "-filters"], about)?;
     let listed = String::from_utf8_lossy(&listed);

@@ -2,12 +2,11 @@
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Read};
-use std::path::Path;
 use std::sync::mpsc::Receiver;
 
 use super::Video;
 use crate::error::{Error, Result};
-use crate::prepare::fit::Part;
+use crate::prepare::fit::Crop;
 use crate::prepare::program::{FFMPEG, last_line};
 use crate::video::input;
 
@@ -18,20 +17,17 @@ const BEFORE: usize = 3;
 
 /// Decodes a part of `pictures` (their numbers in [`Video::times`], growing), `size` pixels each (scaled by area), and gives each to
 /// `take`, with its place among them, as packed RGB. Where ffmpeg can seek, nothing before the key frame of the first one is decoded.
-///
-/// # Errors
-/// [`Error::Data`] where a picture does not come, and what `take` returns.
 pub(in crate::prepare) fn decode(
-    (path, video): (&Path, &Video),
+    video: &Video,
     pictures: &[usize],
-    part: Part,
+    crop: Crop,
     size: (u32, u32),
     threads: usize,
     mut take: impl FnMut(usize, &[u8]) -> Result<()>,
 ) -> Result<()> {
     let wanted: Vec<f64> = pictures.iter().filter_map(|picture| video.times.get(*picture).copied()).collect();
     let Some(first) = pictures.first().filter(|_| wanted.len() == pictures.len()) else { return Ok(()) };
-    let arguments = arguments((path, video), (*first, &wanted), part, size, threads);
+    let (path, arguments) = (video.path.as_path(), arguments(video, *first, &wanted, crop, size, threads));
     let (mut running, told) = FFMPEG.start_told(arguments, path)?;
     let mut from = running.child.stdout.take();
     let mut frame = vec![0; 3 * size.0 as usize * size.1 as usize];
@@ -65,12 +61,14 @@ pub(in crate::prepare) fn decode(
 
 /// The arguments of ffmpeg: pictures go to its output, and the time of each, microseconds, before it to its standard error.
 fn arguments(
-    (path, video): (&Path, &Video),
-    (first, wanted): (usize, &[f64]),
-    Part { x, y, width: w, height: h }: Part,
+    video: &Video,
+    first: usize,
+    wanted: &[f64],
+    crop: Crop,
     (width, height): (u32, u32),
     threads: usize,
 ) -> Vec<OsString> {
+    let Crop { x, y, width: w, height: h } = crop;
     let mut filters = Vec::new();
     let mut begin = first;
     if let Some(top_first) = video.top_first {
@@ -98,7 +96,7 @@ fn arguments(
     let filters = filters.join(",");
     let after = ["-map", "0:v:0", "-vf", &filters, "-sws_flags", "area+accurate_rnd+full_chroma_int"];
     let output = ["-fps_mode", "passthrough", "-enc_time_base", "-1", "-pix_fmt", "rgb24", "-f", "rawvideo", "pipe:1"];
-    before.chain(input(path)).chain(after.iter().chain(&output).map(OsString::from)).collect()
+    before.chain(input(&video.path)).chain(after.iter().chain(&output).map(OsString::from)).collect()
 }
 
 /// Where the wanted times are evenly spaced among `times`, which begin with the first of them, and leave some out: their step, and how far
@@ -115,7 +113,6 @@ fn even(times: &[f64], wanted: &[f64]) -> Option<(f64, f64)> {
     (near < 0.25 * step).then_some((step, near))
 }
 
-/// Whether a line of standard error is of a picture's time.
 fn is_of_time(line: &str) -> bool {
     line.starts_with("frame:") || line == "ivv=1"
 }

@@ -21,9 +21,6 @@ pub(super) struct Shown {
 }
 
 /// Looks at the packets of a video, and where some have no time (AVI with B frames, fields in packets of their own), decodes it.
-///
-/// # Errors
-/// [`Error::Data`] where ffprobe cannot read the file.
 pub(super) fn shown(path: &Path) -> Result<Shown> {
     let Packets { mut times, mut keys, n_hidden, is_told } = of_packets(&rows(path, "packet=pts_time,flags")?);
     if !is_told {
@@ -35,12 +32,9 @@ pub(super) fn shown(path: &Path) -> Result<Shown> {
     Ok(Shown { times, keys, n_hidden, by_packets: is_told })
 }
 
-/// What packets tell.
 #[derive(Debug, PartialEq)]
 struct Packets {
-    /// Of those that are shown.
     times: Vec<f64>,
-    /// Of key frames.
     keys: Vec<f64>,
     n_hidden: usize,
     /// Whether all that are shown have a time.
@@ -78,7 +72,6 @@ fn seconds(text: &str) -> Option<f64> {
     text.trim().parse::<f64>().ok().filter(|seconds| seconds.is_finite())
 }
 
-/// What ffprobe tells of each packet or frame of the pictures.
 fn rows(path: &Path, entries: &str) -> Result<String> {
     let arguments = ["-v", "error", "-select_streams", "v:0", "-show_entries", entries, "-of", "csv=p=0"];
     let arguments: Vec<OsString> = arguments.iter().map(OsString::from).chain(input(path)).collect();
