@@ -6,20 +6,16 @@ use super::rig::Camera;
 use super::world::{Hit, Snapshot, World};
 use glam::{DVec2, DVec3};
 
-/// Standard deviation of the sensor noise, of the full range of a channel.
 pub(super) const SENSOR_NOISE: f64 = 0.01;
-/// Colour of a lens hood.
 const HOOD: DVec3 = DVec3::splat(0.06);
 
 /// A camera's picture of one frame, row-major, top first.
 pub(super) struct Picture {
-    /// With the camera's colours and noise, 8 bits per channel.
     pub rgb: Vec<u8>,
     /// Of the surface at the pixel's centre, along the optical axis, scene units.
     pub depth: Vec<f64>,
     /// Displacement of the surface point at the pixel's centre until the next frame, pixels.
     pub flow: Vec<DVec2>,
-    /// Index of the body at the pixel's centre.
     pub body: Vec<usize>,
     /// Whether any ray of the pixel meets a body that moves.
     pub dynamic: Vec<bool>,
@@ -108,7 +104,6 @@ fn flow(now: &Snapshot, next: &Snapshot, (camera, then): (&Camera, &Camera), hit
     here.zip(there).map_or(DVec2::ZERO, |(here, there)| there.0 - here.0)
 }
 
-/// A true colour as the camera stores it.
 pub(super) fn transformed(camera: &Camera, color: DVec3) -> DVec3 {
     let row = |[r, g, b, shift]: [f64; 4]| DVec3::new(r, g, b).dot(color) + shift;
     DVec3::from_array(camera.color.map(row))

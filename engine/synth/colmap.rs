@@ -16,12 +16,10 @@ pub(super) const OBSERVATION_NOISE: f64 = 0.3;
 /// Of a bent rig's cameras: degrees, metres. A real calibration of webcams that were taken for simultaneous is 10 to 14 mm off.
 const BENT_TURN: f64 = 0.2;
 const BENT_SHIFT: f64 = 0.01;
-/// COLMAP's number for the model PINHOLE: fx, fy, cx, cy.
 const PINHOLE: u32 = 1;
 /// The frame whose pictures stand for their cameras.
 pub(super) const REFERENCE_FRAME: u32 = 0;
 
-/// Where a camera saw a point.
 struct Observation {
     at: DVec2,
     point: usize,
@@ -31,7 +29,6 @@ struct Observation {
 struct Image {
     camera: usize,
     frame: u32,
-    /// The camera where it is then.
     posed: Camera,
     /// Where the calibration has it.
     told: Pose,
@@ -42,7 +39,6 @@ struct Model<'a> {
     cameras: &'a [Camera],
     images: Vec<Image>,
     points: &'a [Point],
-    /// By image.
     observations: Vec<Vec<Observation>>,
     /// By point: (image, index among the image's observations).
     tracks: Vec<Vec<(usize, usize)>>,
@@ -203,7 +199,6 @@ fn bend(options: &Options, index: usize, camera: &Camera) -> Option<[DVec3; 2]> 
     Some([along(BENT_TURN.to_radians()), along(BENT_SHIFT)])
 }
 
-/// Little-endian numbers one after another.
 struct Packed(Vec<u8>);
 
 impl Packed {

@@ -1,24 +1,16 @@
 //! The formats that the capture is written in, each file at once.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::write_atomic;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::io::{self, Cursor};
 use std::path::Path;
 
-/// The folder of a file, made when it is absent.
-pub(super) fn make_folder(path: &Path) -> Result<()> {
-    let remedy = "choose another folder with -o";
-    std::fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
-}
-
-/// Writes bytes.
 pub(super) fn bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomic(path, |to| to.write_all(bytes))
 }
 
-/// Writes JSON on one line.
 pub(super) fn json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     write_atomic(path, |to| {
         serde_json::to_writer(&mut *to, value)?;

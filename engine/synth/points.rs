@@ -7,7 +7,6 @@ use super::rig::Camera;
 use super::world::{Hit, Snapshot, World};
 use glam::{DVec2, DVec3};
 
-/// What is wrong with points.
 pub(super) struct Errors {
     /// Standard deviation of a position along each axis, scene units.
     pub sd: f64,
@@ -30,10 +29,8 @@ const OUTLIER_DEPTHS: [f64; 2] = [0.4, 0.9];
 /// Rays cast per point wanted, before a scene with too little to see gives fewer.
 const TRIES: u32 = 60;
 
-/// A triangulated point.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
-    /// World, with noise.
     pub position: DVec3,
     pub rgb: [u8; 3],
     /// Indices of the training cameras that saw it, ascending; two or more.

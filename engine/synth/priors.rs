@@ -14,7 +14,6 @@ pub(super) const FLOW_RELATIVE_NOISE: f64 = 0.03;
 pub(super) const DEPTH_NOISE: f64 = 0.01;
 pub(super) const DEPTH_SMOOTH_NOISE: f64 = 0.03;
 
-/// The estimated flow, [H][W] x (x, y), pixels.
 pub(super) fn flow(picture: &Picture, options: &Options, index: usize, frame: u32) -> Vec<[f32; 2]> {
     let mut random = math::random(options.seed, Stream::Flow, index, frame);
     let noisy = options.noise != Noise::None;

@@ -48,7 +48,6 @@ pub(super) struct Camera {
     pub time_offset: f64,
     /// Rows of the affine transform from true colours to the picture's.
     pub color: [[f64; 4]; 3],
-    /// Its lens hood covers a corner.
     pub hood: bool,
 }
 
@@ -89,7 +88,6 @@ impl Camera {
         (at.z > 0.01).then(|| (self.intrinsics.project(at), at.z))
     }
 
-    /// Whether a pixel shows the lens hood instead of the room.
     pub fn is_hooded(&self, column: u32, row: u32) -> bool {
         let at = (DVec2::new(column.into(), row.into()) + 0.5) / self.intrinsics.size();
         self.hood && at.x + (1.0 - at.y) < 0.28
@@ -125,7 +123,6 @@ fn moved(center: DVec3, turn: DMat3, shift: DVec3) -> DVec3 {
     MIDDLE + turn * (center - MIDDLE) + shift
 }
 
-/// The cameras in the order of their names.
 pub(super) fn rig(options: &Options) -> Vec<Camera> {
     let mut random = math::random(options.seed, Stream::Rig, 0, 0);
     let tests = test_indices(options);

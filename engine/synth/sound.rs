@@ -10,13 +10,10 @@ use glam::DVec3;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
-/// Samples per second.
 pub(super) const RATE: u32 = 48_000;
-/// Scene units (metres) per second.
 pub(super) const SPEED_OF_SOUND: f64 = 343.0;
 /// Amplitude at a distance of one scene unit, of the full range.
 pub(super) const GAIN: f64 = 0.5;
-/// Tones of the voice.
 const N_TONES: usize = 12;
 /// Noise of a keypoint that is seen, and of one that is guessed; pixels.
 pub(super) const KEYPOINT_NOISE: f64 = 0.3;
@@ -26,12 +23,10 @@ const N_KEYPOINTS: usize = 133;
 
 /// A voice as a function of time, so that it can be evaluated at any delay.
 pub(super) struct Voice {
-    /// (angular frequency, phase).
     tones: Vec<(f64, f64)>,
 }
 
 impl Voice {
-    /// The voice of a seed.
     pub fn new(seed: u64) -> Self {
         let mut random = math::random(seed, Stream::Sound, 0, 0);
         Voice { tones: (0..N_TONES).map(|_| (TAU * random.uniform(150.0, 5000.0), random.uniform(0.0, TAU))).collect() }
@@ -45,7 +40,6 @@ impl Voice {
     }
 }
 
-/// Samples of the clip.
 pub(super) fn n_samples(options: &Options) -> u64 {
     u64::from(RATE) * u64::from(options.frames) / u64::from(options.fps)
 }
@@ -81,7 +75,6 @@ pub(super) fn recording(world: &World, options: &Options, camera: &Camera) -> Ve
     (0..n_samples(options)).map(sample).collect()
 }
 
-/// A frame in MMPose's format.
 #[derive(Serialize)]
 pub(super) struct Detections {
     frame_id: u32,
