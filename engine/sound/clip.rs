@@ -31,9 +31,6 @@ const SPARED: f64 = 1e-6;
 ///
 /// A microphone that moves is louder near a source than the law of distance of a player, which knows one place of it, can tell;
 /// that is in the recordings then.
-///
-/// # Errors
-/// [`Error::Data`] where a recording cannot be read, or is too long for a WAV file.
 pub fn sounds(scene: &SoundScene, start: f64, seconds: f64) -> Result<Sounds> {
     let config = RenderConfig { mode: Mode::Paper3d, ..RenderConfig::default() };
     let mic = scene.mic.pose.poses()[0];

@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec3};
 
-use super::associate::associate;
-use super::keypoints::Mouths;
-use super::mouth::Mouth;
+use super::keypoints::{Mouth, Mouths};
 use super::rig::{Rig, RigCamera};
-use super::smooth::{Motion, smooth};
+use super::smooth::{Motion, State, smooth};
 use super::source_track::{Flag, SourceSample, SourceTrack};
 use super::triangulate::{Fix, Sight, triangulate_all};
 use crate::report::statistics::{mean, median_high};
@@ -32,6 +30,9 @@ const HELD: f64 = 3.0;
 /// A person found in fewer frames, or for a shorter time in seconds, is an error of the detectors.
 const MIN_FRAMES: usize = 3;
 const MIN_SECONDS: f64 = 0.1;
+
+/// Squared Mahalanobis distance beyond which a place is of someone else: 0.999 of chi squared with three degrees.
+const GATE: f64 = 16.27;
 
 /// How sources are localised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -155,6 +156,40 @@ pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Lo
         localized.tracks.push(track);
     }
     localized
+}
+
+/// The places of each person: (frame, index among its fixes), in order of time. The filter of each person predicts where it
+/// is; the likeliest pairs of persons and places are taken first, and a place that nobody explains begins a new person.
+pub fn associate(fixes: &[Vec<Fix>], dt: f64, motion: Motion) -> Vec<Vec<(usize, usize)>> {
+    let mut persons: Vec<(State, Vec<(usize, usize)>)> = Vec::new();
+    for (frame, found) in fixes.iter().enumerate() {
+        let mut pairs = Vec::new();
+        for (person, (state, places)) in persons.iter().enumerate() {
+            let steps = places.last().map_or(0, |(last, _)| frame - last);
+            let state = state.predicted(dt * steps as f64, motion);
+            for (index, fix) in found.iter().enumerate() {
+                let (distance, spread) = state.distance(fix.p, fix.cov);
+                // The spread keeps one who was lost long ago from explaining everything.
+                if distance < GATE {
+                    pairs.push((distance + spread, person, index, state));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut has_place, mut is_taken) = (vec![false; persons.len()], vec![false; found.len()]);
+        for (_, person, index, state) in pairs {
+            if has_place[person] || is_taken[index] {
+                continue;
+            }
+            (has_place[person], is_taken[index]) = (true, true);
+            persons[person].0 = state.updated(found[index].p, found[index].cov);
+            persons[person].1.push((frame, index));
+        }
+        for (index, fix) in found.iter().enumerate().filter(|(index, _)| !is_taken[*index]) {
+            persons.push((State::new(fix.p, fix.cov, motion), vec![(frame, index)]));
+        }
+    }
+    persons.into_iter().map(|(_, places)| places).collect()
 }
 
 fn share(part: usize, whole: usize) -> f64 {

@@ -20,9 +20,6 @@ pub struct Loudness {
 }
 
 /// Measures frames at 48 kHz.
-///
-/// # Errors
-/// [`Error::Data`] where the meter refuses the frames.
 pub fn measure(frames: &[[f32; 2]]) -> Result<Loudness> {
     let lufs = || {
         let mut meter = EbuR128::new(2, FS, Mode::I)?;
@@ -34,9 +31,6 @@ pub fn measure(frames: &[[f32; 2]]) -> Result<Loudness> {
 }
 
 /// The highest true peak of all channels, dBTP; none for silence. Frames are at 48 kHz.
-///
-/// # Errors
-/// As [`measure`].
 pub fn true_peak_db<const N: usize>(frames: &[[f32; N]]) -> Result<Option<f64>> {
     let peak = || {
         let mut meter = EbuR128::new(N as u32, FS, Mode::TRUE_PEAK)?;

@@ -77,10 +77,6 @@ pub struct PathCamera {
 }
 
 /// Reads a path; see the module for the kinds of files. `convention` replaces the kind's own.
-///
-/// # Errors
-/// [`Error::Data`] with the line or the pose when the file cannot be read or parsed, has no pose, a number that is not
-/// finite, rows that are not a rotation, or times that do not increase.
 pub fn read_path(path: &Path, convention: Option<Convention>) -> Result<HeadPath> {
     let text =
         read_text(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;

@@ -42,9 +42,6 @@ pub struct PoseTrack {
 
 impl PoseTrack {
     /// A track of poses whose times increase.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where there is no pose, one is not finite, a turn has no length, or time does not increase.
     pub fn new(mut poses: Vec<HeadPose>) -> Result<Self> {
         let fault = |row: usize, reason: &str| {
             let remedy = "give poses with increasing times, finite places and unit quaternions";

@@ -112,9 +112,6 @@ struct SourceFile {
 
 impl SoundScene {
     /// Reads a scene and the tracks that it names.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where the file or a track cannot be read, or a value makes no sense.
     pub fn read(path: &Path) -> Result<Self> {
         let fault = |place: &str, reason: String| {
             Error::data(path, place, reason, "see engine/sound/README.md for what a scene holds")
@@ -171,9 +168,6 @@ impl SoundScene {
     /// Writes the scene, and beside it each source's track as `<id>.csv`.
     ///
     /// Paths of recordings below the file's folder are written relative to it, others whole.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where a file cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let relative = |wav: &Path| match wav.strip_prefix(folder) {

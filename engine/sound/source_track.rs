@@ -100,10 +100,6 @@ impl SourceTrack {
 
     /// Reads a CSV file with the columns `t,x,y,z,cxx,cxy,cxz,cyy,cyz,czz,views,reproj_px,flag`. The file's name without
     /// ending is the id; the rate is that of the times.
-    ///
-    /// # Errors
-    /// [`Error::Data`] with the line when the file cannot be read, has other columns, a number that is malformed or not finite,
-    /// times that do not increase, or no sample.
     pub fn read_csv(path: &Path) -> Result<SourceTrack> {
         let text = read_text(path)
             .map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
@@ -132,9 +128,6 @@ impl SourceTrack {
     }
 
     /// Writes the file that [`SourceTrack::read_csv`] reads back as equal samples.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the file cannot be written.
     pub fn write_csv(&self, path: &Path) -> Result<()> {
         let mut text = format!("{HEADER}\n");
         for SourceSample { t, p, cov, views, reproj_px, flag } in &self.samples {

@@ -6,12 +6,12 @@ use glam::DVec3;
 use ivv::sound::fir::{State, Voice};
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{Filter, Lookup, degrees};
-use ivv::sound::metrics::{energy, residual_db};
 use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::sinc::DelayTable;
 use ivv::sound::wola::{Baker, Wola};
 use realfft::RealFftPlanner;
 
+use super::measure::{energy, residual_db};
 use super::{db, ear, head, horizon, noise, scene, sphere, track};
 
 /// Decibels of what differs between two signals, relative to the second.

@@ -1,14 +1,14 @@
 //! From pixels to ears.
 
 use glam::DVec3;
-use ivv::sound::bench::{compare, lateness};
 use ivv::sound::localize::{LocalizeSettings, localize};
 use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::simulate::Simulated;
 use ivv::sound::source_track::{SourceSample, SourceTrack};
 
 use super::horizon;
+use super::measure::{compare, lateness};
 use super::rigs::{mouths, rig};
+use super::simulate::Simulated;
 use super::truth::walk;
 
 /// From the simulated world (z up) to that of the cameras (y down), the beginning of the walk in their middle; and back.
@@ -41,7 +41,7 @@ fn t35_a_localised_source_is_heard_where_it_is() {
     localised.sources[0].track = SourceTrack { samples, ..found.tracks[0].clone() };
     let config = RenderConfig::default();
     let heard = render_signals(&localised, std::slice::from_ref(recording), head, horizon(), &config).unwrap();
-    let error = compare(&heard.samples, truth, horizon(), |t| lateness(scene, head, t)).unwrap();
+    let error = compare(&heard.samples, truth, horizon(), |t| lateness(scene, head, t));
     println!("{error:?}");
     assert!(error.azimuth <= 2.0 && error.level <= 0.3 && error.frames > 4, "{error:?}");
 }

@@ -14,7 +14,7 @@ use glam::DVec3;
 use sha2::{Digest, Sha256};
 use sofar::hdf::{DataFormat, DataObject, ParsedHdf, parse_with_children};
 
-use super::measured::{Measured, Meta};
+use super::{Measured, Meta};
 use crate::error::{Error, Result};
 use crate::files::read_file;
 use crate::sound::geometry::degrees;
@@ -33,9 +33,6 @@ const STACK: usize = 256 << 20;
 const LIMIT: Duration = Duration::from_secs(20);
 
 /// Reads the responses of a SOFA file.
-///
-/// # Errors
-/// [`Error::Data`] where the file is not HDF5, is damaged, or holds something else than free-field responses of two ears.
 pub fn read(path: &Path) -> Result<Measured> {
     let fault = |place: &str, reason: String| {
         Error::data(

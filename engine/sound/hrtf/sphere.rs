@@ -10,7 +10,7 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use realfft::num_complex::Complex64;
 
-use super::measured::{Measured, Meta};
+use super::{Measured, Meta};
 use crate::sound::FS;
 use crate::sound::geometry::direction;
 use crate::sound::spectrum::Spectra;
