@@ -16,7 +16,7 @@ pub mod parallel;
 pub mod prepare;
 pub mod profile;
 pub mod random;
-pub mod report;
+pub(crate) mod report;
 pub mod scene;
 pub mod settings;
 pub mod sound;
