@@ -17,7 +17,7 @@ pub(super) struct Picture {
     /// Displacement of the surface point at the pixel's centre until the next frame, pixels.
     pub flow: Vec<DVec2>,
     pub body: Vec<usize>,
-    /// Whether any ray of the pixel meets a body that moves.
+    /// True if any ray of the pixel meets a body that moves.
     pub dynamic: Vec<bool>,
 }
 
@@ -56,7 +56,7 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
     picture
 }
 
-/// Whether the surface at each pixel's centre of the `index`-th camera is seen by a training camera at the same time.
+/// True if the surface at each pixel's centre of the `index`-th camera is seen by a training camera at the same time.
 pub(super) fn covisible(world: &World, cameras: &[Camera], index: usize, frame: u32) -> Vec<bool> {
     let now = world.at(f64::from(frame) + cameras[index].time_offset);
     let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.of_frame(frame)).collect();
@@ -72,7 +72,7 @@ pub(super) fn covisible(world: &World, cameras: &[Camera], index: usize, frame: 
         .collect()
 }
 
-/// Whether a point of a surface is in a camera's picture and nothing is in front of it.
+/// True if a point of a surface is in a camera's picture and nothing is in front of it.
 pub(super) fn sees(now: &Snapshot, camera: &Camera, point: DVec3) -> bool {
     camera.project(point).is_some_and(|(at, _)| camera.intrinsics.holds(at)) && now.sees(camera.center, point)
 }
@@ -91,8 +91,7 @@ fn pixel(now: &Snapshot, camera: &Camera, corner: DVec2, samples: u32) -> (DVec3
     (sum / f64::from(samples * samples), dynamic)
 }
 
-/// The way of a surface point in the picture from one frame to the next, by its own motion and by that of the camera, which is
-/// given at both.
+/// The way of a surface point in the picture to the next frame, by its own motion and the camera's.
 fn flow(now: &Snapshot, next: &Snapshot, (camera, then): (&Camera, &Camera), hit: &Hit) -> DVec2 {
     let moved = &next.placed[hit.body];
     if !moved.body.dynamic && camera.center == then.center {

@@ -1,4 +1,4 @@
-//! The calibration as COLMAP writes it, in binary and in text, and the points of single frames.
+//! The calibration as COLMAP writes it in text, and the points of single frames.
 
 use super::files;
 use super::math::{self, Stream};
@@ -16,7 +16,6 @@ pub(super) const OBSERVATION_NOISE: f64 = 0.3;
 /// Of a bent rig's cameras: degrees, metres. A real calibration of webcams that were taken for simultaneous is 10 to 14 mm off.
 const BENT_TURN: f64 = 0.2;
 const BENT_SHIFT: f64 = 0.01;
-const PINHOLE: u32 = 1;
 /// The frame whose pictures stand for their cameras.
 pub(super) const REFERENCE_FRAME: u32 = 0;
 
@@ -34,7 +33,7 @@ struct Image {
     told: Pose,
 }
 
-/// What the files tell, in the order they tell it. Cameras and images count from 1, as COLMAP's do.
+/// The contents of the files, in their order. Cameras and images count from 1, as COLMAP's do.
 struct Model<'a> {
     cameras: &'a [Camera],
     images: Vec<Image>,
@@ -46,15 +45,12 @@ struct Model<'a> {
     errors: Vec<f64>,
 }
 
-/// Writes cameras, images and points3D, each as .bin and .txt, to `folder`. `points` are of the reference frame.
+/// Writes cameras.txt, images.txt and points3D.txt to `folder`. `points` are of the reference frame.
 pub(super) fn write(folder: &Path, options: &Options, cameras: &[Camera], points: &[Point]) -> Result<()> {
     let model = Model::new(options, cameras, points);
-    files::bytes(&folder.join("cameras.bin"), &model.cameras_bin())?;
-    files::bytes(&folder.join("images.bin"), &model.images_bin())?;
-    files::bytes(&folder.join("points3D.bin"), &model.points_bin())?;
-    files::bytes(&folder.join("cameras.txt"), model.cameras_txt().as_bytes())?;
-    files::bytes(&folder.join("images.txt"), model.images_txt().as_bytes())?;
-    files::bytes(&folder.join("points3D.txt"), model.points_txt().as_bytes())
+    files::bytes(&folder.join("cameras.txt"), model.cameras_text().as_bytes())?;
+    files::bytes(&folder.join("images.txt"), model.images_text().as_bytes())?;
+    files::bytes(&folder.join("points3D.txt"), model.points_text().as_bytes())
 }
 
 /// Writes the points of a frame with those that saw each, in the numbers of COLMAP's cameras.
@@ -115,42 +111,7 @@ impl<'a> Model<'a> {
         Model { cameras, images, points, observations, tracks, errors }
     }
 
-    fn cameras_bin(&self) -> Vec<u8> {
-        let mut to = Packed::count(self.cameras.len());
-        for (index, camera) in self.cameras.iter().enumerate() {
-            let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
-            to.u32(id(index)).u32(PINHOLE).u64(width.into()).u64(height.into()).f64s(&[fx, fy, cx, cy]);
-        }
-        to.0
-    }
-
-    fn images_bin(&self) -> Vec<u8> {
-        let mut to = Packed::count(self.images.len());
-        for (index, image) in self.images.iter().enumerate() {
-            let Pose { rotation, translation } = image.told;
-            to.u32(id(index)).f64s(&quaternion(&rotation)).f64s(&translation.to_array());
-            to.u32(id(image.camera)).0.extend(image.name().bytes().chain([0]));
-            to.u64(self.observations[index].len() as u64);
-            for seen in &self.observations[index] {
-                to.f64s(&seen.at.to_array()).u64(u64::from(id(seen.point)));
-            }
-        }
-        to.0
-    }
-
-    fn points_bin(&self) -> Vec<u8> {
-        let mut to = Packed::count(self.points.len());
-        for (index, point) in self.points.iter().enumerate() {
-            to.u64(u64::from(id(index))).f64s(&point.position.to_array()).0.extend(point.rgb);
-            to.f64s(&[self.errors[index]]).u64(self.tracks[index].len() as u64);
-            for &(image, observation) in &self.tracks[index] {
-                to.u32(id(image)).u32(observation as u32);
-            }
-        }
-        to.0
-    }
-
-    fn cameras_txt(&self) -> String {
+    fn cameras_text(&self) -> String {
         let mut text = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
         for (index, camera) in self.cameras.iter().enumerate() {
             let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
@@ -160,7 +121,7 @@ impl<'a> Model<'a> {
         text
     }
 
-    fn images_txt(&self) -> String {
+    fn images_text(&self) -> String {
         let mut text =
             String::from("# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# X, Y, POINT3D_ID, ...\n");
         for (index, image) in self.images.iter().enumerate() {
@@ -175,7 +136,7 @@ impl<'a> Model<'a> {
         text
     }
 
-    fn points_txt(&self) -> String {
+    fn points_text(&self) -> String {
         let mut text = String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
         for (index, point) in self.points.iter().enumerate() {
             let ([x, y, z], [r, g, b]) = (point.position.to_array(), point.rgb);
@@ -197,27 +158,4 @@ fn bend(options: &Options, index: usize, camera: &Camera) -> Option<[DVec3; 2]> 
     let mut random = math::random(options.seed, Stream::Bends, index, REFERENCE_FRAME);
     let mut along = |length: f64| math::normal3(&mut random).normalize_or(DVec3::X) * length;
     Some([along(BENT_TURN.to_radians()), along(BENT_SHIFT)])
-}
-
-struct Packed(Vec<u8>);
-
-impl Packed {
-    fn count(n: usize) -> Self {
-        Packed((n as u64).to_le_bytes().to_vec())
-    }
-
-    fn u32(&mut self, value: u32) -> &mut Self {
-        self.0.extend(value.to_le_bytes());
-        self
-    }
-
-    fn u64(&mut self, value: u64) -> &mut Self {
-        self.0.extend(value.to_le_bytes());
-        self
-    }
-
-    fn f64s(&mut self, values: &[f64]) -> &mut Self {
-        self.0.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-        self
-    }
 }

@@ -38,7 +38,7 @@ pub(super) fn rotation(axis: DVec3, angle: f64) -> DMat3 {
     DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
 }
 
-/// What a stream of random numbers is for; each stream is independent of the others.
+/// The use of a stream of random numbers; each stream is independent of the others.
 #[derive(Clone, Copy)]
 pub(super) enum Stream {
     World,

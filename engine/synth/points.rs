@@ -85,8 +85,7 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
     points
 }
 
-/// Walls and floor are large and dull; what moves has fewer points than it fills of the pictures, since it is blurred and
-/// hides itself.
+/// Walls and floor are large and dull; moving bodies have fewer points, since they are blurred.
 fn weight(now: &Snapshot, hit: &Hit) -> f64 {
     match now.placed[hit.body].body.dynamic {
         true => 0.4,

@@ -1,4 +1,4 @@
-//! What networks would say of a picture: noisy optical flow, and depth in units of its own.
+//! The estimates of networks: noisy optical flow, and depth in units of its own.
 
 use super::cast::Picture;
 use super::math::{self, Stream, value_noise};
@@ -6,8 +6,7 @@ use super::options::{Noise, Options};
 use super::rig::Camera;
 use glam::{DVec2, DVec3};
 
-/// Noise of the flow: a part that no pixel escapes (at most 0.085 pixels long, below SPEC 5's threshold of 0.1), and one
-/// that grows with the flow.
+/// Noise of the flow, pixels: a constant part (at most 0.085, below SPEC 5's threshold of 0.1), and one that grows with the flow.
 pub(super) const FLOW_NOISE: f64 = 0.017;
 pub(super) const FLOW_RELATIVE_NOISE: f64 = 0.03;
 /// Relative noise of the inverse depth: pixel by pixel, and smooth over the picture (largest magnitude).

@@ -7,7 +7,7 @@ use crate::scene::Intrinsics;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
 
-/// What the cameras of an inward rig look at, and their distance from it.
+/// The centre of an inward rig's view, and its distance.
 const TARGET: DVec3 = DVec3::new(0.05, 0.35, 0.4);
 const RADIUS: f64 = 3.1;
 /// Half of the arc that they stand on, radians.
@@ -25,8 +25,7 @@ const BOB: f64 = 0.05;
 const TURN: f64 = 0.4;
 /// Largest time offset before the mean is taken out, frames.
 const MAX_OFFSET: f64 = 1.0;
-/// Radius of the ring that photographs are taken from, how far apart its heights are, metres, and the width of what a photograph shows at
-/// depth 1.
+/// Radius of the photographs' ring, distance between its heights, metres, and the width that a photograph shows at depth 1.
 const PHOTO_RING: f64 = 0.6;
 const PHOTO_HEIGHT: f64 = 0.35;
 const PHOTO_FIELD: f64 = 1.6;
@@ -37,8 +36,8 @@ pub(super) struct Camera {
     pub name: String,
     pub is_test: bool,
     pub intrinsics: Intrinsics,
-    /// World to camera (x right, y down, z forward); of a moving camera in the middle of the clip. With the centre and not as a
-    /// [`Pose`](crate::scene::Pose): through its translation all that is seen would have other last bits.
+    /// World to camera (x right, y down, z forward); of a moving camera in the middle of the clip. A [`Pose`](crate::scene::Pose) would
+    /// change last bits.
     pub rotation: DMat3,
     /// Of the lens, world; of a moving camera in the middle of the clip.
     pub center: DVec3,
@@ -94,8 +93,7 @@ impl Camera {
     }
 }
 
-/// Where the photographs are taken from, in the order of their names: from a ring, in three heights, looking outward, two and two the
-/// same way, so that there is something that both see.
+/// The places of photographs by name: a ring in three heights, looking outward, two and two the same way to overlap.
 pub(super) fn photographers(options: &Options, n: u32) -> Vec<Camera> {
     let mut random = math::random(options.seed, Stream::Photos, 0, 0);
     let photographer = |index: u32| {

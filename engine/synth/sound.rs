@@ -56,8 +56,7 @@ pub(super) fn source(options: &Options) -> Vec<f64> {
     (0..n_samples(options)).map(|i| GAIN * voice.at(i as f64 / f64::from(RATE))).collect()
 }
 
-/// What the microphone at a camera's lens records: delayed by the way of the sound, fainter by its length. The
-/// recording runs by the camera's clock.
+/// The recording at a camera's lens, delayed and faint by the distance, by the camera's clock.
 pub(super) fn recording(world: &World, options: &Options, camera: &Camera) -> Vec<f64> {
     let voice = Voice::new(options.seed);
     let fps = f64::from(options.fps);
@@ -89,8 +88,7 @@ struct Instance {
     bbox_score: f64,
 }
 
-/// What a whole-body detector finds in a camera's pictures: nose, eyes and lips of the speaker with their visibility as
-/// scores; the other points have the score 0.
+/// The detections in a camera's pictures: nose, eyes and lips with their visibility as scores; other points have the score 0.
 pub(super) fn keypoints(world: &World, options: &Options, index: usize, camera: &Camera) -> Vec<Detections> {
     (0..options.frames)
         .map(|frame| Detections { frame_id: frame, instances: detect(world, options, index, camera, frame) })
@@ -127,8 +125,7 @@ fn detect(world: &World, options: &Options, index: usize, camera: &Camera, frame
     vec![Instance { keypoints, keypoint_scores: scores, bbox: [[left, top, right, bottom]], bbox_score: 0.9 }]
 }
 
-/// (number, place on the head) of nose, eyes, outer lip and inner lip; the lips begin at the speaker's right corner and
-/// go over the upper lip.
+/// (number, place on the head) of nose, eyes, outer lip and inner lip; lips begin at the speaker's right corner, upper lip first.
 fn face() -> impl Iterator<Item = (usize, DVec3)> {
     let single = [(0, 0.0, 0.1), (1, 0.33, -0.15), (2, -0.33, -0.15)];
     let ring = |first: usize, n: usize, half: [f64; 2]| {

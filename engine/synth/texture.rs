@@ -1,4 +1,4 @@
-//! What surfaces look like: colours as functions of a point in the surface's own frame.
+//! Colours of surfaces as functions of a point in the surface's own frame.
 
 use super::math::{fractal_noise, value_noise};
 use crate::random::hash;

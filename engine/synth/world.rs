@@ -145,7 +145,7 @@ impl Snapshot<'_> {
         Some(Hit { t: touch.t, body, at, normal: placed.to_world * touch.normal, local, face: touch.face })
     }
 
-    /// Whether nothing stands between two points, the ends themselves aside.
+    /// True if nothing stands between two points, the ends themselves aside.
     pub fn sees(&self, from: DVec3, to: DVec3) -> bool {
         self.hit(from, to - from).is_none_or(|hit| hit.t > 1.0 - LIFT)
     }
@@ -154,9 +154,7 @@ impl Snapshot<'_> {
         self.placed[hit.body].body.textures[hit.face]
     }
 
-    /// The colour of a hit seen along `direction`, in [0, 1].
-    ///
-    /// Only bodies at rest cast shadows, and only on bodies at rest: what does not move keeps its colour over time.
+    /// The colour of a hit seen along `direction`, in [0, 1]. Only bodies at rest cast and receive shadows.
     pub fn color(&self, hit: &Hit, direction: DVec3) -> DVec3 {
         let body = self.placed[hit.body].body;
         let albedo = self.texture(hit).albedo(hit.local, hit.face, body.texture_seed);

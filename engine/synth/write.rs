@@ -37,7 +37,7 @@ const PARTS: [&str; 13] = [
 ];
 const SPARSE: &str = "sparse";
 
-/// What was written.
+/// Counts of the written capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Summary {
     /// Cameras in all.
@@ -70,10 +70,8 @@ struct Capture<'a> {
     cameras: Vec<Camera>,
 }
 
-/// Writes a synthetic capture to `folder`, which is made when it is absent. A capture that this function wrote there
-/// before is removed first, also an unfinished one. The bytes depend on `options` only, not on `threads`.
-///
-/// `progress` is called on the calling thread as (pieces done, pieces in all).
+/// Writes a synthetic capture to `folder`, where an earlier one is removed first. The bytes depend on `options` only; `progress` is
+/// called on the calling thread as (pieces done, pieces in all).
 #[tracing::instrument(level = "info", name = "write capture", skip_all)]
 pub fn write_capture(
     folder: &Path,
