@@ -37,7 +37,7 @@ pub struct RenderConfig {
     pub r_min_m: f64,
     /// Length of the crossfade where the head jumps, physical mode; seconds.
     pub jump_fade: f64,
-    /// Whether the way's delay is heard, physical mode.
+    /// True if the way's delay is heard, physical mode.
     pub propagation: bool,
     /// Loudness of the result; `None` to leave it. In any case peaks stay below -1 dBTP.
     pub lufs: Option<f64>,
@@ -59,7 +59,7 @@ impl Default for RenderConfig {
     }
 }
 
-/// What a source sends to a head at a time.
+/// The sound that a head receives from a source at a time.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Cue {
     /// Seconds.
@@ -76,7 +76,7 @@ pub struct Cue {
     pub delay: f64,
 }
 
-/// What is to be known of a source in a rendering.
+/// Numbers of a source in a rendering.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SourceReport {
     /// Its name.
@@ -85,8 +85,7 @@ pub struct SourceReport {
     pub gain_db: [f64; 2],
     /// Part of the time in which a distance was kept at its floor.
     pub clamped: f64,
-    /// Part of the time in which the gain is beyond 6 dB to either side. There the recorded room is audibly too loud or
-    /// too quiet beside the voice, since one gain moves both.
+    /// Part of the time in which the gain is beyond 6 dB, where the recorded room is too loud or too quiet beside the voice.
     pub beyond_6_db: f64,
     /// Part of the track's samples that were not seen.
     pub unseen: f64,
@@ -94,7 +93,6 @@ pub struct SourceReport {
     pub jumps: u32,
 }
 
-/// The smallest distance, scene units.
 pub(super) fn r_min(scene: &SoundScene, config: &RenderConfig) -> f64 {
     if let Some(metres) = scene.metres_per_unit {
         return config.r_min_m / metres;
@@ -105,7 +103,6 @@ pub(super) fn r_min(scene: &SoundScene, config: &RenderConfig) -> f64 {
     0.02 * distances.get(distances.len() / 2).copied().unwrap_or(1.0)
 }
 
-/// A source beside a head: all that depends on time.
 pub(super) struct Course<'a> {
     mode: Mode,
     propagation: bool,
@@ -151,7 +148,6 @@ impl<'a> Course<'a> {
         })
     }
 
-    /// Whether the way's delay is heard.
     pub(super) fn is_late(&self) -> bool {
         self.propagation
     }
@@ -169,7 +165,6 @@ impl<'a> Course<'a> {
         bearing(self.mode, &self.plane, &self.head.at(t), self.scene.mic.pose.at(t).p, self.place(t))
     }
 
-    /// What it sends at a time.
     pub(super) fn cue(&self, t: f64) -> Cue {
         let bearing = self.bearing(t);
         let way = (bearing.r_l - bearing.r_m) * self.metres / SPEED_OF_SOUND;
@@ -199,7 +194,6 @@ impl<'a> Course<'a> {
         if gate > 0.0 { self.gain * gate * gain(self.mode, &self.bearing(t), self.r_min) } else { 0.0 }
     }
 
-    /// What became of it along the cues of a rendering.
     pub(super) fn report(&self, cues: &[Cue], jumps: u32) -> SourceReport {
         let part = |n: usize, of: usize| n as f64 / of.max(1) as f64;
         let (mut range, mut clamped, mut beyond, mut heard) = ([f64::INFINITY, f64::NEG_INFINITY], 0, 0, 0);
@@ -223,7 +217,7 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// What the ears hear of a cue. Close to the head both come to hear the same, since no response is measured there.
+    /// The filter of a cue. Close to the head both ears hear the same, since no response is measured there.
     pub(super) fn filter(&self, cue: &Cue, hrtf: &HrtfSet, lookup: Lookup) -> Filter {
         let mut filter = hrtf.filter(direction(cue.az, cue.el), lookup);
         let inside = (NEAR[0] - cue.distance * self.metres) / (NEAR[0] - NEAR[1]);

@@ -1,4 +1,4 @@
-//! What ears truly hear of a source in a free field, computed apart from the renderer that is judged by it.
+//! The true sound of a source in a free field, computed apart from the renderer that is judged by it.
 
 use glam::DVec3;
 
@@ -22,7 +22,7 @@ pub struct Emitter<'a> {
 }
 
 impl Emitter<'_> {
-    /// What arrives at a place at a time: its amplitude, and where it came from.
+    /// The amplitude that arrives at a place at a time, and where it came from.
     pub fn arriving(&self, at: DVec3, t: f64) -> (f64, DVec3) {
         let mut said = t;
         let mut from = (self.place)(t);
@@ -34,7 +34,7 @@ impl Emitter<'_> {
         ((self.voice)(said) / from.distance(at).max(1e-3), from)
     }
 
-    /// What the ears of a head hear, each sample the sum of products with the response of the moment.
+    /// The sound at the ears of a head, each sample the sum of products with the response of the moment.
     pub fn binaural(&self, head: &PoseTrack, hrtf: &HrtfSet, n: usize) -> Vec<[f32; 2]> {
         let mut baker = Baker::new(hrtf.taps(Lookup::Aligned), hrtf.max_delay());
         let past = baker.len();

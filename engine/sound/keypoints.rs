@@ -90,8 +90,7 @@ struct Object {
 /// Persons of a frame whose number is the file's own; of a picture without any.
 type Frame = (Option<u64>, Vec<Vec<Keypoint>>);
 
-/// The keypoints of a camera: `<folder>/<camera>.json`, or one file for each frame in `<folder>/<camera>` or, as Pose2Sim
-/// writes it, `<folder>/<camera>_json`.
+/// The keypoints of a camera: `<folder>/<camera>.json`, or a file for each frame in `<folder>/<camera>` or `<folder>/<camera>_json`.
 pub fn keypoints_of(folder: &Path, camera: &str) -> Option<PathBuf> {
     let names = [format!("{camera}.json"), camera.to_owned(), format!("{camera}_json")];
     names.into_iter().map(|name| folder.join(name)).find(|path| path.exists())
@@ -122,7 +121,6 @@ impl Mouths {
         Ok(mouths)
     }
 
-    /// To the camera's pixels.
     fn fit(&mut self, path: &Path, lens: &Lens, image_size: Option<(u32, u32)>) -> Result<()> {
         let (w, h) = (f64::from(lens.intrinsics.width), f64::from(lens.intrinsics.height));
         if let Some((width, height)) = image_size {
@@ -225,7 +223,7 @@ fn number(path: &Path) -> Option<u64> {
     digits.parse().ok()
 }
 
-/// What a file holds, and with which number its writer begins to count.
+/// The frames of a file, and the number with which its writer begins to count.
 fn read_file(path: &Path) -> Result<(Vec<Frame>, Option<u64>)> {
     let fault = |reason: String| Error::data(path, "", reason, REMEDY);
     let size = std::fs::metadata(path).map_err(|e| fault(format!("cannot be read: {e}")))?.len();
@@ -310,8 +308,7 @@ pub struct Mouth {
 
 /// Where a list of points has what is of use.
 struct Layout {
-    /// First point of the outer lip; the twelve of it are followed by the eight of the inner lip. Both begin at the
-    /// speaker's right corner and go over the upper lip.
+    /// First of twelve points of the outer lip and eight of the inner; both begin at the speaker's right corner, upper lip first.
     lips: Option<usize>,
     /// Nose, and what else of the head gives its size.
     head: &'static [usize],
@@ -320,8 +317,7 @@ struct Layout {
 const COCO_HEAD: &[usize] = &[0, 1, 2, 3, 4];
 const BODY_25_HEAD: &[usize] = &[0, 15, 16, 17, 18];
 
-/// By the number of points: COCO's 17, Halpe's 26 and OpenPose's 25 of the body; the face's 68 or 70; COCO-WholeBody's 133,
-/// the same with a neck in between, and Halpe's 136.
+/// COCO has 17 points, Halpe 26 or 136, OpenPose 25, the face 68 or 70, COCO-WholeBody 133 or, with a neck, 134.
 fn layout(n_points: usize) -> Option<Layout> {
     let (lips, head) = match n_points {
         17 | 26 => (None, COCO_HEAD),
@@ -338,8 +334,7 @@ fn layout(n_points: usize) -> Option<Layout> {
 /// A point with its score. Scores of SimCC heads are no probabilities and exceed 1.
 type Keypoint = (DVec2, f64);
 
-/// The mouth among the points of a person; `None` when too little of it and of the head is seen, `Err` with the reason when
-/// the number of points is of no known layout.
+/// The mouth among the points of a person; `None` where too little is seen, `Err` where the number of points is of no known layout.
 fn mouth(points: &[Keypoint]) -> std::result::Result<Option<Mouth>, String> {
     if points.is_empty() {
         return Ok(None);

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// True peaks are kept below this, dBTP (EBU R 128 for programmes).
 pub const PEAK_LIMIT_DB: f64 = -1.0;
 
-/// What was measured.
+/// Loudness and peak.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Loudness {
     /// Integrated loudness, LUFS; none for silence.

@@ -1,7 +1,4 @@
-//! The sound field: where sources are, by what cameras see; from a microphone's recording and the places of sources to
-//! what a head hears on its way.
-//!
-//! What it does, its formats and its limits: `engine/sound/README.md`.
+//! The sound field: from cameras and a microphone to the sound at a moving head; see `engine/sound/README.md`.
 
 pub mod align;
 pub mod clip;

@@ -54,7 +54,7 @@ impl HeadPose {
     }
 }
 
-/// What a file of a path says.
+/// A path, as its file has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeadPath {
     /// Where the head is.

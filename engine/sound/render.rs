@@ -25,7 +25,7 @@ pub use super::course::{Cue, RenderConfig, SPEED_OF_SOUND, SourceReport};
 /// Change of a delay per time above which the head is taken to have jumped: 34 m/s.
 const JUMP: f64 = 0.1;
 
-/// What is to be known of a rendering.
+/// Numbers of a rendering.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Report {
     /// Length, seconds.
@@ -57,7 +57,7 @@ pub struct Rendered {
     pub fs: u32,
     /// By source, what was rendered, at the edges of blocks or the centres of frames.
     pub cues: Vec<Vec<Cue>>,
-    /// What is to be known.
+    /// Its numbers.
     pub report: Report,
 }
 
@@ -281,7 +281,7 @@ fn physical(
     Ok((edges.iter().take(n_blocks + 1).map(|edge| edge.cue).collect(), jumps))
 }
 
-/// What a source sends at the edge of a block, and by how many samples each ear hears it late.
+/// Cue at the edge of a block, and by how many samples each ear hears it late.
 struct Edge {
     cue: Cue,
     delays: [f64; 2],

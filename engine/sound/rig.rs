@@ -78,8 +78,7 @@ struct Offset {
 }
 
 impl Rig {
-    /// Reads the calibration of a capture in any format that [`check_capture`](crate::scene::capture::check_capture) knows.
-    /// Lenses may distort: then the keypoints are of the pictures as they were taken.
+    /// Reads the calibration of a capture in any known format. Keypoints are of the pictures as they were taken, distortion included.
     pub fn open(path: &Path) -> Result<Rig> {
         Self::open_with(path, &CaptureSettings::default())
     }

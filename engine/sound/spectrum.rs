@@ -24,7 +24,7 @@ impl Spectra {
         self.n
     }
 
-    /// Whether a transform has no samples.
+    /// True if a transform has no samples.
     pub fn is_empty(&self) -> bool {
         self.n == 0
     }

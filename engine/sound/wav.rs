@@ -11,7 +11,6 @@ use crate::files::{open_file, write_atomic};
 /// Sample rates that are read, per second: those of sound. Far from them a change of rate needs weights without end.
 const RATES: std::ops::RangeInclusive<u32> = 8_000..=400_000;
 
-/// What helps a file that cannot be read.
 const REMEDY: &str = "give a WAV file of 16, 24 or 32 bits (ffmpeg -i IN -c:a pcm_s24le OUT.wav)";
 
 /// Which channel of a recording is the microphone.
@@ -42,7 +41,7 @@ pub fn read(path: &Path) -> Result<Recording> {
     decode(path, BufReader::new(file))
 }
 
-/// As [`read`], of a WAV file that is in memory or in another file; `path` is what its faults are told of.
+/// As [`read`], of a WAV file in memory; its errors name `path`.
 pub fn decode(path: &Path, from: impl std::io::Read) -> Result<Recording> {
     let fault = |place: String, reason: String| Error::data(path, place, reason, REMEDY);
     let reader = hound::WavReader::new(from);

@@ -1,5 +1,5 @@
-//! The paper's filtering, in the short-time Fourier domain, without its circular wrap: windowed frames, padded, overlapped
-//! and added. The analysis window is the crossfade from one filter to the next, and there is no other window.
+//! The paper's filtering in the short-time Fourier domain, without its circular wrap: windowed frames, padded, overlapped and added. The
+//! analysis window is the only one, and crossfades from one filter to the next.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -22,15 +22,13 @@ pub struct Wola {
     baker: Baker,
 }
 
-/// What both ears hear of a frame: the filter's spectra.
+/// The spectra of a filter, by ear.
 #[derive(Clone)]
 pub struct EarSpectra([Vec<Complex32>; 2]);
 
 impl Wola {
-    /// Frames of `frame` samples every `hop` samples for filters of `taps` samples and delays of up to `max_delay`.
-    ///
-    /// The window is Hann's, scaled so that the windows over any sample sum to 1; `None` where `hop` does not divide
-    /// `frame` at least twice, since they would not.
+    /// Frames of `frame` samples every `hop` samples for filters of `taps` samples and delays of up to `max_delay`. `None` where `hop` does
+    /// not divide `frame` at least twice: then Hann's windows would not sum to 1.
     pub fn new(frame: usize, hop: usize, taps: usize, max_delay: f64) -> Option<Self> {
         if hop == 0 || !frame.is_multiple_of(hop) || frame / hop < 2 {
             return None;
@@ -74,10 +72,8 @@ impl Wola {
         }))
     }
 
-    /// Adds what both ears hear of `signal` to `out`, as long as the signal.
-    ///
-    /// `filter` gives for the time of a frame's centre, in samples, the filter's spectra (`None` for those of the frame
-    /// before) and the gain.
+    /// Adds the sound of `signal` at both ears to `out`, of its length. `filter` gives spectra (`None` for those of the frame before) and
+    /// gain at a frame's centre, in samples.
     pub fn process(
         &mut self,
         signal: &[f32],
@@ -133,7 +129,7 @@ impl Baker {
         self.spectra.len()
     }
 
-    /// Whether a baked response has no samples.
+    /// True if a baked response has no samples.
     pub fn is_empty(&self) -> bool {
         self.spectra.is_empty()
     }

@@ -1,4 +1,4 @@
-//! Head-related transfer functions: what a direction does to a sound on its way to the two ears.
+//! Head-related transfer functions: the effect of a direction on a sound on its way to the two ears.
 
 mod sadie;
 mod set;
@@ -13,7 +13,7 @@ pub use set::{Filter, HrtfSet, Lookup};
 /// Where a set comes from.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Meta {
-    /// What the file calls itself.
+    /// The file's own title.
     pub title: String,
     /// Terms of use as the file states them.
     pub licence: String,

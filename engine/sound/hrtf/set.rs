@@ -167,7 +167,7 @@ impl HrtfSet {
         Err(Error::data(source, "", reason, "count azimuth counter-clockwise from the front, the left ear first"))
     }
 
-    /// What both ears hear of a direction in the head's frame.
+    /// The filter of a direction in the head's frame.
     pub fn filter(&self, to: DVec3, lookup: Lookup) -> Filter {
         match lookup {
             Lookup::Nearest => {

@@ -1,8 +1,7 @@
-//! The head as a rigid sphere: a set of responses that needs no file and no licence.
+//! The head as a rigid sphere: a set of responses without a file or a licence.
 //!
-//! Duda and Martens, "Range dependence of the response of a spherical head model", JASA 104 (1998). There is no outer ear
-//! in it: it tells left from right as people hear it, but not above from below, and front from back only weakly, because
-//! the ears sit a little behind the middle.
+//! Duda and Martens, "Range dependence of the response of a spherical head model", JASA 104 (1998). Without an outer ear it does not
+//! tell above from below, and front from back only weakly.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
