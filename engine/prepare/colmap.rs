@@ -27,9 +27,8 @@ const RENAMED: [(&str, &str); 7] = [
     ("--Mapper.fix_existing_images", "--Mapper.fix_existing_frames"),
 ];
 
-/// Runs a command: what it said, and whether it succeeded. `hear` is given each line while it runs.
-///
-/// COLMAP names one option that it does not know, before it begins; the command then runs again with the newer name.
+/// Runs a command: its output, and the result; `hear` gets each line. Where COLMAP does not know one option, it runs again with the
+/// newer name.
 pub(super) fn attempt(
     verb: &str,
     arguments: &Arguments,
@@ -64,7 +63,6 @@ pub(super) struct Colmap<'a> {
 }
 
 impl Colmap<'_> {
-    /// What it said, and whether it succeeded.
     pub fn attempt(&self, verb: &str, arguments: &Arguments) -> Result<(Vec<u8>, Result<()>)> {
         let given = [("--database_path", self.database.as_os_str())];
         attempt(verb, &[&given, arguments].concat(), self.about, &mut |_| {})
@@ -74,8 +72,7 @@ impl Colmap<'_> {
         self.attempt(verb, arguments)?.1
     }
 
-    /// Features of all images, lens by lens: each lens becomes a camera of the database, numbered from 1 in this order. Lists of names
-    /// are written to `work`.
+    /// Features of all images, lens by lens: each lens becomes a camera of the database, numbered from 1 in this order.
     pub fn extract(&self, images: &[(Lens, Vec<&str>)], work: &Path, options: &Arguments) -> Result<()> {
         for (number, (lens, names)) in images.iter().enumerate() {
             let list = work.join(format!("images{number}.txt"));
@@ -125,7 +122,7 @@ impl Colmap<'_> {
     }
 }
 
-/// Whether `point_triangulator` got as far as adjusting no point at all, which ends it with a failed check.
+/// True if `point_triangulator` got as far as adjusting no point at all, which ends it with a failed check.
 fn found_nothing(said: &str) -> bool {
     let mut counts = said.lines().filter_map(|line| line.trim().strip_prefix("=> Triangulated "));
     said.contains("Bundle adjustment") && counts.all(|count| count == "0 points")

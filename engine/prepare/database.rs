@@ -1,7 +1,5 @@
-//! COLMAP's database, as far as it says why pictures were not placed: how many features each has, and which share how many.
-//!
-//! COLMAP has no command that tells this. Of SQLite's format no more is read than the rows of three tables: their key and their
-//! first column, which lie at the beginning of each.
+//! COLMAP's database, to say why pictures were not placed: the features of each, and how many they share. COLMAP has no command for this,
+//! so the rows of three tables are read from SQLite's format: their key and first column.
 
 use std::collections::BTreeMap;
 use std::fs::File;

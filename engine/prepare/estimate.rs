@@ -1,4 +1,4 @@
-//! What a preparation will take, from a few frames that are prepared for that and thrown away.
+//! An estimate of a preparation, from a few frames that are prepared for that and thrown away.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ const STAGES: [(&str, &[&str]); 3] = [
     ("flow", &["flow"]),
 ];
 
-/// What all frames will take.
+/// Estimate of all frames.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Estimate {
     /// Cameras.
@@ -33,7 +33,7 @@ pub struct Estimate {
     pub stages: Vec<StageEstimate>,
 }
 
-/// What a stage will take.
+/// Estimate of a stage.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct StageEstimate {
     /// Its name.
@@ -51,13 +51,12 @@ struct Scratch(PathBuf);
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // What cannot be removed does no harm.
+        // A folder that cannot be removed does no harm.
         let _ = fs::remove_dir_all(&self.0);
     }
 }
 
-/// Prepares some frames of a source that has cameras in a folder beside the output, and tells from that what all frames will take. The
-/// folder is removed.
+/// Prepares some frames of a source that has cameras in a folder beside the output, which is removed, and estimates all from them.
 pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Estimate> {
     settings.check()?;
     let Preparation { source, images, settings, .. } = Preparation::faultless(settings)?;

@@ -24,11 +24,8 @@ impl Crop {
     }
 }
 
-/// The lens and the part of pictures of another size than the calibration's, and what was done.
-///
-/// Both sides in the same proportion: the pictures were scaled. Black bars above and below or beside: they were scaled into a
-/// frame of another shape. One side shorter by less than a block of a video, the other the same: a codec cut them at the right
-/// or the bottom. `first` gives the first picture.
+/// The lens and the part of pictures of another size than the calibration's, and a note: pictures that were scaled, scaled into a frame
+/// with black bars, or cut by a codec at the right or the bottom. `first` gives the first picture.
 pub(super) fn fitted(
     lens: &Lens,
     size: (u32, u32),

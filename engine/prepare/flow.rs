@@ -54,8 +54,7 @@ fn estimated(images: &Images) -> Result<Vec<&Camera>> {
     }
 }
 
-/// Estimates what is not estimated yet: flow to the next frame of every frame but the last. Flow that comes along with the source's
-/// pictures stays, and the other frames of its camera are estimated.
+/// Estimates the missing flow to the next frame, of every frame but the last; the source's own flow stays.
 #[tracing::instrument(level = "info", name = "flow", skip_all)]
 pub(super) fn make(
     images: &Images,
@@ -98,7 +97,7 @@ fn is_left(images: &Images, camera: &Camera) -> bool {
         .any(|frame| camera.flow(frame).is_none() && !folder.join(format!("{frame:05}.npy")).is_file())
 }
 
-/// What the script will need, unless there is nothing to estimate.
+/// Finds the script's programs, unless there is nothing to estimate.
 pub(super) fn require(images: &Images, settings: &PrepareSettings) -> Result<()> {
     if !settings.flow {
         return Ok(());

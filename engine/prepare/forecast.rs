@@ -1,6 +1,5 @@
-//! What a preparation will have to do, and about how long that takes: seconds of one core from the number and the size of pictures
-//! alone, measured with COLMAP 3.8 on 14 pictures of 266 x 474 (1,300 features each), 12 of 640 x 360 (600) and 7 of 1280 x 720 (5,100).
-//! How much a picture shows is not known before, so the estimates are rough.
+//! A rough forecast of a preparation in seconds of one core, from the number and the size of pictures alone; measured with COLMAP 3.8
+//! on 14 pictures of 266 x 474, 12 of 640 x 360 and 7 of 1280 x 720.
 
 use std::fmt;
 
@@ -85,10 +84,10 @@ impl fmt::Display for About {
     }
 }
 
-/// What is to be expected of COLMAP.
+/// The expected work of COLMAP.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
-    /// What the source holds, as `photos`.
+    /// The kind of source, as `photos`.
     pub what: &'static str,
     /// Pictures that are to be placed.
     pub pictures: usize,
@@ -102,7 +101,7 @@ pub struct Forecast {
     pub threads: usize,
     /// Cameras that the videos are taken for, by name.
     pub cameras: Vec<String>,
-    /// What is worth knowing before it begins.
+    /// Notes before it begins.
     pub notes: Vec<String>,
 }
 
@@ -125,7 +124,7 @@ impl fmt::Display for Forecast {
     }
 }
 
-/// How many pictures COLMAP will be given, photographs of the same place among them.
+/// Pictures for COLMAP, photographs of the same place among them.
 fn count(pictures: &Pictures, settings: &PrepareSettings) -> Result<usize> {
     let n = match pictures {
         Pictures::Photos(folder) => Photos::of(folder)?.files.len(),
@@ -138,7 +137,6 @@ fn count(pictures: &Pictures, settings: &PrepareSettings) -> Result<usize> {
     }
 }
 
-/// How long COLMAP will take; nothing where the source needs none to place its pictures.
 pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Result<Forecast> {
     require(settings, pictures)?;
     let n = count(pictures, settings)?;
@@ -205,8 +203,7 @@ fn footage(settings: &PrepareSettings, pictures: &Pictures) -> Result<(u32, u32,
 /// Less is not worth a line before it begins, seconds.
 const LONG: f64 = 10.0;
 
-/// What is said before the pictures and points of a source with cameras are made: how much that is, and about how long it takes.
-/// Nothing where little is left.
+/// The announcement of pictures and points of a source with cameras and their time; nothing where little is left.
 pub(super) fn announced(images: &Images, source: &Source, settings: &PrepareSettings) -> Option<String> {
     let n = images.n_frames() as usize;
     let is_left = |folder: &str, name: String| !images.output.join(folder).join(name).is_file();

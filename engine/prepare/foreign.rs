@@ -125,7 +125,7 @@ pub(super) fn converted(files: &[PathBuf]) -> Option<String> {
     (!foreign.is_empty()).then(|| format!("{}: read by ffmpeg and kept with 8 bits a colour{how}", counts(&foreign)))
 }
 
-/// Whether a picture has more than 8 bits a colour: COLMAP reads none of them.
+/// True if a picture has more than 8 bits a colour: COLMAP reads none of them.
 pub(super) fn is_deep(path: &Path) -> bool {
     // The depth is the 25th byte of a PNG.
     let mut start = [0; 25];

@@ -1,8 +1,8 @@
-//! From what others recorded to the project's capture folder (SPEC 8): video decoded, lenses undistorted, points
-//! triangulated frame by frame, optical flow estimated.
+//! From recordings to the project's capture folder (SPEC 8): video decoded, lenses undistorted, points triangulated frame by frame,
+//! optical flow estimated.
 //!
-//! Every stage continues where an earlier, interrupted run stopped: each file is written whole and renamed, and `prepare.json`
-//! in the folder says from what the files of a stage were made. `capture.toml` comes last.
+//! Every stage continues where an interrupted run stopped: files are written whole, and `prepare.json` notes from what each stage was
+//! made. `capture.toml` comes last.
 
 mod colmap;
 mod database;
@@ -46,16 +46,12 @@ use crate::scene::capture::{
     CaptureSettings, Faults, Manifest, Report, check_asked, check_capture, write_true_offsets,
 };
 
-/// What [`prepare`] can make a capture from in a folder or file; nothing where it is a capture already, or unknown.
+/// The recording that [`prepare`] can make a capture from; nothing where the path is a capture already, or unknown.
 pub fn recognise(path: &Path) -> Option<Recognised> {
     source::recognise(path)
 }
 
-/// What COLMAP will have to do before pictures without cameras can be prepared, and how long about that takes; nothing where
-/// the source has cameras.
-///
-/// # Errors
-/// [`Error::Data`] when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
+/// The work of COLMAP before pictures without cameras can be prepared; nothing where the source has cameras.
 pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
     pictures(settings)?.map(|pictures| forecast::forecast(settings, &pictures)).transpose()
 }
@@ -71,12 +67,12 @@ fn pictures(settings: &PrepareSettings) -> Result<Option<Pictures>> {
     Ok(pictures)
 }
 
-/// What was made.
+/// The outcome of [`prepare`].
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Prepared {
     /// The format of the source; empty when it is unknown.
     pub source_format: &'static str,
-    /// What is worth knowing: cameras whose rates or counts differ, calibrations that were fitted, points per frame.
+    /// Notes: cameras whose rates or counts differ, calibrations that were fitted, points per frame.
     pub notes: Vec<String>,
     /// Points of each triangulated frame, by frame.
     pub points: Vec<(u32, usize)>,
@@ -84,14 +80,8 @@ pub struct Prepared {
     pub report: Report,
 }
 
-/// Makes a capture folder, or completes one that an interrupted run began. A second run changes nothing.
-///
-/// Faults of the source, and of the finished capture, are in the report.
-///
-/// # Errors
-/// [`Error::Data`] when a setting is out of its range, when the output holds what was not made from this source with these
-/// settings (and [`PrepareSettings::force`] is off), when ffmpeg, COLMAP or Python is needed and missing or fails, or when
-/// a file cannot be read or written.
+/// Makes a capture folder, or completes one that an interrupted run began; a second run changes nothing. Faults of the source, and of
+/// the finished capture, are in the report.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
     let Some(pictures) = pictures(settings)? else { return prepare_posed(settings, None, Vec::new(), progress) };
     let (settings, mut notes) = in_step(settings, &pictures)?;
@@ -109,11 +99,8 @@ fn in_step(settings: &PrepareSettings, pictures: &Pictures) -> Result<(PrepareSe
     shifts::resolved(settings, &videos)
 }
 
-/// Makes a share of what one stage of [`prepare`] makes, so that several machines with one file system do it together. Stages come in
-/// the order of [`Stage`], each when all shares of the one before are made; [`prepare`] then completes the capture.
-///
-/// # Errors
-/// As [`prepare`]; [`Error::Data`] for the first fault of the source, and where an earlier stage is not done.
+/// Makes a share of one stage of [`prepare`], so that several machines with one file system do it together: stage by stage, each when all
+/// shares of the one before are made. [`prepare`] then completes the capture.
 pub fn prepare_share(
     settings: &PrepareSettings,
     stage: Stage,
@@ -286,9 +273,8 @@ fn make(
     Ok(Prepared { source_format: source.format, notes, points, report })
 }
 
-/// By camera, the frames of the capture by which its pictures show a later time than their number says. Measured times have no
-/// zero of their own: the mean camera's are taken. A camera whose clock is not known at a chosen frame is left out. Where sound told the
-/// shifts, it is what of them is less than a frame.
+/// By camera, the frames by which its pictures show a later time than their number says; the mean camera's are the zero of measured
+/// times. A camera whose clock is unknown at a chosen frame is left out.
 fn true_offsets(source: &Source, images: &Images) -> BTreeMap<String, f64> {
     let select = images.select();
     let every = f64::from(select.every);

@@ -1,8 +1,5 @@
-//! Photographs of what rests, taken at another time than the clip (`ivv prepare --static`): a capture of one frame inside the clip's,
-//! in its world.
-//!
-//! Where the source has no cameras, neither have the photographs: COLMAP places both together, so that a rig whose cameras share little
-//! is tied together by the photographs between them. Else they are a capture whose world is that of the source.
+//! Photographs of the static scene, taken at another time than the clip (`ivv prepare --static`): a capture of one frame inside the
+//! clip's. Without cameras, COLMAP places both together, so that photographs tie cameras together; else they share the source's world.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
@@ -22,7 +19,7 @@ pub(super) struct Together {
     pub notes: Vec<String>,
 }
 
-/// Whether the photographs of the settings are what the source needs.
+/// Refuses photographs that the source cannot use.
 pub(super) fn check(settings: &PrepareSettings, pictures: Option<&Pictures>) -> Result<()> {
     let Some(photos) = &settings.photos else { return Ok(()) };
     let bad = |reason: &str, remedy: &str| Err(Error::data(photos, "--static", reason, remedy));
@@ -64,8 +61,7 @@ impl Together {
         self.names.iter().any(|own| Path::new(own) == name)
     }
 
-    /// Splits `model`, in which COLMAP placed the `cameras` and these, into one of the cameras and one of the photographs, which come to
-    /// folders beside it. The model itself where there are no photographs.
+    /// Splits `model` into one of the `cameras` and one of the photographs, in folders beside it; the model itself without photographs.
     pub fn split(&self, model: &Path, cameras: &[OsString], about: &Path) -> Result<(PathBuf, Option<PathBuf>)> {
         if self.names.is_empty() {
             return Ok((model.to_owned(), None));

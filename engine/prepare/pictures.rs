@@ -27,7 +27,7 @@ pub(super) enum Pictures {
 }
 
 impl Pictures {
-    /// What a path without any calibration holds; nothing where it is neither photos nor videos.
+    /// The pictures of a path without calibration; nothing where it holds neither photos nor videos.
     pub fn at(path: &Path) -> Option<Pictures> {
         if is_video(path) {
             return Some(Pictures::Video(path.to_owned()));
@@ -50,7 +50,7 @@ impl Pictures {
         }
     }
 
-    /// What is worth knowing of the pictures of `source` before any is placed.
+    /// Notes about the pictures of `source` before any is placed.
     pub fn notes(&self, source: &Path) -> Result<Vec<String>> {
         let mut notes = unread_poses(source);
         if let Pictures::Photos(folder) = self {
@@ -81,7 +81,7 @@ pub(super) struct Photos {
     pub unread: Vec<PathBuf>,
     /// By what name COLMAP knows each.
     pub names: Vec<OsString>,
-    /// Whether COLMAP could not read some of them, or their names, as they are: then it is given copies of all.
+    /// True if COLMAP could not read some of them, or their names, as they are: then it is given copies of all.
     pub are_copied: bool,
 }
 
@@ -115,7 +115,7 @@ impl Photos {
         Ok(Photos { folder: folder.to_owned(), files, unread, names, are_copied })
     }
 
-    /// Whether they are `least` or more.
+    /// True if they are `least` or more.
     pub fn require(&self, least: usize) -> Result<()> {
         if self.files.len() >= least {
             return Ok(());
@@ -174,7 +174,7 @@ fn write_png(image: &DynamicImage, to: &Path) -> Result<()> {
     ImageFormat::Png.write(to, &bytes, (width, height), kind)
 }
 
-/// Whether COLMAP's lists of names, which have a line for each, can hold a file's name.
+/// True if COLMAP's lists of names, which have a line for each, can hold a file's name.
 fn is_plain(file: &Path) -> bool {
     file.file_name().and_then(OsStr::to_str).is_some_and(|name| name == name.trim() && !name.contains(char::is_control))
 }

@@ -11,8 +11,7 @@ use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
 
-/// A program that sleeps for so long and computes nothing never wakes: the threads of COLMAP 3.8 at times wait for each other
-/// when all is done (its queue tells its end without a lock).
+/// A program that sleeps for so long never wakes: the threads of COLMAP 3.8 at times wait for each other when all is done.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// How often such a program is run. What it had done it finds, and does not do again.
 const ATTEMPTS: usize = 3;
@@ -160,8 +159,7 @@ impl Running {
         Ok((status, String::from_utf8_lossy(&said).into_owned()))
     }
 
-    /// Waits for the end, or until the program has slept for longer than it may.
-    /// `meanwhile` is called again and again.
+    /// Waits for the end, calling `meanwhile`, or until the program has slept for longer than it may.
     fn is_done(&mut self, about: &Path, meanwhile: &mut dyn FnMut()) -> Result<bool> {
         let (mut pause, mut computed, mut since) = (Duration::from_millis(1), None, Instant::now());
         loop {
@@ -216,8 +214,7 @@ fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) 
     })
 }
 
-/// Clock ticks that a process has computed, in all its threads, if it sleeps: does not compute now and waits for no disk.
-/// Nothing where the system has no `/proc`.
+/// Clock ticks that all threads of a sleeping process have computed; nothing while it works, or without `/proc`.
 fn ticks_of_sleeper(id: u32) -> Option<u64> {
     let stat = fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
     // After the name, which is in brackets and may hold anything: the state, and ten fields later the two times.

@@ -1,6 +1,4 @@
-//! Cameras for pictures that have none: COLMAP finds features, matches them and places the pictures, on the CPU.
-//!
-//! The result is a plain COLMAP project in `reconstruction/` of the output; from there on it is prepared as any other.
+//! Cameras for pictures that have none: COLMAP places them, on the CPU, as a plain project in `reconstruction/` of the output.
 
 use std::cell::Cell;
 use std::collections::HashSet;
@@ -51,7 +49,7 @@ pub(super) fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result
     COLMAP.require(&settings.source)
 }
 
-/// Whether COLMAP has placed the pictures that `output` is made from: the file of a model that is written last is there.
+/// True if COLMAP has placed the pictures: the model's last file is there.
 pub(super) fn is_placed(output: &Path) -> bool {
     is_whole(&output.join("reconstruction/sparse/0"))
 }
@@ -61,7 +59,7 @@ fn is_whole(model: &Path) -> bool {
     ["images.bin", "points3D.txt"].iter().any(|file| model.join(file).is_file())
 }
 
-/// Whether cameras that move can be followed in what the source holds.
+/// Refuses `--moving` for sources other than folders of videos.
 pub(super) fn check_moving(settings: &PrepareSettings, pictures: Option<&Pictures>) -> Result<()> {
     if settings.moving.is_none() {
         return Ok(());
@@ -167,8 +165,7 @@ fn files(pictures: &Pictures) -> Result<Vec<PathBuf>> {
     })
 }
 
-/// Which pictures of a video are placed: those of the frames that are asked for, or evenly chosen ones among them where none is to be left
-/// out. Frames are its pictures, or what `--fps` makes of them.
+/// The pictures of a video to place: the frames that are asked for, or evenly chosen ones where none is to be left out.
 pub(super) fn of_video(settings: &PrepareSettings, video: &Video) -> Vec<usize> {
     let timeline = settings.fps.and_then(|_| Timeline::new([("", video)], settings));
     let n_frames = timeline.as_ref().and_then(|timeline| timeline.n("")).unwrap_or(video.n_frames());

@@ -13,8 +13,8 @@ use crate::error::{Error, Result};
 use crate::files::{cannot_list, make_folder, read_file, write_atomic};
 use crate::scene::undistort::Undistortion;
 
-/// Writes the sound of the videos. Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is
-/// taken, but for those of cameras of which later frames are taken. Keypoints are undistorted with their pictures.
+/// Writes the sound of the videos, and takes over `audio/*.wav` and `keypoints/<camera>.json` of a source that is taken from its first
+/// frame on. Keypoints are undistorted with their pictures.
 #[tracing::instrument(level = "info", name = "sound", skip_all)]
 pub(super) fn carry(images: &Images, settings: &PrepareSettings, journal: &Journal) -> Result<()> {
     let Selection { start, every, n } = images.select();
@@ -63,8 +63,7 @@ fn keypoints(source: &Path, camera: &Camera) -> Option<PathBuf> {
     (camera.start == 0 && path.is_file()).then_some(path)
 }
 
-/// The detections of the chosen frames, `{"frame_id", "instances": [{"keypoints": [[x, y], ..], "keypoint_scores", "bbox"}]}`;
-/// a point that no pinhole shows gets the score 0.
+/// The detections of the chosen frames; a point that no pinhole shows gets the score 0.
 fn moved(path: &Path, camera: &Camera, every: u32, n: u32) -> Result<Value> {
     let fault = |reason: String| Error::data(path, "", reason, "give the list of detections of each frame");
     let bytes = read_file(path).map_err(|fault_of| fault(format!("cannot be read: {fault_of}")))?;

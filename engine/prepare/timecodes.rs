@@ -8,8 +8,8 @@ use super::video::Video;
 /// Cameras that were told the time together begin within so many seconds; others' codes say nothing.
 pub(super) const LONGEST: f64 = 600.0;
 
-/// The number since midnight of the frame with a time code, HH:MM:SS:FF; with a semicolon before the frames two numbers are left out
-/// at the beginning of every minute but each tenth, so that the code keeps up with the clock at 29.97 and 59.94 frames a second.
+/// The number since midnight of the frame with a time code HH:MM:SS:FF; with a semicolon before the frames (drop-frame), two numbers are
+/// left out at the beginning of every minute but each tenth.
 pub(super) fn frame_of_day(code: &str, fps: f64) -> Option<u32> {
     let fields: Vec<u32> = code.split([':', ';']).map(|field| field.parse().ok()).collect::<Option<_>>()?;
     let [hours, minutes, seconds, frames] = fields[..] else { return None };
@@ -22,8 +22,8 @@ pub(super) fn frame_of_day(code: &str, fps: f64) -> Option<u32> {
     ((60 * minutes + seconds) * base + frames).checked_sub(left_out)
 }
 
-/// By name, frames by which the clip begins later in a camera's video, so that all begin with the last one. `None` where one has no
-/// time code, or they are too far apart or of different rates.
+/// By name, frames by which the clip begins later in a camera's video. `None` where time codes are missing, too far apart, or of
+/// different rates.
 pub(super) fn shifts(videos: &[(&str, Option<&Video>)]) -> Option<BTreeMap<String, f64>> {
     let told: Vec<(&str, u32, f64)> = videos
         .iter()
@@ -37,7 +37,7 @@ pub(super) fn shifts(videos: &[(&str, Option<&Video>)]) -> Option<BTreeMap<Strin
         .then(|| told.iter().map(|(name, code, _)| ((*name).to_owned(), f64::from(last - code))).collect())
 }
 
-/// What time codes say, where nobody asked for them and they say that cameras did not begin together.
+/// A note where time codes say that cameras did not begin together, and nobody asked for them.
 pub(super) fn note(videos: &[(&str, Option<&Video>)]) -> Option<String> {
     let shifts = shifts(videos)?;
     let told: Vec<String> =

@@ -6,7 +6,7 @@ use super::settings::PrepareSettings;
 use super::video::{RATE_TOLERANCE, Video};
 use crate::report::statistics::median;
 
-/// What rounding of times in containers may add to half a frame, seconds.
+/// The rounding of times in containers, beyond half a frame, seconds.
 const ROUNDED: f64 = 1e-3;
 /// Pictures that tell where a video's frames are between those of the clip.
 const ASKED: usize = 101;
@@ -59,8 +59,7 @@ impl Timeline {
         self.clips.get(name).map_or(0.0, |clip| clip.begins + f64::from(frame) / self.fps)
     }
 
-    /// The number that a frame has among those that a video would have at the clip's rate from its first picture on; below 0 where that
-    /// comes later.
+    /// The number of a frame in a video of the clip's rate from its first picture on; below 0 before that.
     pub fn index(&self, name: &str, video: &Video, frame: u32) -> Option<i64> {
         Some(((self.snapped(name, frame)? - video.times[0]) * self.fps).round() as i64)
     }

@@ -119,8 +119,7 @@ fn source_frame(images: &Images, frame: u32) -> u32 {
     start + frame * every
 }
 
-/// The points of the source that are not of single frames, for the journal: each format has them in another file. Where none of
-/// them is taken, how many there are.
+/// The source's points of no single frame, for the journal: a digest, or their number where none is taken.
 fn digest(source: &Source, what: Triangulate) -> Value {
     if what != Triangulate::None || source.points.is_empty() {
         return json!(source.points.len());
@@ -134,7 +133,7 @@ fn digest(source: &Source, what: Triangulate) -> Value {
     json!([source.points.len(), format!("{:x}", hash.finalize())])
 }
 
-/// Of which frames points are triangulated, and whether the source's are kept.
+/// The frames whose points are triangulated, and whether the source's are kept.
 pub(super) fn asked(source: &Source, settings: &PrepareSettings) -> (Triangulate, bool) {
     let has_points = source.frame_points.is_some() || !source.points.is_empty();
     // A camera that is shifted shows other times than those of the points.
@@ -155,7 +154,7 @@ pub(super) fn n_pairs(cameras: usize) -> usize {
     MATCHED.count(cameras)
 }
 
-/// What COLMAP will need, unless all points that are asked for are there from an earlier run: itself, and two cameras.
+/// Refuses what COLMAP cannot triangulate, unless all points are there from an earlier run.
 pub(super) fn require(images: &Images, source: &Source, settings: &PrepareSettings) -> Result<()> {
     let points = |frame: u32| images.output.join(format!("points/{frame:05}.ply")).is_file();
     let has_points = match asked(source, settings).0 {
@@ -186,7 +185,7 @@ struct Triangulation<'a> {
     /// Everything that COLMAP needs and nobody else.
     work: PathBuf,
     threads: usize,
-    /// Whether COLMAP finds and matches features on a GPU.
+    /// True if COLMAP finds and matches features on a GPU.
     on_gpu: bool,
 }
 
@@ -304,7 +303,7 @@ impl Triangulation<'_> {
             _ => self.triangulated(&colmap, models, &work.join(frame.to_string())),
         });
         let found = found.collect();
-        // What stays is removed with the whole folder at the end.
+        // The whole folder is removed at the end.
         let _ = fs::remove_dir_all(&work);
         found
     }
@@ -369,7 +368,7 @@ fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
     groups
 }
 
-/// Whether COLMAP can find and match features on a GPU: it was built with CUDA, and the machine has a GPU of NVIDIA.
+/// True if COLMAP can find and match features on a GPU: it was built with CUDA, and the machine has a GPU of NVIDIA.
 fn on_gpu() -> bool {
     let has_gpu = || fs::read_dir("/proc/driver/nvidia/gpus").is_ok_and(|mut gpus| gpus.next().is_some());
     has_gpu()

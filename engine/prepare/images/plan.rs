@@ -1,5 +1,4 @@
-//! What becomes of a source's cameras: which frames, which part of their pictures, which size. Everything that does not fit is a
-//! fault, so that nothing is written before all of it fits.
+//! The plan of a source's images: frames, crops, sizes. Everything that does not fit is a fault before anything is written.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -28,8 +27,7 @@ pub(super) struct Plan {
     pub notes: Vec<String>,
     pub select: Selection,
     pub timeline: Option<Timeline>,
-    /// By camera, what of a shift is less than a frame: how much later its pictures are than their frames, frames of the capture. Empty where
-    /// no shift is known so finely.
+    /// By camera, the part of a shift below a frame: how much later its pictures are, frames. Empty where shifts are whole.
     pub rests: BTreeMap<String, f64>,
     pub made_from: Value,
 }
@@ -238,7 +236,6 @@ impl Planned<'_> {
         Some(chosen)
     }
 
-    /// That a camera has nothing yet where the clip begins.
     fn begins_early<T>(&mut self, place: &str, n_before: u32) -> Option<T> {
         let reason = format!("is to begin {n_before} frames before its footage");
         let remedy = format!("begin at frame {} or later: --frames {0}:", self.select.start + n_before);

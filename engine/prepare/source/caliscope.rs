@@ -1,5 +1,5 @@
-//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4` and, beside them, `timestamps.csv` with the time at which each of
-//! their frames arrived; `tools/board_clocks.py` makes of it that at which the frame was taken.
+//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4` and `timestamps.csv` with the arrival of each frame, of which
+//! `tools/board_clocks.py` makes the time of each.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -118,8 +118,8 @@ fn rows(numbers: &[f64]) -> Option<[[f64; 3]; 3]> {
     Some([[a, b, c], [d, e, f], [g, h, i]])
 }
 
-/// The numbers of each key of a file that OpenCV wrote. Readers of YAML refuse its first line, `%YAML:1.0`. A
-/// matrix is `KEY: !!opencv-matrix` with its elements in `data: [..]`, row by row.
+/// The numbers of each key of an OpenCV file, whose first line, `%YAML:1.0`, YAML readers refuse. A matrix is
+/// `KEY: !!opencv-matrix` with its elements in `data: [..]`, row by row.
 fn values(text: &str) -> Values {
     let mut values = Values::new();
     let mut key = "";

@@ -14,8 +14,8 @@ const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "m4v", "mts", "m2
 const FOLDERS: [&str; 5] = ["", "videos", "images", "calibration/extrinsic", "recordings"];
 const NAMED: usize = 5;
 
-/// The video `<folder>/<name>.mp4` (or of another ending), the images of `<folder>/<name>` or `<folder>/<name>/images`, the first of
-/// them being frame 0 (what their numbers leave out is missing), or the one clip in `<folder>/<name>`.
+/// The video `<folder>/<name>.mp4` (or another ending), the images of `<folder>/<name>` or its `images`, numbered from the first on, or
+/// the one clip in `<folder>/<name>`.
 pub(in crate::prepare) fn find(footage: &Path, name: &str) -> Option<Footage> {
     FOLDERS.iter().find_map(|folder| {
         let stem = footage.join(folder).join(name);
@@ -44,7 +44,7 @@ pub(super) fn clips(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// What a folder holds that is not hidden, in the order of numbers.
+/// The entries of a folder that are not hidden, in the order of numbers.
 pub(in crate::prepare) fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut files: Vec<PathBuf> = entries.filter(|path| !is_hidden(path)).collect();
@@ -167,12 +167,12 @@ pub(in crate::prepare) fn is_video(path: &Path) -> bool {
     !is_hidden(path) && ending.is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)) && path.is_file()
 }
 
-/// Whether a film has the ending of those that phones put beside a photo, with its name (Live Photo).
+/// True if a film has the ending of those that phones put beside a photo, with its name (Live Photo).
 pub(super) fn is_of_phone(film: &Path) -> bool {
     film.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mov"))
 }
 
-/// Whether a folder of a source holds a video, or a folder of each of several cameras with a clip. The short film of a Live Photo is none.
+/// True if a folder of a source holds a video, or folders of several cameras with a clip each; the film of a Live Photo is none.
 pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
     let is_loose = FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok()).any(|entries| {
         let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
@@ -186,8 +186,7 @@ pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
     is_loose || (loose_names(footage).is_empty() && camera_folders(footage).len() > 1)
 }
 
-/// Names of all videos in the folders of a source, without ending, in the order of numbers; where there is none, those of the folders
-/// that hold one clip each.
+/// Names of all videos in the folders of a source, in the order of numbers; else of the folders that hold one clip each.
 pub(in crate::prepare) fn video_names(footage: &Path) -> Vec<String> {
     let names = loose_names(footage);
     if names.is_empty() { camera_folders(footage) } else { names }
@@ -243,8 +242,8 @@ fn images(folder: &Path) -> Option<Footage> {
     (!shots.is_empty()).then_some(Footage::Images(shots))
 }
 
-/// The frames of `files` by the numbers that their names end with, so that a lost image does not move those behind it to earlier
-/// frames. None where the names are not numbers in even steps with most of them there, such as times.
+/// The frames of `files` by the numbers that their names end with, so that a lost image does not move later ones. None where the names
+/// are not numbers in even steps, such as times.
 pub(super) fn numbered(files: &[PathBuf]) -> Option<Vec<u32>> {
     let split = |path: &PathBuf| -> Option<(String, u64)> {
         let stem = path.file_stem()?.to_str()?;

@@ -7,9 +7,8 @@ use crate::scene::undistort::{Distortion, Lens};
 
 const REMEDY: &str = "give the file that came with the videos, and all of them";
 
-/// Whether it is a clip of cameras whose poses `poses_bounds.npy` has: so many videos, or folders of frames. The photographs of LLFF
-/// and Mip-NeRF 360 have such a file too, the latter beside COLMAP's model, which says more; the film they were taken from may lie
-/// there as well.
+/// True for a clip of cameras with `poses_bounds.npy`: as many videos, or folders of frames, as rows. LLFF's and Mip-NeRF 360's
+/// photographs have such a file too.
 pub(super) fn is_n3v(place: Place) -> bool {
     let poses = place.folder.join("poses_bounds.npy");
     let n_clips = || {
@@ -51,8 +50,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     source
 }
 
-/// The row of each of the cameras `names`, which are in the order of their numbers, of `n`; and what was decided. Only the order ties
-/// names to rows.
+/// The row of each of the cameras `names`, in the order of their numbers, of `n`; and a note. Only the order ties names to rows.
 fn rows(names: &[String], n: usize) -> Result<(Vec<usize>, Option<String>), (String, String)> {
     if names.len() == n {
         let by_text = names.is_sorted();

@@ -12,8 +12,8 @@ use crate::scene::capture::Faults;
 const FOLDERS: [&str; 3] = ["masks", "mask", "fmasks"];
 const NAMED: usize = 5;
 
-/// Finds the masks of a source's cameras: `<folder>/<camera>/` with one of each frame or, of a camera with one picture,
-/// `<folder>/<picture>.png`. Where there are none at all it is a fault.
+/// Finds the masks of a source's cameras: `<folder>/<camera>/` with one of each frame, or `<folder>/<picture>.png` of one picture. None at
+/// all is a fault.
 pub(super) fn find(source: &mut Source, folder: &Path, faults: &mut Faults) {
     let found = source.cameras.iter().filter_map(|camera| Some((camera.name.clone(), of_camera(camera, folder)?)));
     let found: Masks = found.collect();
@@ -68,7 +68,7 @@ fn of_camera(camera: &SourceCamera, folder: &Path) -> Option<BTreeMap<u32, PathB
     }
 }
 
-/// Whether a mask has the name of a picture: `a.png` or `a.jpg.png` of `a.jpg`.
+/// True if a mask has the name of a picture: `a.png` or `a.jpg.png` of `a.jpg`.
 fn is_of(mask: &Path, image: &Path) -> bool {
     let stem = mask.file_stem();
     stem.is_some() && (stem == image.file_stem() || stem == image.file_name())

@@ -1,4 +1,4 @@
-//! What others recorded: cameras with their lenses and poses, and where their pictures are.
+//! Recordings by others: cameras with their lenses and poses, and where their pictures are.
 
 mod caliscope;
 mod captures;
@@ -26,8 +26,7 @@ use crate::words::count;
 type Recogniser = fn(Place) -> bool;
 type Reader = fn(Place, &mut Faults) -> Source;
 
-/// Every format beyond those that are read as captures: its name, how a folder is recognised, how it is read. The first that
-/// fits is taken.
+/// Every format beyond captures: its name, how a folder is recognised, how it is read. The first that fits is taken.
 const FORMATS: [(&str, Recogniser, Reader); 7] = [
     ("Google Immersive", |place| place.folder.join("models.json").is_file(), immersive::read),
     ("N3V", llff::is_n3v, llff::read),
@@ -43,7 +42,7 @@ const FORMATS: [(&str, Recogniser, Reader); 7] = [
 pub struct Recognised {
     /// An English phrase, such as `a Pose2Sim recording`.
     pub what: String,
-    /// What to give to [`crate::prepare::prepare`]: the path itself or, of several recordings in it, the first.
+    /// The path for [`crate::prepare::prepare`]: the path itself or, of several recordings in it, the first.
     pub source: PathBuf,
 }
 

@@ -1,4 +1,4 @@
-//! What a folder holds that is no source.
+//! Hints at the content of a folder that is no source.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ use crate::scene::capture::{is_capture, unread_poses};
 /// Folders that are searched for a source, at each depth.
 const SEARCHED: usize = 64;
 const NAMED: usize = 5;
-/// What is to be given of a path that is a source, and what it is.
+/// The path to give for a source, and its kind.
 type Recognise = fn(&Path) -> Option<(PathBuf, String)>;
 
 /// The fault of a path that is no source.
@@ -61,7 +61,7 @@ fn is_of_photos(folder: &Path) -> bool {
     files(folder).iter().filter(|file| kind(file) != Kind::Other).nth(1).is_some()
 }
 
-/// What lies one or two folders down and is a source.
+/// A source one or two folders down.
 fn inside(held: &[PathBuf], recognise: Recognise) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
     for folder in held.iter().filter(|path| path.is_dir()).take(SEARCHED) {

@@ -1,5 +1,5 @@
-//! Pose2Sim: videos and, in `calibration/`, Qualisys' `*.qca.txt` or a `Calib*.toml`; and what has such a file of any name beside the
-//! videos: anipose, freemocap, aniposelib.
+//! Pose2Sim: videos and, in `calibration/`, Qualisys' `*.qca.txt` or a `Calib*.toml`; and anipose, freemocap, aniposelib, which have
+//! such a file of any name beside the videos.
 
 use std::path::{Path, PathBuf};
 
@@ -40,9 +40,9 @@ fn in_folder(folder: &Path) -> Option<PathBuf> {
     let folders: Vec<PathBuf> =
         files(folder).into_iter().filter(|path| name(path).contains(CALIBRATION) && path.is_dir()).collect();
     let mut found: Vec<PathBuf> = folders.iter().flat_map(|folder| files(folder)).filter(named).collect();
-    // What Pose2Sim made of the file of Qualisys comes before that.
+    // Pose2Sim's own file comes before that of Qualisys.
     found.sort_by_key(|path| (name(path).ends_with(".qca.txt"), path.clone()));
-    // What is a capture says more.
+    // A capture says more.
     let own = (!is_capture(folder)).then(|| folder.to_owned());
     let mut others = own.into_iter().chain(folders).flat_map(|folder| files(&folder));
     found.into_iter().next().or_else(|| others.find(|path| is_toml(path) && has_cameras(path)))
@@ -58,7 +58,7 @@ fn above(place: Place) -> Option<PathBuf> {
     (alike.count() >= LEAST_ALIKE).then_some(found)
 }
 
-/// Whether a file is a calibration of this form, whatever its name: Pose2Sim and others have settings in files of this kind too.
+/// True if a file is a calibration of this form, whatever its name: Pose2Sim and others have settings in files of this kind too.
 fn has_cameras(path: &Path) -> bool {
     let table = read_text(path).ok().and_then(|text| toml::from_str::<toml::Table>(&text).ok());
     let is_camera =
@@ -192,8 +192,7 @@ fn qualisys_camera(camera: Node) -> Result<(Lens, Pose), String> {
     if number(intrinsic, "skew")? != 0.0 {
         return Err("has skew".to_owned());
     }
-    // The coefficients are of OpenCV's kind, without the factor of the lengths. Pose2Sim divides them too, which leaves
-    // nothing of the distortion.
+    // The coefficients are of OpenCV's kind; Pose2Sim divides them by the lengths, which leaves no distortion.
     let radial = ["radialDistortion1", "radialDistortion2", "radialDistortion3"].map(|name| number(intrinsic, name));
     let [k1, k2, k3] = radial;
     let tangential = [number(intrinsic, "tangentalDistortion1")?, number(intrinsic, "tangentalDistortion2")?];

@@ -45,7 +45,7 @@ pub(in crate::prepare) type Masks = BTreeMap<String, BTreeMap<u32, PathBuf>>;
 /// A point and the names of the cameras that saw it.
 pub(in crate::prepare) type SourcePoint = (Point, Vec<String>);
 
-/// What is known of the times that cameras' pictures show.
+/// Known times of the cameras' pictures.
 #[derive(Debug, Default, PartialEq)]
 pub(in crate::prepare) enum Clocks {
     #[default]
@@ -71,7 +71,7 @@ pub(in crate::prepare) struct Source {
     pub frame_points: Option<FramePoints>,
     /// A folder of photographs of what rests, which are a capture of their own.
     pub photos: Option<PathBuf>,
-    /// Whether a camera may be without an image of some frames.
+    /// True if a camera may be without an image of some frames.
     pub may_lack: bool,
     /// Of a folder that was given for them.
     pub masks: Masks,

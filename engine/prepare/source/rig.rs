@@ -1,6 +1,5 @@
-//! COLMAP's calibration (text or binary) with a video or an image sequence of each camera: ImViD, and what others export for
-//! COLMAP. An image named `<camera>.<ext>` or `<camera>/<frame>.<ext>` gives a camera's pose; several of one camera, a moving
-//! camera's at those frames.
+//! COLMAP's calibration with a video or an image sequence of each camera, as ImViD's. An image named `<camera>.<ext>` or
+//! `<camera>/<frame>.<ext>` gives a camera's pose; several of one camera, a moving camera's at those frames.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,9 +8,8 @@ use super::footage;
 use super::recording::{Footage, Place, Source, SourceCamera};
 use crate::scene::capture::{Faults, Posed, camera_place, chosen_model, images_folder, read_images};
 
-/// Whether the cameras of the model have footage: a video, or more images than the model has of them. Cameras of a rig that have none
-/// are reported as faults. But footage may also have strayed into a plain project: the film of a Live Photo, or a folder of which one
-/// image was placed. Where it may have, this is a rig only if more of the model's images have footage than are there without any.
+/// True if the cameras of the model have footage: a video, or more images than the model has of them. Footage may have strayed into a
+/// plain project, as the film of a Live Photo; then most of the model's images must have footage.
 pub(super) fn is_rig(place: Place) -> bool {
     // A capture folder is read as one.
     if place.folder.join("capture.toml").is_file() {
@@ -20,7 +18,7 @@ pub(super) fn is_rig(place: Place) -> bool {
     let Some(folder) = model(place) else { return false };
     let model = read_images(&folder, &mut Faults::default());
     let images = images_folder(place.folder, &place.settings.capture);
-    // What is given as footage is no film of a Live Photo.
+    // A video that is given as footage is no film of a Live Photo.
     let may_be_live = place.settings.footage.is_none();
     let (mut n_with, mut n_perhaps, mut n_without, mut has_live) = (0, 0, 0, false);
     for (name, posed) in by_camera(&model.images) {
@@ -53,7 +51,7 @@ fn model(place: Place) -> Option<PathBuf> {
     Some(chosen_model(place.folder, &place.settings.capture).ok()??.0)
 }
 
-/// Whether a film lies beside an image of its name, as phones put it there.
+/// True if a film lies beside an image of its name, as phones put it there.
 fn is_beside(posed: &[&Posed], film: &Path) -> bool {
     posed.iter().any(|posed| posed.name.file_name().is_some_and(|name| film.with_file_name(name).is_file()))
 }

@@ -20,8 +20,7 @@ use crate::scene::undistort::Lens;
 /// Pictures are searched for features in this size at most, and for so many: the time to match two grows with their square.
 const MAX_SIDE: &str = "1600";
 const MAX_FEATURES: &str = "4096";
-/// Pixels by which a feature may miss the still scene, per pixel of the picture's longer side, and at least. COLMAP allows 4:
-/// between two frames what moves is no farther off, and takes the rig with it.
+/// Pixels by which a feature may miss the still scene, per pixel of the longer side, and at least. COLMAP's 4 would include moving things.
 const MISS: f64 = 1.0 / 640.0;
 const LEAST_MISS: f64 = 1.0;
 
@@ -129,7 +128,7 @@ impl Block<'_> {
         (MISS * f64::from(side)).max(LEAST_MISS).to_string()
     }
 
-    /// What COLMAP has found, in the scale and place of what was known.
+    /// The found poses, in the scale and place of the known ones.
     fn read(&self, found: &Path, names: &[Vec<String>]) -> Result<Vec<Vec<Option<Pose>>>> {
         let mut faults = Faults::default();
         let model = read_images(found, &mut faults);

@@ -1,8 +1,5 @@
-//! A rig of cameras that moves, followed through the clip: COLMAP places the cameras of key frames, some at a time, among those of
-//! the key frame before, which it holds. What lies between key frames is interpolated.
-//!
-//! A block of key frames has a database of its own, so that time grows with the clip and memory does not. Each placed key frame
-//! is a file in `reconstruction/track`.
+//! A moving rig, followed through the clip: COLMAP places the cameras of some key frames at a time among those of the key frame before;
+//! poses between are interpolated. Each placed key frame is a file in `reconstruction/track`.
 
 mod block;
 mod motion;

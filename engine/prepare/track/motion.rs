@@ -1,4 +1,4 @@
-//! How a rig moves: its cameras are rigidly joined, so that those which were placed tell where the others are.
+//! The motion of a rig, from those of its cameras that were placed.
 
 use glam::{DMat3, DQuat, DVec3, DVec4};
 
@@ -7,7 +7,7 @@ use crate::scene::Pose;
 
 /// A camera is misplaced that is farther from where its rig puts it than so many times what half of the cameras are.
 const MISPLACED: f64 = 5.0;
-/// What is no fault in any case: a part of the rig's size, and radians. Cameras whose clocks differ are not quite rigid.
+/// Allowed in any case: a part of the rig's size, and radians.
 const TOLERANCE: [f64; 2] = [0.02, 0.02];
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -51,8 +51,7 @@ fn angle(a: &DMat3, b: &DMat3) -> f64 {
     (0.5 * (turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos()
 }
 
-/// The rig's motion from where its cameras were first to where those are now that were placed, and which of these agree with it;
-/// none where fewer than `least` do.
+/// The rig's motion from the `first` poses to those that were placed, and which of these agree with it; none where fewer than `least` do.
 pub(super) fn rigid(first: &[Pose], now: &[Option<Pose>], least: usize) -> Option<(Motion, Vec<bool>)> {
     let pairs: Vec<Option<(Pose, Pose)>> = first.iter().zip(now).map(|(a, b)| b.map(|b| (*a, b))).collect();
     let placed: Vec<(Pose, Pose)> = pairs.iter().flatten().copied().collect();
@@ -74,8 +73,7 @@ pub(super) fn rigid(first: &[Pose], now: &[Option<Pose>], least: usize) -> Optio
     (good.len() >= least).then(|| (Motion::of_cameras(&good), agree))
 }
 
-/// Takes `now` to the scale and place of `before`, which are poses of the same cameras: COLMAP shifts and scales a model, and
-/// does not turn it. Returns what is done to a pose.
+/// Takes poses of `now` to the scale and place of `before`: COLMAP shifts and scales a model, and does not turn it.
 pub(super) fn back(before: &[Pose], now: &[Pose]) -> impl Fn(&Pose) -> Pose + use<> {
     let mean = |poses: &[Pose]| poses.iter().map(Pose::center).sum::<DVec3>() / poses.len().max(1) as f64;
     let spread =

@@ -15,8 +15,8 @@ const NEAR: f64 = 5e-4;
 /// Pictures that are decoded before the first one of interlaced video, whose lines it is made of too.
 const BEFORE: usize = 3;
 
-/// Decodes a part of `pictures` (their numbers in [`Video::times`], growing), `size` pixels each (scaled by area), and gives each to
-/// `take`, with its place among them, as packed RGB. Where ffmpeg can seek, nothing before the key frame of the first one is decoded.
+/// Decodes a part of `pictures` (growing numbers in [`Video::times`]), scaled to `size`, and gives each to `take`, with its place among
+/// them, as packed RGB. ffmpeg seeks to the key frame before the first.
 pub(in crate::prepare) fn decode(
     video: &Video,
     pictures: &[usize],
@@ -86,8 +86,7 @@ fn arguments(
         .push("settb=AVTB,metadata=mode=add:key=ivv:value=1,metadata=mode=print:file='pipe\\:2':direct=1".to_owned());
     filters.extend(video.colour.as_ref().map(|colour| colour.filter.clone()));
     filters.push(format!("crop={w}:{h}:{x}:{y}:exact=1,scale={width}:{height}"));
-    // Containers find a key frame by when it is stored, which is before it is shown: what is asked for is the time of the last one that
-    // is shown before the first picture. ffmpeg counts from where the file begins.
+    // Containers find a key frame by when it is stored, before it is shown; ffmpeg counts from where the file begins.
     let key = video.keys[..video.keys.partition_point(|key| *key <= video.times[begin] + NEAR)].last();
     let seek = key.map(|key| key + NEAR - video.begins).filter(|to| *to > 0.1).map(|to| to.to_string());
     let threads = threads.to_string();
@@ -99,8 +98,7 @@ fn arguments(
     before.chain(input(&video.path)).chain(after.iter().chain(&output).map(OsString::from)).collect()
 }
 
-/// Where the wanted times are evenly spaced among `times`, which begin with the first of them, and leave some out: their step, and how far
-/// from it they are at most.
+/// The step of wanted times that are evenly spaced among `times` and leave some out, and how far from it they are at most.
 fn even(times: &[f64], wanted: &[f64]) -> Option<(f64, f64)> {
     let (first, last) = (wanted.first()?, wanted.last()?);
     let n_between = times.iter().take_while(|time| *time <= last).count();

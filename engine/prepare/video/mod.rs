@@ -43,9 +43,9 @@ pub(super) struct Video {
     pub timecode: Option<u32>,
     /// How many pictures the file's index names, where it names more than are there.
     pub named: Option<u32>,
-    /// What makes its pictures BT.709; nothing where they are.
+    /// The conversion of its pictures to BT.709; nothing where they are.
     pub colour: Option<Conversion>,
-    /// Whether the first field of an interlaced picture is the top one; none where pictures are whole.
+    /// True if the first field of an interlaced picture is the top one; none where pictures are whole.
     pub top_first: Option<bool>,
     /// When key frames are shown that ffmpeg finds, in order.
     keys: Vec<f64>,
@@ -65,8 +65,7 @@ pub(super) struct Selection {
     pub n: u32,
 }
 
-/// Writes the sound of a part of a video as WAV of one channel; `from` in seconds of the file's clock. Where it has none yet it is
-/// silent.
+/// Writes the sound of a part of a video, silent before it begins, as WAV of one channel; `from` in seconds of the file's clock.
 pub(super) fn sound(video: &Video, from: f64, length: f64, to: &Path) -> Result<()> {
     let (from, length) = ((from - video.begins).max(0.0).to_string(), length.to_string());
     let before = ["-v", "error", "-nostdin", "-ss", &from, "-t", &length].map(OsString::from);
@@ -102,8 +101,7 @@ fn set_wav_length(wav: &mut [u8]) {
     }
 }
 
-/// Writes pictures of a video, by their numbers in it, as JPEG to `folder`, unless all are there; `name` gives each its name by its
-/// place among them.
+/// Writes pictures of a video as JPEG to `folder`, unless all are there; `name` gives each its name by its place among them.
 pub(super) fn write_pictures(
     folder: &Path,
     video: &Video,

@@ -9,14 +9,14 @@ use crate::prepare::program::FFPROBE;
 use crate::report::statistics::median_high;
 use crate::video::input;
 
-/// When each picture is shown, seconds, in order, and how many pictures the file holds that are not shown: those before the beginning of
-/// a clip that was trimmed without encoding it again.
+/// When each picture is shown, seconds, in order, and how many are not shown: those before the beginning of a clip that was trimmed
+/// without encoding it again.
 pub(super) struct Shown {
     pub times: Vec<f64>,
     /// When key frames are shown, at which decoding can begin.
     pub keys: Vec<f64>,
     pub n_hidden: usize,
-    /// Whether packets said so. Else the video was decoded.
+    /// True if packets said so. Else the video was decoded.
     pub by_packets: bool,
 }
 
@@ -37,7 +37,7 @@ struct Packets {
     times: Vec<f64>,
     keys: Vec<f64>,
     n_hidden: usize,
-    /// Whether all that are shown have a time.
+    /// True if all that are shown have a time.
     is_told: bool,
 }
 
@@ -90,8 +90,7 @@ const OFF: f64 = 0.2;
 /// Pictures of the rate at the beginning that count as much as all those that are seen until then.
 const TRUSTED: f64 = 10.0;
 
-/// Pictures per second where none is lost. Containers round times, to milliseconds some of them, and phones are never quite on time: a
-/// rate that the file states, or that cameras have, is taken where it is as close as that.
+/// Pictures per second where none is lost: a rate that the file states, or that cameras have, where rounded times are close to it.
 pub(super) fn rate(times: &[f64], stated: &[f64]) -> Option<f64> {
     let steps = times.windows(2).map(|two| two[1] - two[0]);
     let Some(middle) = median_high(steps).filter(|step| *step > 0.0) else { return stated.first().copied() };
@@ -116,7 +115,7 @@ pub(super) fn rate(times: &[f64], stated: &[f64]) -> Option<f64> {
     Some(close.min_by(|a, b| distance(a).total_cmp(&distance(b))).copied().unwrap_or(found))
 }
 
-/// Whether the first pictures are near the steps of a rate, each at one of its own.
+/// True if the first pictures are near the steps of a rate, each at one of its own.
 fn fits(times: &[f64], rate: f64) -> bool {
     let times = &times[..times.len().min(ASKED)];
     let frames: Vec<f64> = times.iter().map(|time| (time - times[0]) * rate).collect();
