@@ -1,4 +1,4 @@
-//! What every format ends in: cameras as they were read, checked against their images.
+//! Cameras as every format reads them, checked against their images.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -32,7 +32,7 @@ pub(crate) struct CaptureBuilder {
     /// Names are unique, shots have different frames.
     pub cameras: Vec<Camera>,
     pub points: Vec<Point>,
-    /// What the lenses of cameras do, by name; nothing where a camera is not named.
+    /// Notes of lenses by camera; nothing where a camera is not named.
     pub distorted: BTreeMap<String, Distortion>,
     pub frame_points: Option<FramePoints>,
     pub true_offsets: BTreeMap<String, f64>,
@@ -206,8 +206,7 @@ impl CaptureBuilder {
         self.note_alpha(settings, report);
     }
 
-    /// Compares the size of every image, mask and prior with its camera's. Their headers are read by all cores: on a disk of a network
-    /// each waits for an answer.
+    /// Compares the size of every image, mask and prior with its camera's, with all cores: network disks answer slowly.
     fn check_sizes(&mut self, faults: &mut Faults) {
         let mut n_turned = 0_usize;
         let of_picture: ReadSize = |file| read_size(file).map_err(Error::from);
@@ -327,8 +326,7 @@ pub(crate) fn check_names<'a>(
     }
 }
 
-/// The one factor, other than 1, by which the images of all cameras differ from their calibration, when there is one within
-/// the rounding of either side to whole pixels: as a word, `1/4` or a number.
+/// The one factor, other than 1, by which all cameras' images differ from their calibration: as a word, `1/4` or a number.
 fn common_factor(cameras: &[Camera]) -> Option<String> {
     let (mut low, mut high) = (0.0_f64, f64::INFINITY);
     for camera in cameras {

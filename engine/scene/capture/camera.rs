@@ -64,12 +64,12 @@ impl Camera {
         self.shots.binary_search_by_key(&frame, |shot| shot.frame).ok().map(|index| &self.shots[index])
     }
 
-    /// Whether it films the clip that is trained on: it is neither kept for testing nor a photograph.
+    /// True if it films the clip that is trained on: it is neither kept for testing nor a photograph.
     pub fn films(&self) -> bool {
         !self.is_test && !self.is_photo
     }
 
-    /// Whether its shots have poses of their own.
+    /// True if its shots have poses of their own.
     pub fn moves(&self) -> bool {
         self.shots.iter().any(|shot| shot.world_to_camera.is_some())
     }
@@ -125,10 +125,8 @@ pub struct Point {
 pub struct Extent {
     /// Mean of the training cameras' centres, world.
     pub center: [f64; 3],
-    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's scene extent). Where the points are
-    /// more than three times as far from there in the median, it goes over to that median distance, which it is from four times
-    /// on: around a small rig that looks outward the scene is as large as it is far. When the cameras coincide: that distance
-    /// too, or 1 when there are no points.
+    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's extent). Where the points' median is more
+    /// than three times as far, it goes over to that distance, which it is from four times on and when the cameras coincide; else 1.
     pub radius: f64,
 }
 

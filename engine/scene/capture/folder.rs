@@ -22,7 +22,7 @@ use crate::scene::undistort::{Distortion, Lens};
 
 const FILE: &str = "capture.toml";
 pub(crate) const PHOTOS: &str = "photos";
-/// What `ivv prepare` begins a capture folder with; the manifest is the last that it writes.
+/// The first file of `ivv prepare` in a capture folder; the manifest is its last.
 pub(crate) const JOURNAL: &str = "prepare.json";
 /// Images of a camera that are named one by one when they are missing: no number in a file makes the list longer.
 const MAX_MISSING: u32 = 1000;
@@ -101,8 +101,7 @@ impl Manifest {
     }
 }
 
-/// Whether the folder is a capture that `ivv prepare` began and has not finished: what is there of it may look like another
-/// format.
+/// True if `ivv prepare` began the capture in this folder and has not finished it.
 pub(crate) fn is_unfinished(path: &Path) -> bool {
     path.join(JOURNAL).is_file() && !path.join(FILE).exists()
 }
@@ -311,8 +310,7 @@ impl Priors {
     }
 }
 
-/// The images of the model by camera: `<camera>.<ext>` or `<camera>/<frame>.<ext>`. A camera with one of them stands
-/// still; one with several moves and has one for each frame.
+/// The images of the model by camera: `<camera>.<ext>`, or several `<camera>/<frame>.<ext>` of a camera that moves.
 fn cameras(
     path: &Path,
     file: &Path,

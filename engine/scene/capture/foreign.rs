@@ -8,7 +8,7 @@ use super::names::is_hidden;
 use crate::files::open_file;
 
 const START: u64 = 4096;
-/// What leads on from every program that has poses.
+/// The remedy of every program that has poses.
 const EXPORT: &str = "export them as a COLMAP model or transforms.json";
 
 /// Programs whose poses are not read: by the ending of a file, and by what its first bytes hold, one of these.

@@ -1,4 +1,5 @@
-//! Which frames of a clip are used.
+//! The frames of a clip that are used. As text `A:B:S`: every `S`-th frame from `A` up to, but not including, `B`; also `A:B`, `A:`,
+//! `:B`, and a number of first frames.
 
 use std::fmt;
 use std::str::FromStr;
@@ -52,7 +53,7 @@ impl Frames {
         past.is_multiple_of(self.every.max(1)).then_some(past / self.every.max(1))
     }
 
-    /// Whether they are all frames of every clip.
+    /// True if they are all frames of every clip.
     pub fn are_all(&self) -> bool {
         *self == Frames::default()
     }

@@ -1,6 +1,5 @@
-//! Width and height from the first bytes of a PNG or JPEG, for which decoders of JPEG read the whole file; and from the
-//! last bytes whether it is whole, because they make a picture of half a file too. And the decoders, held to a limit of memory and kept
-//! from ending the program.
+//! Width and height from the first bytes of a PNG or JPEG, and from the last whether it is whole, since decoders make a picture of half
+//! a file too; and the decoders, with a limit of memory and guarded against panics.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
@@ -13,12 +12,12 @@ use super::report::Fault;
 use crate::files::open_file;
 
 pub(super) const MAX_SIDE: u32 = 1 << 16;
-/// What a decoder may allocate beyond its pixels, bytes.
+/// Allocation of a decoder beyond its pixels, bytes.
 pub(in crate::scene) const DECODER_SLACK: u64 = 64 << 20;
 pub(in crate::scene) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 const JPEG: [u8; 2] = [0xff, 0xd8];
-/// What ends the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
+/// The end of the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 const PNG_END: &[u8] = b"IEND";
 /// Bytes at the end of the file in which its image's end is looked for first; some programs append a little.
@@ -103,7 +102,7 @@ pub(crate) fn size_for(path: &Path, calibrated: (u32, u32)) -> Result<(u32, u32)
     Ok(if fits { calibrated } else { size })
 }
 
-/// Whether a JPEG's EXIF says that its picture lies on its side: shown, its rows are columns.
+/// True if a JPEG's EXIF says that its picture lies on its side: shown, its rows are columns.
 pub(super) fn is_turned(path: &Path) -> bool {
     let turned = || {
         let mut from = BufReader::new(open_file(path)?);
@@ -146,7 +145,7 @@ fn tiff_orientation(tiff: &[u8]) -> Option<u16> {
     entries.into_iter().find(|at| u16_at(*at) == Some(0x0112)).and_then(|at| u16_at(at + 8))
 }
 
-/// Whether the end of a JPEG comes after its frame header; that of a thumbnail comes before.
+/// True if the end of a JPEG comes after its frame header; that of a thumbnail comes before.
 fn jpeg_ends(from: &mut BufReader<File>) -> io::Result<bool> {
     while from.skip_until(JPEG_END[0])? > 0 {
         if from.fill_buf()?.first() == Some(&JPEG_END[1]) {
@@ -156,7 +155,7 @@ fn jpeg_ends(from: &mut BufReader<File>) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Whether the header of a PNG says that it has an alpha channel; no JPEG has one.
+/// True if the header of a PNG says that it has an alpha channel; no JPEG has one.
 pub(crate) fn has_alpha(path: &Path) -> bool {
     // The signature, then length and name of the first chunk, width, height, bits of a sample, kind of the colours.
     let mut start = [0; 26];

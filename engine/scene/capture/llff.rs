@@ -22,7 +22,7 @@ const REMEDY: &str = "give the file that came with the images, and all of them";
 /// Numbers of a row: three rows of (down, right, back, centre, (height, width, focal length)), then two bounds of depth.
 const N_COLUMNS: usize = 17;
 
-/// Whether the poses are those of photographs: there are images, and not the videos or folders of frames of a clip.
+/// True if the poses are those of photographs: there are images, and not the videos or folders of frames of a clip.
 pub(super) fn is_static(named: &Named) -> bool {
     let folder = &named.folder;
     let has_images = || !images_of(&images_folder(folder, &CaptureSettings::default())).is_empty();
@@ -99,8 +99,7 @@ pub(crate) fn camera_of_row(values: &[f64]) -> std::result::Result<(Intrinsics, 
     Ok((intrinsics, Pose::at(column(values, 3), rotation)))
 }
 
-/// The images in the order of the rows. Where the order of their numbers is not that of their text, writers differ: then neighbours
-/// in number should be neighbours in space, as whoever took the pictures walked.
+/// The images in the order of the rows. Where numbers and text order differ, writers differ too: then neighbours should be near in space.
 fn ordered(by_number: Vec<PathBuf>, rows: &[Vec<f64>], notes: &mut Vec<String>) -> Vec<PathBuf> {
     let mut by_text = by_number.clone();
     by_text.sort();

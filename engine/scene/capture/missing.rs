@@ -11,7 +11,7 @@ use crate::scene::Pose;
 use glam::{DMat3, DVec3};
 
 impl CaptureBuilder {
-    /// Whether images are listed, and none of them is there.
+    /// True if images are listed, and none of them is there.
     pub(super) fn has_no_image(&self) -> bool {
         let mut shots = self.cameras.iter().flat_map(|camera| &camera.shots).peekable();
         shots.peek().is_some() && shots.all(|shot| !shot.image.exists())

@@ -1,6 +1,5 @@
-//! Captures: what several cameras saw (SPEC 8), from the formats that others write and from the project's own folder.
-//!
-//! Opening a capture reads calibrations and the headers of images, never pixels; [`FrameCache`] streams those.
+//! Captures of several cameras (SPEC 8), in others' formats and the project's own. Opening one reads calibrations and the headers of
+//! images, never pixels; [`FrameCache`] streams those.
 
 mod builder;
 mod cache;
@@ -83,11 +82,10 @@ impl Capture {
 
 /// Reads a capture as [`Capture::open_with`] does and reports all of its faults at once.
 ///
-/// A folder with `capture.toml` is the project's own (SPEC 8); with `train_meta.json`, Dynamic3DGaussians'; with
-/// `transforms.json` or `transforms_train.json`, nerfstudio's, instant-ngp's or D-NeRF's; with `cameras.bin` or
-/// `cameras.txt` in a folder of `sparse`, in `sparse` or itself, COLMAP's; with `poses_bounds.npy` and images, LLFF's; with
-/// `reconstruction.json`, OpenSfM's. One of these files stands for its folder. Of a folder that is none of them, the only capture
-/// one or two folders below it is read, with a note.
+/// A folder with `capture.toml` is the project's own (SPEC 8); with `train_meta.json`, Dynamic3DGaussians'; with `transforms.json` or
+/// `transforms_train.json`, nerfstudio's, instant-ngp's or D-NeRF's; with `cameras.bin` or `cameras.txt` in a folder of `sparse`, in
+/// `sparse` or itself, COLMAP's; with `poses_bounds.npy` and images, LLFF's; with `reconstruction.json`, OpenSfM's. One of these files
+/// stands for its folder. Else the only capture one or two folders below is read, with a note.
 pub fn check_capture(path: &Path, settings: &CaptureSettings) -> Report {
     read(path, settings).1
 }
@@ -108,7 +106,7 @@ const FORMATS: [(&str, Recogniser, Reader); 7] = [
 /// The format of the project's own captures.
 const OWN: &str = "ivv capture folder";
 
-/// Whether a path, or the only capture below it, is in one of the [`FORMATS`].
+/// True if a path, or the only capture below it, is in one of the [`FORMATS`].
 pub(crate) fn is_capture(path: &Path) -> bool {
     let named = Named::of(path);
     FORMATS.into_iter().any(|(_, is, _)| is(&named)) || only_below(&named).is_ok()
@@ -128,8 +126,7 @@ pub(crate) fn check_asked(path: &Path, format: &str, settings: &CaptureSettings)
     Ok(())
 }
 
-/// What the files of a folder in one of the [`FORMATS`] say, lenses that distort included, before it is compared with the
-/// images; `None` when the folder is in none of them.
+/// A capture as one of the [`FORMATS`] describes it, before it is compared with the images; `None` where none fits.
 pub(crate) fn describe(
     path: &Path,
     settings: &CaptureSettings,
@@ -173,7 +170,7 @@ pub(crate) fn describe(
     builder.notes.insert(0, note);
     builder.inside = Some(inside);
     if found.is_some() {
-        // What was wrong with the capture that is not read.
+        // Faults of the capture that is not read.
         *faults = Faults::default();
     }
     faults.append(own);
@@ -202,7 +199,7 @@ fn only_below(named: &Named) -> std::result::Result<PathBuf, Vec<PathBuf>> {
     }
 }
 
-/// What is said of a path that is no capture: a fault, and notes of what is there.
+/// The report of a path that is no capture: a fault, and notes of what is there.
 fn unknown(path: &Path, faults: &mut Faults) -> Vec<String> {
     let below = only_below(&Named::of(path)).err().unwrap_or_default();
     let reason = match (path.is_dir(), path.exists()) {

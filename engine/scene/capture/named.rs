@@ -1,5 +1,4 @@
-//! What somebody names as a capture (its folder, a file in it, or the folder of its model), and by which files a folder is known for one,
-//! without reading any of them.
+//! A capture by its folder, a file in it, or the folder of its model; and the files by which a folder is known for one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -74,7 +73,7 @@ fn extension(path: &Path) -> Option<String> {
     path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase)
 }
 
-/// Whether a folder, or one of its folders, holds videos: then it may be a recording, for which no capture inside it stands.
+/// True if a folder, or one of its folders, holds videos: then it may be a recording, for which no capture inside it stands.
 pub(super) fn has_videos(path: &Path) -> bool {
     let is_video = |path: &Path| extension(path).is_some_and(|e| VIDEOS.contains(&e.as_str())) && !is_hidden(path);
     let entries = |path: &Path| fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -122,7 +121,7 @@ pub(super) fn models(sparse: &Path) -> Vec<PathBuf> {
     models
 }
 
-/// Whether a folder itself looks like a capture, of whatever format.
+/// True if a folder itself looks like a capture, of whatever format.
 pub(super) fn is_capture(folder: &Path) -> bool {
     let sparse = folder.join("sparse");
     let is_llff = || folder.join("poses_bounds.npy").is_file() && IMAGES.iter().any(|name| folder.join(name).is_dir());

@@ -45,8 +45,7 @@ pub(crate) struct Spelled {
     pub leads_out: bool,
 }
 
-/// The path that `name` spells below the capture: Windows' separators are read as `/`, and what leads out is left out. Or why it
-/// is refused.
+/// The path that `name` spells below the capture, with Windows' separators read as `/`; or why it is refused.
 pub(crate) fn spelled(name: &str) -> Result<Spelled, String> {
     let refuse = |why: &str| Err(refused(name, why));
     if name.len() > MAX_BYTES {
@@ -71,8 +70,7 @@ pub(crate) fn spelled(name: &str) -> Result<Spelled, String> {
     if path.as_os_str().is_empty() { refuse("is empty") } else { Ok(Spelled { path, has_backslash, leads_out }) }
 }
 
-/// The key that sorts names as people count: numbers in them by their value, the rest as text. Of names that differ in leading zeros
-/// alone the text decides.
+/// The key that sorts names as people count: numbers by their value, the rest as text, leading zeros last.
 pub(crate) fn by_number(name: &str) -> (Vec<(String, usize, String)>, String) {
     let (mut parts, mut rest) = (Vec::new(), name);
     while !rest.is_empty() {
@@ -105,12 +103,12 @@ pub(super) fn with_image_extension(stem: &Path) -> PathBuf {
     EXTENSIONS.into_iter().map(with).find(|path| path.exists()).unwrap_or_else(|| with(EXTENSIONS[0]))
 }
 
-/// Whether a file's name begins with a dot: macOS writes such beside files on foreign drives.
+/// True if a file's name begins with a dot: macOS writes such beside files on foreign drives.
 pub(crate) fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
-/// Whether the path ends in that of a picture of any kind, and is not hidden; those that are not read are told with what they are.
+/// True if the path ends in that of a picture of any kind, and is not hidden; those that are not read are told with what they are.
 pub(super) fn is_picture(path: &Path) -> bool {
     const OTHERS: [&str; 12] =
         ["tif", "tiff", "webp", "heic", "heif", "avif", "bmp", "exr", "gif", "jxl", "dng", "ppm"];
@@ -118,7 +116,7 @@ pub(super) fn is_picture(path: &Path) -> bool {
     is_image(path) || !is_hidden(path) && extension.is_some_and(|e| OTHERS.contains(&e.as_str()))
 }
 
-/// Whether the path ends in the extension of an image, and is not hidden.
+/// True if the path ends in the extension of an image, and is not hidden.
 pub(crate) fn is_image(path: &Path) -> bool {
     if is_hidden(path) {
         return false;

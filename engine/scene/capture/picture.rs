@@ -20,14 +20,11 @@ pub struct Picture {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// Row by row, top first: red in the lowest 8 bits, then green and blue; the highest 8 bits are 255 where the pixel
-    /// counts and 0 where the mask excludes it.
+    /// Row by row, top first: red in the lowest 8 bits, green, blue; the highest 8 bits are 255, or 0 where the mask excludes the pixel.
     pub pixels: Vec<u32>,
-    /// Priors of the depth, by pixel: halves, see [`half_bits`](super::half_bits); one that is not finite is none. Empty where
-    /// there are none at all.
+    /// Priors of the depth, by pixel: [halves](super::half_bits), of which those that are not finite are none; may be empty.
     pub depth: Vec<u16>,
-    /// Priors of the flow, by pixel: halves of its columns and rows, in pixels; none where either is not finite. Empty where
-    /// there are none at all.
+    /// Priors of the flow, by pixel: halves of columns and rows, in pixels, likewise; may be empty.
     pub flow: Vec<[u16; 2]>,
     /// Pixels that count.
     pub n_visible: u32,
@@ -70,9 +67,8 @@ impl Picture {
         Picture { depth, flow, n_depth, n_flow, ..self }
     }
 
-    /// The picture in pixels that are the means of `factor` x `factor` of its own, of those that count, rounded to 8 bits; a
-    /// pixel counts when one of them does. Priors are means likewise, the flow's in its own pixels. What does not fill a pixel
-    /// at the right and at the bottom is cut off.
+    /// The picture in means of `factor` x `factor` pixels that count, rounded to 8 bits; priors likewise, the flow in the new pixels. What
+    /// does not fill a pixel at the right and at the bottom is cut off.
     pub fn reduced(&self, factor: u32) -> Picture {
         let (width, height) = (self.width / factor, self.height / factor);
         let n_pixels = width as usize * height as usize;
@@ -151,7 +147,7 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
     Ok(if source.reduction > 1 { whole.reduced(source.reduction) } else { whole })
 }
 
-/// Whether each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
+/// True if each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
 pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
     let mask = guarded(path, || pixels_of(path, source))?;
     if path == source.image {

@@ -24,8 +24,7 @@ pub struct FramePoint {
     pub seen_by: Vec<usize>,
 }
 
-/// The points of a PLY: `x y z`, and `red green blue` as bytes or, from 0 to 1, as floats; grey where they are absent. Lists and
-/// other elements are passed over.
+/// The points of a PLY: `x y z`, and `red green blue` as bytes or as floats from 0 to 1; grey where absent.
 pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
     let missing = |what: &str| Error::data(path, "header", format!("has no {what}"), "export the points again");
     let (header, mut rows) = Rows::open(path)?;
@@ -78,8 +77,7 @@ impl FramePoints {
         Columns::find(&path, header.element("vertex")).map(|_| ())
     }
 
-    /// The points of a frame in the world of the file. `index` gives a camera's index by its name; who saw a point and has
-    /// none is left out.
+    /// The points of a frame in the world of the file. `index` gives a camera's index by its name, or leaves it out.
     pub fn read(&self, frame: u32, index: impl Fn(&str) -> Option<usize>) -> Result<Vec<FramePoint>> {
         let known: HashMap<u32, Option<usize>> = self.cameras.iter().map(|(id, name)| (*id, index(name))).collect();
         let path = self.path(frame);

@@ -12,7 +12,7 @@ use crate::scene::prior::{read_depth, read_flow};
 /// Which priors are decoded with the images of a capture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PriorPlan {
-    /// Whether flow is.
+    /// True if flow is.
     pub flow: bool,
     /// Images whose depth is, by (camera, frame): with (a, b) the prior p stands for a p + b, which is not below 0.
     pub depth: HashMap<(usize, u32), [f64; 2]>,
@@ -29,8 +29,7 @@ impl PriorSource {
         self.flow.is_none() && self.depth.is_none()
     }
 
-    /// Decodes the priors of an image of `width` x `height` pixels: halves of depth and of flow, by pixel; empty where there are
-    /// none.
+    /// Decodes the priors of an image: halves of depth and of flow, by pixel; empty where there are none.
     pub fn decode(&self, width: u32, height: u32) -> std::result::Result<(Vec<u16>, Vec<[u16; 2]>), Fault> {
         let flow = match &self.flow {
             Some(path) => told(path, read_flow(path, width, height))?,
@@ -65,9 +64,7 @@ fn told<T>(path: &Path, outcome: Result<T>) -> std::result::Result<T, Fault> {
     })
 }
 
-/// A prior as the device takes it: the half nearest to `x`. What is not finite is no prior; nor is what lies beyond a half's
-/// range of 65,504 (pixels, scene units or their inverse). Rounding changes a prior by 2^-11 of it at most, and one below 2^-14
-/// by 2^-25.
+/// A prior as the device takes it: the half nearest to `x`. Values that are not finite, or beyond a half's 65,504, are no prior.
 pub fn half_bits(x: f32) -> u16 {
     f16::from_f32(x).to_bits()
 }

@@ -1,4 +1,4 @@
-//! What is wrong with a capture: every fault at once, and what it holds.
+//! The faults of a capture, all at once, and its contents.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -18,9 +18,9 @@ pub struct Fault {
     pub file: PathBuf,
     /// Where in it: a line, a byte offset, a camera, a frame; empty for the file as a whole.
     pub place: String,
-    /// What is wrong there.
+    /// The fault.
     pub reason: String,
-    /// What to do about it.
+    /// Its remedy.
     pub remedy: String,
 }
 
@@ -88,7 +88,7 @@ pub(crate) fn camera_place(name: &str) -> String {
     format!("camera `{}`", name.escape_debug())
 }
 
-/// What `ivv check` tells of a capture.
+/// The report of `ivv check` on a capture.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Report {
     /// The folder; of a folder that only holds a capture, that one.
@@ -122,11 +122,11 @@ pub struct Report {
     pub n_sounds: usize,
     /// Sparse points.
     pub n_points: usize,
-    /// Whether every frame has points of its own.
+    /// True if every frame has points of its own.
     pub has_frame_points: bool,
     /// Bytes of all images when decoded, 4 for each pixel.
     pub bytes_decoded: u64,
-    /// What is worth knowing and no fault.
+    /// Notes that are no fault.
     pub notes: Vec<String>,
     /// How many faults there are.
     pub n_faults: u64,
@@ -144,8 +144,7 @@ impl Report {
         self.faults = faults.kept;
     }
 
-    /// The faults with those of one kind (the same reason and remedy but for numbers, of different files) together, in the order
-    /// of the first of each kind.
+    /// The faults, those of one kind (equal but for numbers and files) together, in the order of the first.
     pub fn grouped(&self) -> Vec<Vec<&Fault>> {
         let mut groups: Vec<Vec<&Fault>> = Vec::new();
         let mut of: HashMap<(String, String), usize> = HashMap::new();

@@ -1,5 +1,4 @@
-//! Which of a project's models is read: COLMAP's mapper writes one for each part that it could not join to the others, numbered
-//! by when it began them.
+//! Choice of a project's model: COLMAP's mapper writes one for each part that it could not join to the others.
 
 use std::path::{Path, PathBuf};
 

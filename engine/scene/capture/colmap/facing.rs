@@ -1,4 +1,4 @@
-//! Whether the points of a model lie before the cameras that saw them, and how its poses are meant where they do not.
+//! Checks that the points of a model lie before the cameras that saw them, and finds how its poses are meant where they do not.
 
 use std::collections::HashMap;
 
@@ -77,8 +77,7 @@ impl Facing {
         }
     }
 
-    /// What is wrong, and what to do about it, where most points do not lie before the cameras that saw them. The second is nothing
-    /// where no way fits better.
+    /// The fault where most points do not lie before the cameras that saw them, and its remedy where another convention fits.
     pub fn verdict(&self) -> Option<(String, Option<&'static str>)> {
         let n = self.n_judged;
         let share = |way: usize| self.n_seen[way] as f64 / n as f64;
@@ -100,14 +99,14 @@ impl Facing {
     }
 }
 
-/// Whether a point of the camera's axes is seen in the picture or near it.
+/// True if a point of the camera's axes is seen in the picture or near it.
 fn shows(lens: &Lens, reach: f64, local: DVec3) -> bool {
     if local.z.is_nan() || local.z <= 0.0 {
         return false;
     }
     let size = lens.intrinsics.size();
     let at = [local.x / local.z, local.y / local.z];
-    // What lies beyond the lens's reach is judged as a pinhole sees it.
+    // Beyond the lens's reach a pinhole decides.
     let pinhole = Lens { distortion: Distortion::None, ..*lens };
     let pixel = lens.pixel(at, reach).or_else(|| pinhole.pixel(at, reach));
     let near = |v: f64, side: f64| (-MARGIN * side..=(1.0 + MARGIN) * side).contains(&v);

@@ -70,7 +70,7 @@ fn read(folder: &Path, with_points: bool, faults: &mut Faults) -> Model {
     let known = check_cameras(&cameras, raw, faults);
     let n_before = faults.n();
     let (raw, n_alone) = if is_binary { (bin::images(&images, faults), 0) } else { text::images(&images, faults) };
-    // What could not be read whole says nothing of the tracks.
+    // A model that could not be read whole says nothing of the tracks.
     let ids = (faults.n() == n_before).then(|| raw.iter().map(|image| image.id).collect());
     let mut facing = Facing::default();
     for image in &raw {
@@ -179,7 +179,7 @@ impl RawImage {
         Ok((Pose::of_quaternion(self.quaternion, translation), length))
     }
 
-    /// What the name may mean: more than one path where it is not UTF-8, as COLMAP writes it on some Windows.
+    /// The readings of the name: more than one path where it is not UTF-8, as COLMAP writes it on some Windows.
     fn wanted(&self) -> Result<Wanted, String> {
         if let Ok(name) = std::str::from_utf8(&self.name) {
             return spelled(name).map(Wanted::from);
@@ -282,8 +282,7 @@ pub(crate) fn tracks(folder: &Path) -> crate::Result<Vec<(Point, Vec<PathBuf>)>>
     Ok(seen_points(folder)?.into_iter().map(named).collect())
 }
 
-/// The folder of a plain COLMAP project's images: the one that is asked for, or where it is absent the largest of its smaller
-/// copies.
+/// The folder of a plain COLMAP project's images: as asked for, or where absent the largest of its smaller copies.
 pub(crate) fn images_folder(path: &Path, settings: &CaptureSettings) -> PathBuf {
     let images = path.join(&settings.images);
     let smaller = |n: u32| {
@@ -344,7 +343,7 @@ fn add_cameras(
     model: &Model,
     builder: &mut CaptureBuilder,
 ) {
-    // What somebody has chosen is not looked for elsewhere.
+    // A folder that somebody has chosen is not looked for elsewhere.
     let is_asked = settings.asked_images().is_some() || settings.downscale.is_some();
     let root = if is_asked { images } else { &named.folder };
     let wanted: Vec<Wanted> = model.images.iter().map(|posed| posed.wanted.clone()).collect();

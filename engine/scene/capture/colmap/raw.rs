@@ -1,4 +1,4 @@
-//! What the files of a sparse model hold, as it is written there.
+//! The contents of a sparse model's files, as written there.
 
 use std::path::{Path, PathBuf};
 

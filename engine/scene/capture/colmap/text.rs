@@ -127,8 +127,7 @@ fn camera(lines: &Lines) -> Result<RawCamera, String> {
     Ok(RawCamera { place: lines.place(), id, kind, width, height, params })
 }
 
-/// `images.txt`, and how many images have no line of observations. The second line of an image, its observations, may be blank.
-/// Some programs and editors leave out blank lines: then the next image comes at once.
+/// `images.txt`, and how many images lack the line of observations, which may be blank and which some programs leave out.
 pub(super) fn images(path: &Path, faults: &mut Faults) -> (Vec<RawImage>, usize) {
     let (mut images, mut n_alone) = (Vec::new(), 0);
     records(path, faults, |lines, _| {
@@ -149,14 +148,14 @@ pub(super) fn images(path: &Path, faults: &mut Faults) -> (Vec<RawImage>, usize)
     (images, n_alone)
 }
 
-/// Whether fields are x, y and the number of a point, again and again.
+/// True if fields are x, y and the number of a point, again and again.
 fn are_observations(fields: &[&str]) -> bool {
     let (all, rest) = fields.as_chunks::<3>();
     let is_one = |[x, y, id]: &[&str; 3]| [x, y].iter().all(|v| v.parse::<f64>().is_ok()) && id.parse::<i64>().is_ok();
     rest.is_empty() && all.iter().all(is_one)
 }
 
-/// Whether fields are those of an image: its number, seven numbers of its pose, the number of its camera, a name.
+/// True if fields are those of an image: its number, seven numbers of its pose, the number of its camera, a name.
 fn begins_image(fields: &[&str]) -> bool {
     let is_number = |field: &&str| field.parse::<f64>().is_ok();
     let is_id = |at: usize| fields.get(at).is_some_and(|field| field.parse::<u32>().is_ok());

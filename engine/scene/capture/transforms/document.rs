@@ -1,4 +1,4 @@
-//! What a `transforms.json` says, in the dialects of those who write it.
+//! The contents of a `transforms.json`, in the dialects of its writers.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -12,7 +12,7 @@ use crate::scene::undistort::{Distortion, Lens};
 use serde_json::Value;
 
 const MATRICES: [&str; 5] = ["K", "k", "intrinsic", "intrinsics", "intrinsic_matrix"];
-/// What unknown keys may mean, in lower case and without `_`: keys of ours, and what others write.
+/// Guesses for unknown keys, in lower case and without `_`: keys of ours, and those of others.
 const MEANT: [(&str, &[&str]); 8] = [
     ("fl_x", &["f1x", "flx", "fx", "focalx", "focallengthx", "focal", "f", "focallength"]),
     ("fl_y", &["f1y", "fly", "fy", "focaly", "focallengthy"]),
@@ -43,7 +43,7 @@ pub(super) struct GivenLens {
     k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
-    /// What instant-ngp says instead of a model.
+    /// instant-ngp's key instead of a model.
     is_fisheye: Option<bool>,
     #[serde(flatten)]
     others: BTreeMap<String, Value>,
@@ -84,7 +84,7 @@ impl Document {
         Ok(Document { frames, test_filenames: None, ply_file_path: None, lens: GivenLens::default() })
     }
 
-    /// What is said of keys that are not read, though they may have been meant to be.
+    /// A note on keys that are not read, though they may have been meant to be.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         let lenses = || self.frames.iter().map(|frame| &frame.lens);
@@ -168,7 +168,7 @@ impl GivenLens {
         }
     }
 
-    /// What stands here, else in `file`, else what follows from the size of the images.
+    /// The value here, else in `file`, else what follows from the size of the images.
     pub fn or(&self, file: &GivenLens, size: Option<(u32, u32)>) -> Result<GivenLens, Unfit> {
         let (w, h) = size.unzip();
         let with_matrix = |lens: &GivenLens| {

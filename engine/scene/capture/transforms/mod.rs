@@ -1,5 +1,4 @@
-//! `transforms.json` of nerfstudio and instant-ngp, and D-NeRF's split into `transforms_train.json` and
-//! `transforms_test.json`. Poses map camera to world, the camera x right, y up, z backward (OpenGL).
+//! `transforms.json` of nerfstudio, instant-ngp and D-NeRF. Poses map camera to world, x right, y up, z backward (OpenGL).
 
 mod document;
 mod pose;
@@ -43,7 +42,7 @@ struct Entry {
     time: Option<f64>,
 }
 
-/// Whether a file was named, or one of [`FILES`] is there.
+/// True if a file was named, or one of [`FILES`] is there.
 pub(super) fn is_transforms(named: &Named) -> bool {
     named.file.is_some() || FILES.iter().any(|name| named.folder.join(name).is_file())
 }
@@ -266,8 +265,7 @@ fn group(entries: Vec<Entry>, builder: &mut CaptureBuilder) {
     }
 }
 
-/// Each image's frame and the number of frames. The times must lie on a grid whose step is their greatest common
-/// divisor; the first is frame 0, whatever the unit.
+/// Each image's frame and the number of frames. Times must lie on a grid of their greatest common divisor, from frame 0.
 fn frames_of(entries: &[Entry]) -> Result<(Vec<u32>, u32), String> {
     let times: Vec<f64> = entries.iter().filter_map(|entry| entry.time).collect();
     if times.is_empty() {
