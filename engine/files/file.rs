@@ -28,11 +28,7 @@ pub fn write_atomic(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Resul
     temporary.keep()
 }
 
-/// As [`write_atomic`], for bytes that are made while they are written: `make` hands them to its argument, and its own errors are
-/// passed on.
-///
-/// # Errors
-/// As [`write_atomic`]; those of `make`.
+/// As [`write_atomic`], for bytes that `make` hands over while it makes them; its own errors are passed on.
 pub(crate) fn write_made(
     path: &Path,
     make: impl FnOnce(&mut dyn FnMut(&[u8]) -> Result<()>) -> Result<()>,
@@ -105,9 +101,6 @@ impl Temporary {
     }
 
     /// Makes the file durable and gives it its name.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the file; the temporary one is then removed.
     pub fn keep(self) -> Result<()> {
         let kept = self.file.sync_all().and_then(|()| fs::rename(&self.at, &self.target));
         kept.and_then(|()| sync_folder(&self.target)).map_err(|fault| cannot_write(&self.target, &fault))
@@ -121,7 +114,7 @@ impl Drop for Temporary {
     }
 }
 
-/// Whether `name` is that of a [`Temporary`]: `.NAME.PID-SERIAL.tmp`, with or without an ending.
+/// True if `name` is that of a [`Temporary`]: `.NAME.PID-SERIAL.tmp`, with or without an ending.
 fn is_temporary(name: &str) -> bool {
     let parts = || {
         let (head, ending) = name.strip_prefix('.')?.rsplit_once(".tmp")?;
@@ -160,7 +153,7 @@ fn remove_abandoned(path: &Path) {
     }
 }
 
-/// Whether a temporary file belongs to nobody, by the outcome of an attempt to lock it. Where files are not locked while they
+/// True if a temporary file belongs to nobody, by the outcome of an attempt to lock it. Where files are not locked while they
 /// are written, or cannot be locked at all, that attempt says nothing.
 fn is_abandoned(lock: &std::result::Result<(), fs::TryLockError>) -> bool {
     cfg!(unix) && lock.is_ok()
@@ -229,7 +222,6 @@ pub fn open_file(path: &Path) -> io::Result<File> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, format!("expected a regular file, found {found}")))
 }
 
-/// What there is instead of a regular file.
 #[cfg(unix)]
 fn kind_of(kind: &fs::FileType) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
@@ -247,10 +239,7 @@ fn kind_of(kind: &fs::FileType) -> &'static str {
     if kind.is_dir() { "a folder" } else { "something else" }
 }
 
-/// The bytes of a whole file.
-///
-/// # Errors
-/// As [`open_file`].
+/// The bytes of a whole file, as [`open_file`] opens it.
 pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open_file(path)?;
     let mut bytes = Vec::new();
@@ -258,10 +247,7 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a whole file.
-///
-/// # Errors
-/// As [`open_file`]; [`io::ErrorKind::InvalidData`] where it is not UTF-8.
+/// The text of a whole file; [`io::ErrorKind::InvalidData`] where it is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(read_file(path)?).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8"))
 }

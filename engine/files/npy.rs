@@ -39,7 +39,7 @@ fn fixed<const N: usize>(bytes: &[u8]) -> [u8; N] {
     std::array::from_fn(|i| bytes[i])
 }
 
-/// What stands before the entries.
+/// The header before the entries.
 #[derive(Debug)]
 pub(crate) struct Header {
     /// Extent along each axis, the slowest first.

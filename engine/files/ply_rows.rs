@@ -33,7 +33,7 @@ impl Column {
         None
     }
 
-    /// Whether the column holds values of type `scalar`.
+    /// True if the column holds values of type `scalar`.
     pub fn is(&self, scalar: Scalar) -> bool {
         self.scalar == scalar
     }
@@ -129,8 +129,7 @@ impl Rows {
         self.source.seek(to).map(drop).map_err(|fault| cannot_read(&self.path, &fault))
     }
 
-    /// As [`Rows::read`] for an element with lists: `take` is given the row without its lists, and the items of the list
-    /// `name`; other lists are passed over.
+    /// As [`Rows::read`] for an element with lists: `take` gets the row without lists, and the items of the list `name`.
     pub fn read_with_list(
         &mut self,
         element: &Element,
