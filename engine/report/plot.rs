@@ -48,7 +48,7 @@ pub struct Panel {
 pub struct Series {
     /// One of the colours; none is grey.
     pub colour: Option<usize>,
-    /// Whether a line joins them.
+    /// True if a line joins them.
     pub is_joined: bool,
     /// In the order of the line.
     pub marks: Vec<Mark>,
