@@ -1,13 +1,5 @@
 //! The mouths in what detectors of persons write: one reader for the JSON of MMPose, RTMLib (by `tools/rtmlib_to_json.py`),
-//! OpenPose and Pose2Sim.
-//!
-//! | written by | container | frames |
-//! | --- | --- | --- |
-//! | MMPose's inferencer, of a video; `ivv synth` | `[{"frame_id", "instances": [..]}]` | from 0 |
-//! | MMPose's demo of a top-down model | `{"meta_info", "instance_info": [{"frame_id", "instances"}]}` | from 1 |
-//! | MMPose's inferencer, of pictures | a file for each, `[{"keypoints", "keypoint_scores"}]` | by name |
-//! | OpenPose | a file for each frame, `{"people": [{"pose_keypoints_2d", "face_keypoints_2d"}]}` | by name |
-//! | Pose2Sim | the same; all points stand in `pose_keypoints_2d` | by name |
+//! OpenPose and Pose2Sim. Their containers are in `engine/sound/README.md`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
