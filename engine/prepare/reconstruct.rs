@@ -26,7 +26,7 @@ use crate::files::{cannot_list, make_folder, write_atomic};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{Faults, Frames, PHOTOS, read_images};
 use crate::video::chapters;
-use crate::words::count;
+use crate::words::{count, listed};
 
 /// Most pictures that are taken of a single video, evenly chosen.
 const OF_VIDEO: u32 = 120;
@@ -350,11 +350,10 @@ impl Reconstruction<'_> {
             let n = read_images(&self.of_photos().join("sparse/0"), &mut Faults::default()).images.len();
             notes.push(format!("and {n} of {} photographs of the place", self.together.names.len()));
         }
-        let left_out: Vec<_> = names.iter().filter(|name| !placed.contains(name.as_os_str())).collect();
+        let left_out = names.iter().filter(|name| !placed.contains(name.as_os_str()));
+        let left_out: Vec<_> = left_out.map(|name| name.to_string_lossy()).collect();
         if !left_out.is_empty() {
-            let some: Vec<_> = left_out.iter().take(5).map(|name| name.to_string_lossy()).collect();
-            let more = if left_out.len() > some.len() { ", ..." } else { "" };
-            notes.push(format!("left out, since too little of them is in others: {}{more}", some.join(", ")));
+            notes.push(format!("left out, since too little of them is in others: {}", listed(&left_out)));
         }
         Ok(notes)
     }

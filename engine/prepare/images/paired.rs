@@ -5,10 +5,10 @@ use std::collections::BTreeMap;
 use crate::prepare::settings::PrepareSettings;
 use crate::prepare::timeline::{Timeline, is_same};
 use crate::prepare::video::{Selection, Video};
+use crate::words::listed;
 
 /// Frames by which pictures may be off their frames before that is told.
 const EVEN: f64 = 0.1;
-const TOLD: usize = 8;
 
 #[derive(Default)]
 pub(super) struct Paired {
@@ -83,7 +83,7 @@ pub(super) fn of_rates(videos: &[(&str, &Video)], timeline: &Timeline) -> Option
     }
     let mut parts = Vec::new();
     if videos.iter().any(|(_, video)| !is_same(video.fps, timeline.fps)) {
-        let of = |(rate, names): (&u64, &Vec<&str>)| format!("{} ({})", *rate as f64 / 100.0, some(names));
+        let of = |(rate, names): (&u64, &Vec<&str>)| format!("{} ({})", *rate as f64 / 100.0, listed(names));
         let all = rates.iter().map(of).collect::<Vec<_>>().join(", ");
         parts.push(format!("have {all} frames per second"));
     }
@@ -92,7 +92,7 @@ pub(super) fn of_rates(videos: &[(&str, &Video)], timeline: &Timeline) -> Option
     if let Some(most) = videos.iter().map(|(_, video)| video.times[0] - video.began).max_by(f64::total_cmp)
         && !late.is_empty()
     {
-        parts.push(format!("begin late in their files ({}), by up to {most:.2} s", some(&late)));
+        parts.push(format!("begin late in their files ({}), by up to {most:.2} s", listed(&late)));
     }
     let fps = (timeline.fps * 100.0).round() / 100.0;
     (!parts.is_empty()).then(|| {
@@ -102,10 +102,4 @@ pub(super) fn of_rates(videos: &[(&str, &Video)], timeline: &Timeline) -> Option
             parts.join(" and ")
         )
     })
-}
-
-/// Names, not more than can be read.
-fn some(names: &[&str]) -> String {
-    let told = names[..names.len().min(TOLD)].join(", ");
-    if names.len() > TOLD { format!("{told} and {} more", names.len() - TOLD) } else { told }
 }

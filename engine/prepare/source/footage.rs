@@ -8,11 +8,11 @@ use crate::prepare::foreign::{Kind, converted, counts, kind, of_most};
 use crate::prepare::source::recording::{Footage, SourceCamera};
 use crate::scene::capture::{Faults, Shot, by_number, camera_place, is_hidden, is_image, relative};
 use crate::video::{chapters, is_later_chapter};
+use crate::words::listed;
 
 const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "m4v", "mts", "m2ts", "mxf"];
 /// Folders of videos, or of folders of images, below a source.
 const FOLDERS: [&str; 5] = ["", "videos", "images", "calibration/extrinsic", "recordings"];
-const NAMED: usize = 5;
 
 /// The video `<folder>/<name>.mp4` (or another ending), the images of `<folder>/<name>` or its `images`, numbered from the first on, or
 /// the one clip in `<folder>/<name>`.
@@ -88,7 +88,7 @@ fn absent(footage: &Path, name: &str) -> (String, String) {
             folder.display(),
             clips.iter().map(|clip| format!("'{}'", name_of(clip))).collect::<Vec<_>>().join(" "),
         );
-        return (format!("has {} clips in {}: {}", clips.len(), folder.display(), some(&clips)), remedy);
+        return (format!("has {} clips in {}: {}", clips.len(), folder.display(), listed(&names(&clips))), remedy);
     }
     let held = files(&folder);
     let holds = if held.is_empty() { "is empty".to_owned() } else { format!("holds {}", counts(&held)) };
@@ -115,7 +115,7 @@ pub(super) fn notes(cameras: &[SourceCamera]) -> Vec<String> {
                         "camera `{}`: {} chapters of one take are joined: {}",
                         camera.name,
                         parts.len(),
-                        some(&parts)
+                        listed(&names(&parts))
                     ));
                 }
             }
@@ -157,9 +157,8 @@ fn name_of(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-fn some(files: &[PathBuf]) -> String {
-    let named: Vec<String> = files.iter().take(NAMED).map(|file| name_of(file)).collect();
-    format!("{}{}", named.join(", "), if files.len() > NAMED { ", ..." } else { "" })
+fn names(files: &[PathBuf]) -> Vec<String> {
+    files.iter().map(|file| name_of(file)).collect()
 }
 
 pub(in crate::prepare) fn is_video(path: &Path) -> bool {

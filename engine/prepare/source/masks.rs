@@ -7,10 +7,10 @@ use super::footage::{files, numbered};
 use super::recording::{Footage, Masks, Source, SourceCamera};
 use crate::prepare::foreign::{Kind, counts, kind};
 use crate::scene::capture::Faults;
+use crate::words::listed;
 
 /// Folders that a recording may have its masks in.
 const FOLDERS: [&str; 3] = ["masks", "mask", "fmasks"];
-const NAMED: usize = 5;
 
 /// Finds the masks of a source's cameras: `<folder>/<camera>/` with one of each frame, or `<folder>/<picture>.png` of one picture. None at
 /// all is a fault.
@@ -31,12 +31,11 @@ pub(super) fn find(source: &mut Source, folder: &Path, faults: &mut Faults) {
     let without: Vec<&str> =
         source.cameras.iter().map(|camera| camera.name.as_str()).filter(|name| !found.contains_key(*name)).collect();
     if !found.is_empty() && !without.is_empty() {
-        let more = if without.len() > NAMED { ", ..." } else { "" };
-        let named = without[..without.len().min(NAMED)].join(", ");
         source.notes.push(format!(
-            "{} of {} cameras have no masks: {named}{more}",
+            "{} of {} cameras have no masks: {}",
             without.len(),
-            source.cameras.len()
+            source.cameras.len(),
+            listed(&without)
         ));
     }
     source.masks = found;

@@ -6,10 +6,10 @@ use super::footage::{clips, files};
 use crate::error::Error;
 use crate::prepare::foreign::{Kind, counts, kind};
 use crate::scene::capture::{is_capture, unread_poses};
+use crate::words::listed;
 
 /// Folders that are searched for a source, at each depth.
 const SEARCHED: usize = 64;
-const NAMED: usize = 5;
 /// The path to give for a source, and its kind.
 type Recognise = fn(&Path) -> Option<(PathBuf, String)>;
 
@@ -35,17 +35,15 @@ pub(super) fn unknown(path: &Path, recognise: Recognise) -> Error {
     let reason = format!("not a recognised recording: it holds {}", counts(&held));
     let inside = inside(&held, recognise);
     if let Some((first, _)) = inside.first() {
-        let told: Vec<String> =
-            inside.iter().take(NAMED).map(|(folder, what)| format!("{} ({what})", folder.display())).collect();
-        let more = if inside.len() > NAMED { ", ..." } else { "" };
+        let told: Vec<String> = inside.iter().map(|(folder, what)| format!("{} ({what})", folder.display())).collect();
         let of_several = if inside.len() > 1 && inside.iter().all(|(folder, _)| is_of_photos(folder)) {
             "; photos of one scene go into one folder, and images of cameras that filmed together into a video of each"
         } else {
             ""
         };
         let remedy = format!(
-            "give what lies in it: {}{more}; as `ivv prepare {} -o CAPTURE`{of_several}",
-            told.join(", "),
+            "give what lies in it: {}; as `ivv prepare {} -o CAPTURE`{of_several}",
+            listed(&told),
             first.display()
         );
         return bad(reason, remedy);
