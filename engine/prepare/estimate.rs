@@ -74,13 +74,13 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
     // When each stage was last heard of.
     let heard: Mutex<Vec<(&'static str, Instant)>> = Mutex::new(Vec::new());
     let start = Instant::now();
-    let prepared = prepare_posed(&sample, None, Vec::new(), &|told| {
+    let prepared = prepare_posed(&sample, None, Vec::new(), &|update| {
         let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
-        match heard.iter_mut().find(|(stage, _)| *stage == told.stage) {
+        match heard.iter_mut().find(|(stage, _)| *stage == update.stage) {
             Some((_, at)) => *at = Instant::now(),
-            None => heard.push((told.stage, Instant::now())),
+            None => heard.push((update.stage, Instant::now())),
         }
-        progress(told);
+        progress(update);
     })?;
     if let Some(fault) = prepared.report.faults.into_iter().next() {
         return Err(fault.into());
@@ -89,7 +89,7 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
     let mut before = start;
     let mut stages = Vec::new();
     for (stage, parts) in STAGES {
-        let Some((_, end)) = heard.iter().find(|(told, _)| *told == stage) else { continue };
+        let Some((_, end)) = heard.iter().find(|(update, _)| *update == stage) else { continue };
         let sampled_seconds = end.duration_since(before).as_secs_f64();
         before = *end;
         let times = match (stage, triangulate::asked(&source, &settings).0) {

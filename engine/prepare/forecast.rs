@@ -72,9 +72,9 @@ impl Batch {
     }
 }
 
-struct About(f64);
+struct RoughTime(f64);
 
-impl fmt::Display for About {
+impl fmt::Display for RoughTime {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self.0 {
             s if s < 90.0 => write!(f, "about {s:.0} s"),
@@ -110,7 +110,7 @@ const NAMED: usize = 12;
 impl fmt::Display for Forecast {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Forecast { what, pictures, pairs, seconds, then, threads, cameras, .. } = self;
-        let (time, then) = (About(*seconds), About(*then));
+        let (time, then) = (RoughTime(*seconds), RoughTime(*then));
         let named = match cameras.len() {
             0 => String::new(),
             1..=NAMED => format!(" ({})", cameras.join(", ")),
@@ -234,7 +234,7 @@ pub(super) fn announced(images: &Images, source: &Source, settings: &PrepareSett
             "{} of {}{points}: {} (CPU, threads: {}); an interrupted run goes on where it stopped",
             words::count(n, "frame"),
             words::count(images.cameras.len(), "camera"),
-            About(seconds),
+            RoughTime(seconds),
             settings.threads
         )
     })
@@ -264,7 +264,7 @@ mod tests {
 
     #[test]
     fn seconds_are_told_in_what_people_count_in() {
-        let told = [12.3, 200.0, 9000.0].map(|seconds| About(seconds).to_string());
-        assert_eq!(told, ["about 12 s", "about 3 minutes", "about 2.5 hours"]);
+        let texts = [12.3, 200.0, 9000.0].map(|seconds| RoughTime(seconds).to_string());
+        assert_eq!(texts, ["about 12 s", "about 3 minutes", "about 2.5 hours"]);
     }
 }

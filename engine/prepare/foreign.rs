@@ -62,13 +62,13 @@ fn by_ending(files: &[PathBuf]) -> Vec<(String, Vec<&PathBuf>)> {
 
 /// How many files there are of each ending: `3 .HEIC, 2 .csv and 1 folder`.
 pub(super) fn counts(files: &[PathBuf]) -> String {
-    let told = by_ending(files).into_iter().map(|(ending, files)| match ending.as_str() {
+    let kinds = by_ending(files).into_iter().map(|(ending, files)| match ending.as_str() {
         "/" => count(files.len(), "folder"),
         "" => count(files.len(), "file") + " without an ending",
         ending => format!("{} .{ending}", files.len()),
     });
-    let told: Vec<String> = told.collect();
-    match told.as_slice() {
+    let kinds: Vec<String> = kinds.collect();
+    match kinds.as_slice() {
         [] => "nothing".to_owned(),
         [one] => one.clone(),
         [first @ .., last] => format!("{} and {last}", first.join(", ")),

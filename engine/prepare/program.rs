@@ -36,12 +36,12 @@ pub(super) const COLMAP: Program = Program {
               --threads (each takes memory), or install another version of COLMAP",
 };
 
-type Heard = JoinHandle<std::io::Result<Vec<u8>>>;
+type OutputReader = JoinHandle<std::io::Result<Vec<u8>>>;
 
 pub(super) struct Running {
     pub child: Child,
     program: Program,
-    said: Option<Heard>,
+    said: Option<OutputReader>,
 }
 
 impl Program {
@@ -193,14 +193,14 @@ impl Drop for Running {
     }
 }
 
-fn listen(mut pipe: impl Read + Send + 'static) -> Heard {
+fn listen(mut pipe: impl Read + Send + 'static) -> OutputReader {
     std::thread::spawn(move || {
         let mut heard = Vec::new();
         pipe.read_to_end(&mut heard).map(|_| heard)
     })
 }
 
-fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> Heard {
+fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> OutputReader {
     std::thread::spawn(move || {
         let (mut heard, mut pipe) = (Vec::new(), BufReader::new(pipe));
         loop {

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use super::timeline::is_same;
 use super::video::Video;
 
-/// Cameras that were told the time together begin within so many seconds; others' codes say nothing.
+/// Cameras whose clocks were set together begin within so many seconds; others' codes say nothing.
 pub(super) const LONGEST: f64 = 600.0;
 
 /// The number since midnight of the frame with a time code HH:MM:SS:FF; with a semicolon before the frames (drop-frame), two numbers are
@@ -25,28 +25,29 @@ pub(super) fn frame_of_day(code: &str, fps: f64) -> Option<u32> {
 /// By name, frames by which the clip begins later in a camera's video. `None` where time codes are missing, too far apart, or of
 /// different rates.
 pub(super) fn shifts(videos: &[(&str, Option<&Video>)]) -> Option<BTreeMap<String, f64>> {
-    let told: Vec<(&str, u32, f64)> = videos
+    let codes: Vec<(&str, u32, f64)> = videos
         .iter()
         .map(|(name, video)| Some((*name, video.as_ref()?.timecode?, video.as_ref()?.fps)))
         .collect::<Option<_>>()?;
-    let last = told.iter().map(|(_, code, _)| *code).max()?;
-    let fps = told.first()?.2;
+    let last = codes.iter().map(|(_, code, _)| *code).max()?;
+    let fps = codes.first()?.2;
     let agrees = |(_, code, rate): &(&str, u32, f64)| is_same(*rate, fps) && f64::from(last - code) <= LONGEST * fps;
-    told.iter()
+    codes
+        .iter()
         .all(agrees)
-        .then(|| told.iter().map(|(name, code, _)| ((*name).to_owned(), f64::from(last - code))).collect())
+        .then(|| codes.iter().map(|(name, code, _)| ((*name).to_owned(), f64::from(last - code))).collect())
 }
 
 /// A note where time codes say that cameras did not begin together, and nobody asked for them.
 pub(super) fn note(videos: &[(&str, Option<&Video>)]) -> Option<String> {
     let shifts = shifts(videos)?;
-    let told: Vec<String> =
+    let codes: Vec<String> =
         shifts.iter().filter(|(_, shift)| **shift != 0.0).map(|(name, shift)| format!("{name}={shift}")).collect();
-    (!told.is_empty()).then(|| {
+    (!codes.is_empty()).then(|| {
         format!(
             "the videos' time codes say that the cameras did not begin together; if their clocks were set together, give --shift \
              timecode, which is --shift {}",
-            told.join(",")
+            codes.join(",")
         )
     })
 }

@@ -81,11 +81,11 @@ fn signal(source: &AudioSource) -> Result<Vec<f32>> {
 /// A listener on the way.
 pub struct Listener<'a> {
     live: &'a Live,
-    heard: Vec<Option<Heard<'a>>>,
+    heard: Vec<Option<Playing<'a>>>,
 }
 
 /// A source on its way to the ears.
-struct Heard<'a> {
+struct Playing<'a> {
     voice: Voice<'a>,
     /// The sample of its signal that comes next.
     next: usize,
@@ -114,7 +114,7 @@ impl Listener<'_> {
             let at = |sample: usize| live.state(source, t + sample as f64 / rate, head);
             let mut now = heard.take().filter(|heard| heard.next.abs_diff(start) <= 1).unwrap_or_else(|| {
                 let delays = at(LEAD).filter.delays;
-                Heard { voice: Voice::new(&live.table, signal, start, at(0), delays), next: start, delays }
+                Playing { voice: Voice::new(&live.table, signal, start, at(0), delays), next: start, delays }
             });
             // What is on its way sounds later, and has the delays of then.
             let (old, new, first) = (now.delays, at(n + LEAD).filter.delays, now.next + LEAD);
@@ -123,7 +123,7 @@ impl Listener<'_> {
                 [0, 1].map(|ear| old[ear] + part * (new[ear] - old[ear]))
             };
             now.voice.block(now.next, at(n), n, delays, out, |_| 1.0);
-            *heard = Some(Heard { voice: now.voice, next: now.next + n, delays: new });
+            *heard = Some(Playing { voice: now.voice, next: now.next + n, delays: new });
         }
     }
 

@@ -30,7 +30,7 @@ struct Image {
     frame: u32,
     posed: Camera,
     /// Where the calibration has it.
-    told: Pose,
+    stated: Pose,
 }
 
 /// The contents of the files, in their order. Cameras and images count from 1, as COLMAP's do.
@@ -83,8 +83,8 @@ impl<'a> Model<'a> {
             let image = move |frame: u32| {
                 let posed = camera.of_frame(frame);
                 let pose = Pose::at(posed.center, posed.rotation);
-                let told = bend.map_or(pose, |[turn, shift]| pose.corrected(turn, shift));
-                Image { camera: index, frame, posed, told }
+                let stated = bend.map_or(pose, |[turn, shift]| pose.corrected(turn, shift));
+                Image { camera: index, frame, posed, stated }
             };
             frames(camera).map(image)
         };
@@ -125,7 +125,7 @@ impl<'a> Model<'a> {
         let mut text =
             String::from("# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# X, Y, POINT3D_ID, ...\n");
         for (index, image) in self.images.iter().enumerate() {
-            let ([w, x, y, z], t) = (quaternion(&image.told.rotation), image.told.translation);
+            let ([w, x, y, z], t) = (quaternion(&image.stated.rotation), image.stated.translation);
             let ([x_t, y_t, z_t], name) = (t.to_array(), image.name());
             let (own, camera) = (id(index), id(image.camera));
             let _ = writeln!(text, "{own} {w} {x} {y} {z} {x_t} {y_t} {z_t} {camera} {name}");

@@ -69,10 +69,10 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
     let converts = !is_converted || faults.take(can_convert(&settings.source)).unwrap_or(true);
     let rests = BTreeMap::new();
     let mut planned =
-        Planned { source, settings, select, timeline, converts, notes, of_cameras: Vec::new(), rests, faults };
+        Planner { source, settings, select, timeline, converts, notes, of_cameras: Vec::new(), rests, faults };
     let pairs = source.cameras.iter().zip(material);
     let cameras: Vec<Camera> = pairs.filter_map(|(camera, material)| planned.camera(camera, material?)).collect();
-    let Planned { mut notes, timeline, rests, .. } = planned;
+    let Planner { mut notes, timeline, rests, .. } = planned;
     notes.extend(grouped(&planned.of_cameras, source.cameras.len()));
     if cameras.iter().all(|camera| camera.is_test) && faults.n() == 0 {
         let remedy = "choose fewer cameras with --test-cameras";
@@ -111,7 +111,7 @@ fn select(
     Selection { start, every, n }
 }
 
-struct Planned<'a> {
+struct Planner<'a> {
     source: &'a Source,
     settings: &'a PrepareSettings,
     select: Selection,
@@ -132,15 +132,15 @@ fn grouped(of_cameras: &[(String, String)], n_cameras: usize) -> Vec<String> {
             None => groups.push((note, vec![camera])),
         }
     }
-    let told = groups.into_iter().map(|(note, cameras)| match cameras.as_slice() {
+    let notes = groups.into_iter().map(|(note, cameras)| match cameras.as_slice() {
         [camera] => format!("camera `{}`: {note}", camera.escape_debug()),
         all if all.len() == n_cameras => format!("all {n_cameras} cameras: {note}"),
         some => format!("{} cameras ({}): {note}", some.len(), some.join(", ")),
     });
-    told.collect()
+    notes.collect()
 }
 
-impl Planned<'_> {
+impl Planner<'_> {
     fn camera(&mut self, camera: &SourceCamera, recorded: Recorded) -> Option<Camera> {
         let place = camera_place(&camera.name);
         let (width, height) = recorded.size;

@@ -35,7 +35,7 @@ pub(super) fn unknown(path: &Path, recognise: Recognise) -> Error {
     let reason = format!("not a recognised recording: it holds {}", counts(&held));
     let inside = inside(&held, recognise);
     if let Some((first, _)) = inside.first() {
-        let told: Vec<String> = inside.iter().map(|(folder, what)| format!("{} ({what})", folder.display())).collect();
+        let named: Vec<String> = inside.iter().map(|(folder, what)| format!("{} ({what})", folder.display())).collect();
         let of_several = if inside.len() > 1 && inside.iter().all(|(folder, _)| is_of_photos(folder)) {
             "; photos of one scene go into one folder, and images of cameras that filmed together into a video of each"
         } else {
@@ -43,7 +43,7 @@ pub(super) fn unknown(path: &Path, recognise: Recognise) -> Error {
         };
         let remedy = format!(
             "give what lies in it: {}; as `ivv prepare {} -o CAPTURE`{of_several}",
-            listed(&told),
+            listed(&named),
             first.display()
         );
         return bad(reason, remedy);

@@ -10,7 +10,7 @@ use crate::prepare::fit::Crop;
 use crate::prepare::program::{FFMPEG, last_line};
 use crate::video::input;
 
-/// Seconds by which the time of a picture may differ from what its packet told.
+/// Seconds by which the time of a picture may differ from its packet's.
 const NEAR: f64 = 5e-4;
 /// Pictures that are decoded before the first one of interlaced video, whose lines it is made of too.
 const BEFORE: usize = 3;
@@ -28,7 +28,7 @@ pub(in crate::prepare) fn decode(
     let wanted: Vec<f64> = pictures.iter().filter_map(|picture| video.times.get(*picture).copied()).collect();
     let Some(first) = pictures.first().filter(|_| wanted.len() == pictures.len()) else { return Ok(()) };
     let (path, arguments) = (video.path.as_path(), arguments(video, *first, &wanted, crop, size, threads));
-    let (mut running, told) = FFMPEG.start_told(arguments, path)?;
+    let (mut running, lines) = FFMPEG.start_told(arguments, path)?;
     let mut from = running.child.stdout.take();
     let mut frame = vec![0; 3 * size.0 as usize * size.1 as usize];
     // Both are rounded to microseconds; neighbours are farther from each other.
@@ -40,7 +40,7 @@ pub(in crate::prepare) fn decode(
             Err(fault) if fault.kind() == ErrorKind::UnexpectedEof => break,
             Err(fault) => return Err(Error::data(path, "", format!("ffmpeg cannot be heard: {fault}"), "try again")),
         }
-        let Some(time) = next_time(&told) else { break };
+        let Some(time) = next_time(&lines) else { break };
         if (time - wanted[n_read]).abs() < near {
             take(n_read, &frame)?;
             n_read += 1;
@@ -116,8 +116,8 @@ fn is_of_time(line: &str) -> bool {
 }
 
 /// The time of the next picture, seconds: `frame:0 pts:40000 pts_time:0.04`. None where ffmpeg has ended.
-fn next_time(told: &Receiver<String>) -> Option<f64> {
-    let line = told.iter().find(|line| line.starts_with("frame:"))?;
+fn next_time(lines: &Receiver<String>) -> Option<f64> {
+    let line = lines.iter().find(|line| line.starts_with("frame:"))?;
     let microseconds = line.split_whitespace().find_map(|word| word.strip_prefix("pts:"))?;
     microseconds.parse::<f64>().ok().map(|time| time * 1e-6)
 }

@@ -137,16 +137,16 @@ mod tests {
     #[test]
     fn packets_that_are_hidden_or_cannot_be_decoded_are_not_shown() {
         let trimmed = "-0.100000,KD_\n-0.033333,_D_\n0.000000,___\n0.066667,___\n0.033333,___\n";
-        let told = |rows: &str| {
+        let parsed = |rows: &str| {
             let Packets { times, keys, n_hidden, is_told } = of_packets(rows);
             (times, keys, n_hidden, is_told)
         };
-        assert_eq!(told(trimmed), (vec![0.0, 0.066667, 0.033333], vec![-0.1], 2, true));
+        assert_eq!(parsed(trimmed), (vec![0.0, 0.066667, 0.033333], vec![-0.1], 2, true));
         // Cut within a group of pictures: two of the old group, and one that is shown before the first key frame.
         let cut = "0.1,__\n0.2,__\n0.4,K_\n0.3,__\n0.5,__,\n\n";
-        assert_eq!(told(cut), (vec![0.4, 0.5], vec![0.4], 3, true));
-        assert_eq!(told("N/A,K_\n0.1,__\n"), (vec![0.1], vec![], 0, false));
-        assert_eq!(told(""), (vec![], vec![], 0, true));
+        assert_eq!(parsed(cut), (vec![0.4, 0.5], vec![0.4], 3, true));
+        assert_eq!(parsed("N/A,K_\n0.1,__\n"), (vec![0.1], vec![], 0, false));
+        assert_eq!(parsed(""), (vec![], vec![], 0, true));
     }
 
     #[test]

@@ -31,7 +31,7 @@ struct Meta {
 pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let path = named.folder.as_path();
     let calibration = path.join("train_meta.json");
-    let mut found = Found { path, settings, cameras: BTreeMap::new(), n_listed: 0, n_respelled: 0 };
+    let mut found = MetaReader { path, settings, cameras: BTreeMap::new(), n_listed: 0, n_respelled: 0 };
     for (name, is_test) in [("train_meta.json", false), ("test_meta.json", true)] {
         let file = path.join(name);
         if is_test && !file.exists() {
@@ -59,7 +59,7 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     builder
 }
 
-struct Found<'a> {
+struct MetaReader<'a> {
     path: &'a Path,
     settings: &'a CaptureSettings,
     cameras: BTreeMap<u32, Camera>,
@@ -67,7 +67,7 @@ struct Found<'a> {
     n_respelled: usize,
 }
 
-impl Found<'_> {
+impl MetaReader<'_> {
     fn add(&mut self, file: &Path, meta: &Meta, is_test: bool, faults: &mut Faults) {
         let n = [meta.k.len(), meta.w2c.len(), meta.names.len(), meta.cam_id.len()];
         if n.iter().any(|m| *m != n[0]) || n[0] > MAX_FRAMES as usize {

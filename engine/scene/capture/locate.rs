@@ -124,7 +124,7 @@ impl Search<'_> {
             }
             let Some((place, of)) = best(votes, &mut located.elsewhere) else { break };
             let first = self.wanted[of[0].0].readings[of[0].1].clone();
-            located.notes.push(self.told(&place, &first, &files[of[0].2], of.len()));
+            located.notes.push(self.note(&place, &first, &files[of[0].2], of.len()));
             for (index, reading, at) in of {
                 let path = self.root.join(&files[at]);
                 self.taken.insert(path.clone());
@@ -187,7 +187,7 @@ impl Search<'_> {
         path.strip_prefix(self.root).unwrap_or(path).display().to_string()
     }
 
-    fn told(&self, place: &Place, name: &Path, file: &Path, n: usize) -> String {
+    fn note(&self, place: &Place, name: &Path, file: &Path, n: usize) -> String {
         let base = self.base.strip_prefix(self.root).unwrap_or(self.base);
         let (name, file_) = (base.join(name), file.display());
         let name = name.display();

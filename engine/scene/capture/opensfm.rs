@@ -22,16 +22,16 @@ const REMEDY: &str = "correct the file, or export the reconstruction again";
 /// One of the parts that could not be joined.
 #[derive(serde::Deserialize)]
 struct Reconstruction {
-    cameras: BTreeMap<String, Given>,
-    shots: BTreeMap<String, Posed>,
+    cameras: BTreeMap<String, Projection>,
+    shots: BTreeMap<String, PosedShot>,
     #[serde(default)]
-    points: BTreeMap<String, Seen>,
+    points: BTreeMap<String, Track>,
 }
 
 /// A lens. Lengths are multiples of the picture's larger side, the principal point is counted from its middle.
 #[derive(Default, serde::Deserialize)]
 #[serde(default)]
-struct Given {
+struct Projection {
     projection_type: Option<String>,
     width: f64,
     height: f64,
@@ -49,14 +49,14 @@ struct Given {
 }
 
 #[derive(serde::Deserialize)]
-struct Posed {
+struct PosedShot {
     rotation: [f64; 3],
     translation: [f64; 3],
     camera: String,
 }
 
 #[derive(serde::Deserialize)]
-struct Seen {
+struct Track {
     color: [f64; 3],
     coordinates: [f64; 3],
 }
@@ -121,7 +121,7 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
             ..Camera::default()
         });
     }
-    for (id, Seen { color, coordinates }) in part.points {
+    for (id, Track { color, coordinates }) in part.points {
         if !coordinates.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
             let reason = format!("is at {coordinates:?}, not finite or beyond {MAX_COORDINATE}");
             faults.add(&calibration, format!("point `{}`", id.escape_debug()), reason, REMEDY);
@@ -134,11 +134,11 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
 }
 
 impl Reconstruction {
-    fn lens(&self, shot: &Posed) -> Result<Lens, String> {
+    fn lens(&self, shot: &PosedShot) -> Result<Lens, String> {
         let name = shot.camera.escape_debug();
         let given =
             self.cameras.get(&shot.camera).ok_or_else(|| format!("was taken by `{name}`, which is not listed"))?;
-        let &Given { width, height, c_x, c_y, k1, k2, k3, k4, p1, p2, .. } = given;
+        let &Projection { width, height, c_x, c_y, k1, k2, k3, k4, p1, p2, .. } = given;
         let (Some(columns), Some(rows)) = (whole_side(width), whole_side(height)) else {
             return Err(format!("has {width} x {height} pixels"));
         };

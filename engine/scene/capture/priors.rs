@@ -32,12 +32,12 @@ impl PriorSource {
     /// Decodes the priors of an image: halves of depth and of flow, by pixel; empty where there are none.
     pub fn decode(&self, width: u32, height: u32) -> std::result::Result<(Vec<u16>, Vec<[u16; 2]>), Fault> {
         let flow = match &self.flow {
-            Some(path) => told(path, read_flow(path, width, height))?,
+            Some(path) => as_fault(path, read_flow(path, width, height))?,
             None => Vec::new(),
         };
         let depth = match &self.depth {
             Some((path, [a, b])) => {
-                let prior = told(path, read_depth(path, width, height))?;
+                let prior = as_fault(path, read_depth(path, width, height))?;
                 // Not `max`, which would make NaN a number.
                 let compared = |p: f32| {
                     let d = (a * f64::from(p) + b) as f32;
@@ -51,8 +51,8 @@ impl PriorSource {
     }
 }
 
-/// An error of a reader as a fault, which can be told more than once.
-fn told<T>(path: &Path, outcome: Result<T>) -> std::result::Result<T, Fault> {
+/// An error of a reader as a fault, which can be reported more than once.
+fn as_fault<T>(path: &Path, outcome: Result<T>) -> std::result::Result<T, Fault> {
     outcome.map_err(|error| match error {
         Error::Data { file, place, reason, remedy } => Fault { file, place, reason, remedy },
         other => Fault {

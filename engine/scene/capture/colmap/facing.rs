@@ -19,9 +19,9 @@ const DOUBTFUL: f64 = 0.5;
 const MARGIN: f64 = 0.5;
 
 /// A way in which a pose may be meant: what it is, and what its owner should write.
-type Way = (&'static str, &'static str);
+type Convention = (&'static str, &'static str);
 
-const WAYS: [Way; 6] = [
+const CONVENTIONS: [Convention; 6] = [
     ("as COLMAP has them", ""),
     ("with quaternions x y z w", "write quaternions as w x y z"),
     ("with centres of cameras in place of TX TY TZ", "write the translation -R C in place of the centre C"),
@@ -39,10 +39,10 @@ const WAYS: [Way; 6] = [
 #[derive(Default)]
 pub(super) struct Facing {
     /// By image: its lens with its reach, and its pose in every way.
-    cameras: HashMap<u32, (Lens, f64, [Option<Pose>; WAYS.len()])>,
+    cameras: HashMap<u32, (Lens, f64, [Option<Pose>; CONVENTIONS.len()])>,
     n_judged: usize,
     n_behind: usize,
-    n_seen: [usize; WAYS.len()],
+    n_seen: [usize; CONVENTIONS.len()],
 }
 
 impl Facing {
@@ -81,7 +81,7 @@ impl Facing {
     pub fn verdict(&self) -> Option<(String, Option<&'static str>)> {
         let n = self.n_judged;
         let share = |way: usize| self.n_seen[way] as f64 / n as f64;
-        let best = (1..WAYS.len()).max_by_key(|way| (self.n_seen[*way], std::cmp::Reverse(*way)))?;
+        let best = (1..CONVENTIONS.len()).max_by_key(|way| (self.n_seen[*way], std::cmp::Reverse(*way)))?;
         let is_other = share(best) >= GOOD && share(best) - share(0) >= BETTER;
         if n < MIN_JUDGED || share(0) >= DOUBTFUL && !is_other {
             return None;
@@ -94,7 +94,7 @@ impl Facing {
         if !is_other {
             return Some((format!("{wrong}: poses or points may be wrong"), None));
         }
-        let (what, remedy) = WAYS[best];
+        let (what, remedy) = CONVENTIONS[best];
         Some((format!("{wrong}; the poses fit {what} ({:.0} % are in the picture)", 100.0 * share(best)), Some(remedy)))
     }
 }

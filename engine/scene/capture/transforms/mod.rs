@@ -144,14 +144,14 @@ fn add_unsized(path: &Path, file: &Path, images: &[PathBuf], faults: &mut Faults
     broken.into_iter().for_each(|fault| faults.push(fault));
 }
 
-struct Found<'a> {
+struct ImageFrame<'a> {
     place: String,
     frame: &'a Frame,
     name: PathBuf,
     image: PathBuf,
 }
 
-impl Found<'_> {
+impl ImageFrame<'_> {
     fn entry(&self, lens: Lens, world_to_camera: Pose, [mask, depth]: [Option<PathBuf>; 2], is_test: bool) -> Entry {
         let Lens { intrinsics, distortion } = lens;
         let name = flat(&self.name);
@@ -180,7 +180,12 @@ impl Below<'_> {
     }
 
     /// The frames whose names are good, each with its image.
-    fn images<'a>(&self, frames: &'a [Frame], builder: &mut CaptureBuilder, faults: &mut Faults) -> Vec<Found<'a>> {
+    fn images<'a>(
+        &self,
+        frames: &'a [Frame],
+        builder: &mut CaptureBuilder,
+        faults: &mut Faults,
+    ) -> Vec<ImageFrame<'a>> {
         let (mut named, mut wanted) = (Vec::new(), Vec::new());
         for (index, frame) in frames.iter().enumerate() {
             let place = format!("frame {index}");
@@ -197,14 +202,14 @@ impl Below<'_> {
         let located = self.located(base, base, &wanted);
         builder.notes.extend(located.notes);
         builder.elsewhere.extend(located.elsewhere);
-        let found = |((place, frame, name), (image, _))| Found { place, frame, name, image };
+        let found = |((place, frame, name), (image, _))| ImageFrame { place, frame, name, image };
         named.into_iter().zip(located.files).map(found).collect()
     }
 
     /// The files of another kind that frames name, by frame. What is not there, or not of its image's size, is not used.
     fn others(
         &self,
-        frames: &[Found],
+        frames: &[ImageFrame],
         others: &Others,
         builder: &mut CaptureBuilder,
         faults: &mut Faults,
