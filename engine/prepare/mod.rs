@@ -22,7 +22,6 @@ mod settings;
 mod shifts;
 mod sound;
 mod source;
-mod timecodes;
 mod timeline;
 mod track;
 mod triangulate;

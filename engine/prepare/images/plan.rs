@@ -13,8 +13,8 @@ use crate::prepare::fit::{Crop, fitted};
 use crate::prepare::foreign::{Kind, decode_image, kind, read_size, size_for};
 use crate::prepare::journal::{PRIORS, stamps};
 use crate::prepare::settings::PrepareSettings;
+use crate::prepare::shifts;
 use crate::prepare::source::{Footage, Source, SourceCamera};
-use crate::prepare::timecodes;
 use crate::prepare::timeline::Timeline;
 use crate::prepare::video::{self, Selection, Video, can_convert};
 use crate::scene::Intrinsics;
@@ -56,7 +56,7 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
     notes.extend(paired::of_lengths(&left, &of_videos, settings));
     notes.extend(timeline.as_ref().and_then(|timeline| paired::of_rates(&of_videos, timeline)));
     if settings.shifts.is_empty() {
-        notes.extend(timecodes::note(&videos().collect::<Vec<_>>()));
+        notes.extend(shifts::note_timecodes(&videos().collect::<Vec<_>>()));
     }
     let select = select(source, settings, &left, &mut notes, faults);
     let of_images = settings.fps.or(source.fps).unwrap_or(settings.capture.fps);

@@ -2,7 +2,8 @@
 
 use super::footage::{self, sequence_names, video_names};
 use super::recording::{Place, Source};
-use crate::scene::capture::{Faults, camera_of_row, is_capture, read_npy, read_rows};
+use crate::files::npy::read_npy;
+use crate::scene::capture::{Faults, camera_of_row, is_capture, read_rows};
 use crate::scene::undistort::{Distortion, Lens};
 
 const REMEDY: &str = "give the file that came with the videos, and all of them";

@@ -8,7 +8,7 @@ use super::colour;
 use super::times::{rate, shown};
 use crate::error::{Error, Result};
 use crate::prepare::program::FFPROBE;
-use crate::prepare::timecodes::frame_of_day;
+use crate::prepare::shifts::frame_of_day;
 use crate::video::input;
 
 /// Sound may begin so much before the first picture, seconds, for what encoders of sound need ahead; beyond that, pictures begin late.

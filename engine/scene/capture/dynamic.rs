@@ -7,10 +7,10 @@ use super::builder::{CaptureBuilder, MAX_FRAMES};
 use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use super::named::Named;
 use super::names::spelled;
-use super::npz;
 use super::report::Faults;
 use super::settings::CaptureSettings;
 use crate::error::{self, Error};
+use crate::files::npy::read_npz;
 use crate::files::read_json;
 use crate::scene::{Intrinsics, Pose};
 
@@ -163,7 +163,7 @@ fn drop_absent_end(builder: &mut CaptureBuilder) {
 
 /// Rows of `data`: x, y, z, then red, green and blue in [0, 1], then a label.
 fn points(path: &Path) -> error::Result<Vec<Point>> {
-    let array = npz::read(path, "data")?;
+    let array = read_npz(path, "data")?;
     let &[_, n_columns] = array.shape.as_slice() else {
         return Err(Error::data(path, "array `data`", format!("has the shape {:?}", array.shape), REMEDY));
     };
