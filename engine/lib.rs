@@ -16,7 +16,8 @@ pub mod parallel;
 pub mod prepare;
 pub mod profile;
 pub mod random;
-pub(crate) mod report;
+#[doc(hidden)]
+pub mod report;
 pub mod scene;
 pub mod settings;
 pub mod sound;

@@ -69,7 +69,8 @@ fn a_scene_is_rendered() {
     // Bad data is exit 3, bad usage 2.
     let (scene, path) = (name("scene.json"), name("path.csv"));
     let wrong = |option, value| run(&["sound", "render", &scene, "--path", &path, "-o", "x.wav", option, value]);
-    let (code, _, error) = wrong("--hrtf", &name("mic.wav"));
+    let mic = name("mic.wav");
+    let (code, _, error) = wrong("--hrtf", &mic);
     assert!(code == 3 && error.contains("mic.wav"), "{error}");
     assert_eq!(wrong("--mode", "loud").0, 2);
     fs::remove_dir_all(folder).unwrap();
