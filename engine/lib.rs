@@ -17,6 +17,7 @@ pub mod prepare;
 pub mod profile;
 pub mod random;
 #[doc(hidden)]
+#[allow(missing_docs)]
 pub mod report;
 pub mod scene;
 pub mod settings;
