@@ -46,7 +46,7 @@ impl Aligner {
     /// The delays that a response may have: maxima of its correlation with its own minimum-phase version (Nam, Abel and Smith 2008)
     /// of at least half the highest, which comes first. A threshold would take the ringing before an onset for it.
     pub fn candidates(&mut self, response: &[f32]) -> Vec<Candidate> {
-        let n = self.spectra.len();
+        let n = self.spectra.size();
         let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
         let minimum = self.minimum_phase(&bins);
         let cross: Vec<Complex64> = bins.iter().zip(&minimum).map(|(h, m)| h * m.conj()).collect();
@@ -64,7 +64,7 @@ impl Aligner {
 
     /// Takes a delay out of a response, so that its onset comes to lie at `lead`, which is [`LEAD`] to `LEAD + taps`.
     pub fn align(&mut self, response: &[f32], delay: f64, lead: usize) -> Aligned {
-        let n = self.spectra.len();
+        let n = self.spectra.size();
         let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
         let signal = self.spectra.inverse(&shifted(&bins, n, lead as f64 - delay));
         let kept = self.taps + EXTRA + lead - LEAD;
@@ -75,7 +75,7 @@ impl Aligner {
 
     /// The spectrum with the same magnitudes whose energy comes as early as it can, by the folded cepstrum.
     fn minimum_phase(&mut self, bins: &[Complex64]) -> Vec<Complex64> {
-        let n = self.spectra.len();
+        let n = self.spectra.size();
         let floor = 1e-6 * bins.iter().map(|bin| bin.norm()).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
         let logs: Vec<Complex64> = bins.iter().map(|bin| Complex64::from(bin.norm().max(floor).ln())).collect();
         let cepstrum = self.spectra.inverse(&logs);

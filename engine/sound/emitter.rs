@@ -37,7 +37,7 @@ impl Emitter<'_> {
     /// The sound at the ears of a head, each sample the sum of products with the response of the moment.
     pub fn binaural(&self, head: &PoseTrack, hrtf: &HrtfSet, n: usize) -> Vec<[f32; 2]> {
         let mut baker = Baker::new(hrtf.taps(Lookup::Aligned), hrtf.max_delay());
-        let past = baker.len();
+        let past = baker.size();
         // What arrives from `past` samples before the beginning to `LEAD` after the end.
         let time = |i: usize| (i as f64 - past as f64) / f64::from(FS);
         let arriving: Vec<f32> =

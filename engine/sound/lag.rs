@@ -77,7 +77,7 @@ fn faded(recording: &[f32], over: usize) -> impl Iterator<Item = f64> {
 
 /// How much later `b` hears what `a` hears.
 fn compared(spectra: &mut Spectra, (a, b): (&[Complex64], &[Complex64]), rate: f64) -> Lag {
-    let n = spectra.len();
+    let n = spectra.size();
     let cross = |(k, (a, b)): (usize, (&Complex64, &Complex64))| {
         let frequency = k as f64 * rate / n as f64;
         if (BAND[0]..BAND[1]).contains(&frequency) { b * a.conj() } else { Complex64::ZERO }

@@ -36,7 +36,7 @@ impl Wola {
         let scale = 2.0 * hop as f64 / frame as f64;
         let hann = |i: usize| (scale * (0.5 - 0.5 * (2.0 * PI * i as f64 / frame as f64).cos())) as f32;
         let baker = Baker::new(taps, max_delay);
-        let n = good_length(frame + baker.len() - 1);
+        let n = good_length(frame + baker.size() - 1);
         let mut planner = RealFftPlanner::new();
         Some(Wola {
             frame,
@@ -52,11 +52,6 @@ impl Wola {
     /// The window.
     pub fn window(&self) -> &[f32] {
         &self.window
-    }
-
-    /// Length of the transforms: a frame and a response fit in without wrapping.
-    pub fn transform_len(&self) -> usize {
-        self.n
     }
 
     /// A filter's spectra, its delays included.
@@ -125,20 +120,15 @@ impl Baker {
     }
 
     /// Samples of a baked response.
-    pub fn len(&self) -> usize {
-        self.spectra.len()
-    }
-
-    /// True if a baked response has no samples.
-    pub fn is_empty(&self) -> bool {
-        self.spectra.is_empty()
+    pub fn size(&self) -> usize {
+        self.spectra.size()
     }
 
     /// Both responses, delayed.
     pub fn bake(&mut self, filter: &Filter) -> [Vec<f32>; 2] {
         [0, 1].map(|ear| {
             let bins = self.spectra.forward(filter.responses[ear].iter().map(|value| f64::from(*value)));
-            let later = shifted(&bins, self.spectra.len(), filter.delays[ear]);
+            let later = shifted(&bins, self.spectra.size(), filter.delays[ear]);
             self.spectra.inverse(&later).into_iter().map(|value| value as f32).collect()
         })
     }
