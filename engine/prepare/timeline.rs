@@ -81,7 +81,7 @@ impl Timeline {
     }
 
     /// How much later than its frame a picture is, frames.
-    pub fn rest(&self, name: &str, video: &Video, (frame, picture): (u32, usize)) -> f64 {
+    pub fn rest(&self, name: &str, video: &Video, frame: u32, picture: usize) -> f64 {
         (video.times[picture] - self.time(name, frame)) * self.fps
     }
 

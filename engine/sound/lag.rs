@@ -54,7 +54,7 @@ pub fn lags(recordings: &[Vec<f32>], rate: f64) -> Vec<Option<Lag>> {
                 continue;
             }
             let b = bins(own);
-            let lag = compared(&mut inverse, (&a, &b), rate);
+            let lag = compared(&mut inverse, &a, &b, rate);
             if found[own].is_none_or(|before| lag.stands_out > before.stands_out) {
                 found[own] = Some(Lag { seconds: base + lag.seconds, ..lag });
             }
@@ -76,7 +76,7 @@ fn faded(recording: &[f32], over: usize) -> impl Iterator<Item = f64> {
 }
 
 /// How much later `b` hears what `a` hears.
-fn compared(spectra: &mut Spectra, (a, b): (&[Complex64], &[Complex64]), rate: f64) -> Lag {
+fn compared(spectra: &mut Spectra, a: &[Complex64], b: &[Complex64], rate: f64) -> Lag {
     let n = spectra.size();
     let cross = |(k, (a, b)): (usize, (&Complex64, &Complex64))| {
         let frequency = k as f64 * rate / n as f64;

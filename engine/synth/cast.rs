@@ -44,7 +44,7 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
         // The room is closed: every ray meets something, at worst its shell.
         let hit = now.hit(camera.center, direction);
         picture.depth.push(hit.as_ref().map_or(0.0, |hit| hit.t));
-        picture.flow.push(hit.as_ref().map_or(DVec2::ZERO, |hit| flow(&now, &next, (camera, &then), hit)));
+        picture.flow.push(hit.as_ref().map_or(DVec2::ZERO, |hit| flow(&now, &next, camera, &then, hit)));
         picture.body.push(hit.as_ref().map_or(0, |hit| hit.body));
         let (color, dynamic) = pixel(&now, camera, corner, options.samples);
         let seen = if camera.is_hooded(column, row) { HOOD } else { transformed(camera, color) };
@@ -92,7 +92,7 @@ fn pixel(now: &Snapshot, camera: &Camera, corner: DVec2, samples: u32) -> (DVec3
 }
 
 /// The way of a surface point in the picture to the next frame, by its own motion and the camera's.
-fn flow(now: &Snapshot, next: &Snapshot, (camera, then): (&Camera, &Camera), hit: &Hit) -> DVec2 {
+fn flow(now: &Snapshot, next: &Snapshot, camera: &Camera, then: &Camera, hit: &Hit) -> DVec2 {
     let moved = &next.placed[hit.body];
     if !moved.body.dynamic && camera.center == then.center {
         return DVec2::ZERO;

@@ -105,7 +105,7 @@ pub(super) fn photographers(options: &Options, n: u32) -> Vec<Camera> {
         let height = DVec3::Y * (PHOTO_HEIGHT * (f64::from(index % 3) - 1.0));
         let center = MIDDLE + way(index) * PHOTO_RING + height;
         let target = center + way(index / 2 * 2) - 0.3 * height;
-        pinhole(format!("photo{index:02}"), options, (center, target, PHOTO_FIELD), &mut jitter)
+        pinhole(format!("photo{index:02}"), options, center, target, PHOTO_FIELD, &mut jitter)
     };
     (0..n).map(photographer).collect()
 }
@@ -167,7 +167,7 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
     };
     Camera {
         way: (options.rig == Rig::Moving).then_some(options.frames),
-        ..pinhole(format!("cam{index:02}"), options, (center, target, field), &mut jitter)
+        ..pinhole(format!("cam{index:02}"), options, center, target, field, &mut jitter)
     }
 }
 
@@ -175,7 +175,9 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
 fn pinhole(
     name: String,
     options: &Options,
-    (center, target, field): (DVec3, DVec3, f64),
+    center: DVec3,
+    target: DVec3,
+    field: f64,
     jitter: &mut dyn FnMut(f64) -> f64,
 ) -> Camera {
     let forward = (target - center).normalize();

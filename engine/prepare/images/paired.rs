@@ -23,7 +23,7 @@ pub(super) fn pair(timeline: &Timeline, name: &str, video: &Video, select: Selec
     let frames = || (0..select.n).map(|k| select.start + k * select.every);
     let pictures: Vec<Option<usize>> = frames().map(|frame| timeline.picture(name, video, frame)).collect();
     let there = frames().zip(&pictures).filter_map(|(frame, picture)| Some((frame, (*picture)?)));
-    let rests: Vec<f64> = there.map(|pair| timeline.rest(name, video, pair)).collect();
+    let rests: Vec<f64> = there.map(|(frame, picture)| timeline.rest(name, video, frame, picture)).collect();
     let rest = rests.iter().sum::<f64>() / rests.len().max(1) as f64;
     let mut notes = Vec::new();
     notes.extend(of_gaps(timeline, name, video, &frames().zip(pictures.iter().copied()).collect::<Vec<_>>()));

@@ -131,7 +131,7 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
         ..CaptureBuilder::default()
     };
     let ids = model.images.iter().filter_map(|posed| Some((posed.camera_id, camera_name(&posed.name)?))).collect();
-    for (camera, distortion) in cameras(path, &model.file, model.images, (n_frames, &manifest.absent), faults) {
+    for (camera, distortion) in cameras(path, &model.file, model.images, n_frames, &manifest.absent, faults) {
         builder.distorted.insert(camera.name.clone(), distortion);
         builder.cameras.push(camera);
     }
@@ -178,7 +178,7 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
         priors.find(&mut builder.cameras, |shot| &mut shot.depth, faults);
     }
     if manifest.points {
-        builder.frame_points = frame_points(path, &model.file, ids, (settings.frames, n_frames), faults);
+        builder.frame_points = frame_points(path, &model.file, ids, settings.frames, n_frames, faults);
     }
     let names: Vec<&str> = builder.cameras.iter().map(|camera| camera.name.as_str()).collect();
     check_names("test cameras", &manifest.test_cameras, &names, &builder.calibration, faults);
@@ -224,7 +224,8 @@ fn frame_points(
     path: &Path,
     file: &Path,
     ids: Vec<(u32, String)>,
-    (used, n_frames): (Frames, u32),
+    used: Frames,
+    n_frames: u32,
     faults: &mut Faults,
 ) -> Option<FramePoints> {
     let folder = path.join("points");
@@ -315,7 +316,8 @@ fn cameras(
     path: &Path,
     file: &Path,
     images: Vec<Posed>,
-    (n_frames, absent): (u32, &BTreeMap<String, BTreeSet<u32>>),
+    n_frames: u32,
+    absent: &BTreeMap<String, BTreeSet<u32>>,
     faults: &mut Faults,
 ) -> Vec<(Camera, Distortion)> {
     let mut by_name: BTreeMap<String, Vec<(PathBuf, Posed)>> = BTreeMap::new();
