@@ -1,6 +1,6 @@
 // What a row of the table of kernels says, and how a family's row becomes its kernels.
 
-/// What one unit of a kernel's work is counted in.
+/// The unit of a kernel's work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Count {
     /// Gaussians of the scene.
@@ -25,7 +25,7 @@ pub enum Count {
     Added,
     /// One per dispatch.
     Dispatches,
-    /// What the recording says of the pass: see the comment at the row.
+    /// The count that the recording gives: see the comment at the row.
     Recorded,
 }
 
@@ -53,7 +53,7 @@ pub struct Cost {
 /// A share of a kernel's cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Term {
-    /// What it grows with; without it, what the pass itself does.
+    /// The count that it grows with; without it, that of the pass.
     pub per: Option<Count>,
     /// Of one unit.
     pub cost: Cost,
@@ -69,19 +69,19 @@ pub struct Axis {
 
 /// A shader with all its kernels.
 pub struct Family {
-    /// What the names of its kernels begin with, and the name of the generated function that picks one.
+    /// The start of its kernels' names, and the name of the generated function that picks one.
     pub name: &'static str,
     /// The shader, below `shaders-glsl`.
     pub file: &'static str,
-    /// What its kernels differ in, in the order of their names.
+    /// The choices between its kernels, in the order of their names.
     pub axes: &'static [Axis],
     /// From a choice to the one whose kernel does the same, where it has none of its own.
     pub same: fn(&mut [usize]),
     /// Its truth on the CPU, `module::name` of the engine's twins. Empty where it computes nothing.
     pub twin: fn(&Spec) -> &'static str,
-    /// What its time grows with.
+    /// The count that its time grows with.
     pub count: Count,
-    /// What it must do at least: bytes are those of data that must come from memory or go there once, whatever the caches; flops
+    /// The least that it must do: bytes are those of data that must come from memory or go there once, whatever the caches; flops
     /// are float additions and multiplications, without those of addresses; loads that caches serve are not counted. None of what
     /// is outside a frame and a step: density control and the probes.
     pub cost: Option<fn(&Spec) -> Vec<Term>>,
@@ -95,7 +95,7 @@ pub struct Spec {
     pub file: &'static str,
     /// Preprocessor definitions that make this variant.
     pub defines: Vec<(&'static str, &'static str)>,
-    /// What its time grows with.
+    /// The count that its time grows with.
     pub count: Count,
     /// Its family.
     pub family: &'static Family,
@@ -115,7 +115,7 @@ impl Spec {
         (self.family.twin)(self)
     }
 
-    /// Whether a definition is there, and not 0.
+    /// True if a definition is there, and not 0.
     pub fn is(&self, name: &str) -> bool {
         self.value(name) != 0
     }
@@ -160,12 +160,12 @@ impl Cost {
     }
 }
 
-/// What the pass itself does, per unit.
+/// The cost of a unit of the pass.
 pub fn own(bytes: f64, flops: f64) -> Term {
     Term { per: None, cost: Cost::of(bytes, flops) }
 }
 
-/// What grows with another count.
+/// A cost that grows with another count.
 pub fn per(count: Count, bytes: f64, flops: f64) -> Term {
     Term { per: Some(count), cost: Cost::of(bytes, flops) }
 }

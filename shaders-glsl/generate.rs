@@ -1,14 +1,20 @@
 // Compiles every kernel of the table twice (optimised for the driver, plain for reflection), reads the second with naga,
 // and writes the committed SPIR-V and `engine/gpu/generated/`.
 
-use super::manifest::{line, source_key};
+#[path = "source.rs"]
+mod source;
+
+use super::manifest::{closure, line, source_key};
 use super::table::{FAMILIES, Family, KERNELS, Spec};
 use naga::{AddressSpace, ArraySize, Module, ScalarKind, StorageAccess, TypeInner, VectorSize};
+use source::{Comments, constants_of, purpose};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
 const GENERATED: &str = "engine/gpu/generated";
+/// The buffers of numbers in the layout of the parameters, which bindings take together.
+const PLANES: [&str; 6] = ["geometry", "sh0", "motion", "sh1", "sh2", "sh3"];
 
 /// Recompiles everything. Without `bless` the tree is only compared; returns the faults.
 pub fn run(root: &Path, bless: bool) -> Vec<String> {
@@ -101,7 +107,7 @@ struct Kernel {
     reflected: Reflected,
 }
 
-/// What the plain module says of a kernel, as Rust.
+/// The plain module's interface, as Rust.
 struct Reflected {
     purpose: String,
     /// Its push constants.
@@ -128,7 +134,7 @@ impl Reflected {
             "\n/// {purpose}\npub mod {name} {{\nuse crate::gpu::kernel::*;\n{push}{interface}\
              impl Kernel for Args<'_> {{\ntype Push = Push;\nconst INFO: &'static KernelInfo = INFO;\n\
              fn slices(&self) -> Vec<Slice> {{\nvec![\n{slices}]\n}}\n}}\n\
-             /// What the device needs to know.\npub const INFO: &KernelInfo = &KernelInfo {{\n\
+             pub const INFO: &KernelInfo = &KernelInfo {{\n\
              name: \"{name}\", push_bytes: size_of::<Push>() as u32,\n\
              spirv: include_bytes!(\"../../../shaders-glsl/spv/{name}.spv\"),\n{info}}};\n}}\n"
         )
@@ -143,10 +149,12 @@ fn build(root: &Path, spec: &Spec, structs: &mut BTreeMap<String, String>) -> Re
     let parsed = std::panic::catch_unwind(|| naga::front::spv::parse_u8_slice(&plain, &Default::default()))
         .map_err(|_| "naga panicked; see the dialect in shaders-glsl/README.md".to_owned())?;
     let module = parsed.map_err(|e| format!("naga cannot read it: {e}"))?;
-    let text = std::fs::read_to_string(root.join("shaders-glsl").join(spec.file)).map_err(|e| e.to_string())?;
-    let purpose =
-        text.lines().find_map(|l| l.strip_prefix("// Purpose   ")).ok_or("its header has no `Purpose` line")?;
-    let reflected = reflect(purpose, &module, uses_subgroups(&spirv), structs)?;
+    let mut sources = BTreeMap::new();
+    closure(root, spec.file, &mut sources)?;
+    let purpose = purpose(&sources[spec.file]).ok_or("its header has no `Purpose` line")?;
+    let mut comments = Comments::default();
+    sources.values().for_each(|text| comments.read(text));
+    let reflected = reflect(purpose, &module, uses_subgroups(&spirv), &comments, structs)?;
     Ok(Kernel { key, spirv, reflected })
 }
 
@@ -174,7 +182,7 @@ fn compile(root: &Path, spec: &Spec, level: shaderc::OptimizationLevel) -> Resul
     Ok(compiled.as_binary_u8().to_vec())
 }
 
-/// Whether the module declares one of the GroupNonUniform capabilities (61 to 68).
+/// True if the module declares one of the GroupNonUniform capabilities (61 to 68).
 fn uses_subgroups(spirv: &[u8]) -> bool {
     const OP_CAPABILITY: u32 = 17;
     let words: Vec<u32> = spirv.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect();
@@ -192,6 +200,7 @@ fn uses_subgroups(spirv: &[u8]) -> bool {
 fn rust_type(
     module: &Module,
     handle: naga::Handle<naga::Type>,
+    comments: &Comments,
     structs: &mut BTreeMap<String, String>,
 ) -> Result<(String, u32), String> {
     let scalar = |s: naga::Scalar| match (s.kind, s.width) {
@@ -206,11 +215,11 @@ fn rust_type(
         TypeInner::Vector { size: VectorSize::Tri, .. } => Err("vec3 in a buffer: use vec4 or scalars".to_owned()),
         TypeInner::Vector { size, scalar: s } => Ok((format!("[{}; {}]", scalar(*s)?, *size as u32), 4 * *size as u32)),
         TypeInner::Array { base, size: ArraySize::Constant(n), .. } => {
-            let (element, bytes) = rust_type(module, *base, structs)?;
+            let (element, bytes) = rust_type(module, *base, comments, structs)?;
             Ok((format!("[{element}; {n}]"), bytes * n.get()))
         }
         TypeInner::Struct { .. } => {
-            let (name, text, bytes) = rust_struct(module, handle, structs)?;
+            let (name, text, bytes) = rust_struct(module, handle, comments, structs)?;
             if let Some(old) = structs.insert(name.clone(), text.clone())
                 && old != text
             {
@@ -222,39 +231,41 @@ fn rust_type(
     }
 }
 
-/// A `repr(C)` struct with asserted offsets: its name, its text, its size.
+/// A `repr(C)` struct, whose offsets are the shader's since neither has padding: its name, its text, its size.
 fn rust_struct(
     module: &Module,
     handle: naga::Handle<naga::Type>,
+    comments: &Comments,
     structs: &mut BTreeMap<String, String>,
 ) -> Result<(String, String, u32), String> {
     let ty = &module.types[handle];
     let TypeInner::Struct { members, .. } = &ty.inner else { return Err("not a struct".to_owned()) };
     let name = ty.name.clone().ok_or("a struct without a name")?;
     let mut fields = String::new();
-    let mut asserts = String::new();
     let mut end = 0;
     for member in members {
         let field = member.name.as_deref().ok_or("a member without a name")?;
-        let (kind, bytes) = rust_type(module, member.ty, structs)?;
+        let (kind, bytes) = rust_type(module, member.ty, comments, structs)?;
+        let kind = qualified(kind);
         if member.offset != end {
             return Err(format!("{name}.{field} is padded: reorder the members"));
         }
-        writeln!(fields, "    /// `{field}` of the shader.\n    pub {field}: {kind},").ok();
-        write!(asserts, " assert!(std::mem::offset_of!({name}, {field}) == {});", member.offset).ok();
+        writeln!(fields, "{}pub {field}: {kind},", comments.doc(&name, field)).ok();
         end = member.offset + bytes;
     }
     let text = format!(
-        "/// `{name}` of the shaders.\n#[repr(C)]\n#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]\n\
-         pub struct {name} {{\n{fields}}}\nconst _: () = {{ assert!(size_of::<{name}>() == {end});{asserts} }};\n"
+        "{}#[repr(C)]\n#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]\n\
+         pub struct {name} {{\n{fields}}}\nconst _: () = assert!(size_of::<{name}>() == {end});\n",
+        comments.doc(&name, "")
     );
     Ok((name, text, end))
 }
 
 fn reflect(
-    purpose: &str,
+    purpose: String,
     module: &Module,
     subgroups: bool,
+    comments: &Comments,
     structs: &mut BTreeMap<String, String>,
 ) -> Result<Reflected, String> {
     let entry = module.entry_points.first().ok_or("no entry point")?;
@@ -283,7 +294,7 @@ fn reflect(
                     AddressSpace::Storage { .. } => ("Storage", "ReadWrite"),
                     _ => ("Uniform", "Read"),
                 };
-                let element = rust_type(module, element, structs)?.0;
+                let element = rust_type(module, element, comments, structs)?.0;
                 bindings.insert(at.binding, (snake(&block), kind, access, element));
             }
             _ => {}
@@ -292,23 +303,27 @@ fn reflect(
     if !bindings.keys().copied().eq(0..bindings.len() as u32) {
         return Err("its bindings have gaps".to_owned());
     }
-    let mut own = BTreeMap::new();
     let (push_text, push_bytes) = match push {
-        Some(handle) => rust_struct(module, handle, &mut own).map(|(_, text, bytes)| (text, bytes))?,
-        None => ("/// This kernel takes no push constants.\npub type Push = ();\n".to_owned(), 0),
+        Some(handle) => rust_struct(module, handle, comments, structs).map(|(_, text, bytes)| (text, bytes))?,
+        None => ("pub type Push = ();\n".to_owned(), 0),
     };
     let mut summary = format!("local {local}\nsubgroups {subgroups}\npush {push_bytes}\n");
-    let (mut fields, mut list, mut infos, mut floats) = (String::new(), String::new(), String::new(), 0u32);
+    let (mut fields, mut list, mut infos, mut floats) = (Vec::new(), String::new(), String::new(), 0u32);
+    let names: Vec<&str> = bindings.values().map(|(name, ..)| &**name).collect();
     for (at, (name, kind, access, element)) in &bindings {
         floats |= u32::from(element.contains("f32")) << at;
         writeln!(summary, "binding {name} {kind} {access}").ok();
-        let element = if element.starts_with(char::is_uppercase) {
-            format!("crate::gpu::generated::{element}")
+        let element = qualified(element.clone());
+        if let Some((together, plane)) = plane_of(name, &names) {
+            let field = format!("pub {together}: PlaneSlices,");
+            if !fields.contains(&field) {
+                fields.push(field);
+            }
+            writeln!(list, "self.{together}.{plane}.clone(),").ok();
         } else {
-            element.clone()
-        };
-        writeln!(fields, "    /// {access}s.\n    pub {name}: &'a Buf<{element}>,").ok();
-        writeln!(list, "        self.{name}.slice(),").ok();
+            fields.push(format!("{}pub {name}: &'a Buf<{element}>,", comments.doc("", name)));
+            writeln!(list, "self.{name}.slice(),").ok();
+        }
         writeln!(
             infos,
             "        BindingInfo {{ name: \"{name}\", kind: BindingKind::{kind}, access: Access::{access} }},"
@@ -316,13 +331,26 @@ fn reflect(
         .ok();
     }
     Ok(Reflected {
-        purpose: purpose.to_owned(),
+        purpose,
         push: push_text,
-        interface: format!("/// The kernel's buffers.\npub struct Args<'a> {{\n{fields}}}\n"),
+        interface: format!("pub struct Args<'a> {{\n{}}}\n", fields.join("\n")),
         slices: list,
         info: format!("local: {local}, subgroups: {subgroups}, floats: {floats:#x},\nbindings: &[\n{infos}],\n"),
         summary,
     })
+}
+
+/// A Rust type with the path of a struct that kernels share.
+fn qualified(kind: String) -> String {
+    if kind.starts_with(char::is_uppercase) { format!("crate::gpu::generated::{kind}") } else { kind }
+}
+
+/// The field that takes a kernel's buffer together with others, and its place there: where the kernel binds the planes of all bands.
+fn plane_of(name: &str, names: &[&str]) -> Option<(String, &'static str)> {
+    let (prefix, plane) = PLANES.iter().find_map(|plane| Some((name.strip_suffix(plane)?, *plane)))?;
+    let all = names.contains(&&*format!("{prefix}sh1"));
+    let together = if prefix.is_empty() { "params" } else { prefix.trim_end_matches('_') };
+    all.then(|| (together.to_owned(), plane))
 }
 
 fn snake(name: &str) -> String {
@@ -405,45 +433,7 @@ fn constants(root: &Path) -> Result<String, String> {
     Ok(rustfmt(&text).unwrap_or(text))
 }
 
-/// The constants of a shader's text, as Rust.
-fn constants_of(text: &str) -> String {
-    let (mut found, mut known) = (String::new(), Vec::<String>::new());
-    for line in text.lines() {
-        let Some((declared, rest)) = line.strip_prefix("const ").and_then(|rest| rest.split_once(" = ")) else {
-            continue;
-        };
-        let Some((kind, name)) = declared.split_once(' ') else { continue };
-        let kind = match kind {
-            "uint" => "u32",
-            "int" => "i32",
-            "float" => "f32",
-            _ => continue,
-        };
-        let value = rest.split_once(';').map_or("", |(value, _)| value);
-        let words: Vec<&str> = value.split(|c: char| !c.is_ascii_alphanumeric() && c != '_' && c != '.').collect();
-        let is_known = |word: &&str| {
-            word.is_empty() || known.iter().any(|name| name == word) || word.starts_with(|c: char| c.is_ascii_digit())
-        };
-        let is_scalar = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_') && !value.contains('(');
-        // What differs between kernels has one name and several values.
-        let is_one = text.matches(&format!("const {declared} = ")).count() == 1;
-        if !is_one || !is_scalar || !words.iter().all(is_known) {
-            continue;
-        }
-        let value: String = value
-            .split(' ')
-            .map(|word| if word.starts_with(|c: char| c.is_ascii_digit()) { word.trim_end_matches('u') } else { word })
-            .collect::<Vec<&str>>()
-            .join(" ");
-        let comment = line.split_once("// ").map_or("", |(_, comment)| comment);
-        let comment = if comment.is_empty() { format!("`{name}` of the shader") } else { comment.to_owned() };
-        writeln!(found, "/// {comment}.\npub const {name}: {kind} = {value};").ok();
-        known.push(name.to_owned());
-    }
-    found
-}
-
-/// What kernels share, and a list of all.
+/// The structs that kernels share, and a list of all kernels.
 fn index(structs: &BTreeMap<String, String>, modules: &BTreeMap<&str, String>) -> String {
     let structs: String = structs.values().map(|s| format!("{s}\n")).collect();
     let folders: String = modules.keys().map(|folder| format!("mod {folder};\n")).collect();

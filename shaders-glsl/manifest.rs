@@ -5,7 +5,7 @@ use super::table::{KERNELS, Spec};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// What the hashes depend on besides the sources.
+/// The compiler, on which the hashes depend beside the sources.
 pub const COMPILER: &str = "shaderc 0.10.1 vulkan1.2 spirv1.3 -O";
 
 /// FNV-1a, 64 bit.
@@ -20,7 +20,7 @@ pub fn hash(parts: &[&[u8]]) -> u64 {
 }
 
 /// A kernel's source with everything it includes, by path below `shaders-glsl`.
-fn closure(root: &Path, file: &str, into: &mut BTreeMap<String, String>) -> Result<(), String> {
+pub fn closure(root: &Path, file: &str, into: &mut BTreeMap<String, String>) -> Result<(), String> {
     if into.contains_key(file) {
         return Ok(());
     }

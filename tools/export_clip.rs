@@ -2,21 +2,20 @@
 
 use crate::device::DeviceArgs;
 use crate::files::read_json;
-use crate::look::{Look, own};
+use crate::look::Look;
 use crate::progress::Progress;
 use crate::screen::say;
 use crate::shown::{Source, is_run};
 use anyhow::ensure;
 use glam::DVec3;
 use ivv::Constants;
-use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World};
+use ivv::formats::{Clip, Clock, Contents, Encoded, FourDgs, Scene, Sounds, World, WriteOptions, Written};
 use ivv::scene::{Splats, View, read_views, upright};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
 use ivv::stage::{Goal, Subject, compact};
 use ivv::train::{Config, Run};
 use ivv::words::count;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Frames per second of a clip of which only the length is known.
@@ -24,8 +23,6 @@ const FPS: f64 = 30.0;
 /// Views that files are compared in, and their longest side, pixels.
 const MOST_VIEWS: usize = 8;
 const LONGEST_SIDE: u32 = 640;
-/// Part of the Gaussians whose colours may be off by more than shows.
-const MOST_OFF: f64 = 0.1;
 
 /// Options of formats in which time passes.
 #[derive(clap::Args, Clone, Default)]
@@ -82,51 +79,6 @@ pub struct Setting {
     background: [f32; 3],
 }
 
-/// What a file holds beside its Gaussians, and how it is rendered.
-struct Beside {
-    clock: Clock,
-    views: Vec<View>,
-    own: BTreeMap<String, String>,
-    sounds: Sounds,
-    world: Option<World>,
-    cutoff: Option<f64>,
-    constants: Constants,
-    is_quick: bool,
-}
-
-impl Beside {
-    fn contents(&self) -> Contents<'_> {
-        let Beside { clock, views, own, sounds, world, cutoff, is_quick, .. } = self;
-        let (clock, own, world, cutoff) = (*clock, own.clone(), *world, *cutoff);
-        Contents { clock, views, own, sounds, world, cutoff, is_quick: *is_quick }
-    }
-}
-
-/// What a file holds of its Gaussians, and what it cannot.
-#[derive(Default)]
-pub struct Losses {
-    /// Gaussians that it holds.
-    pub n: usize,
-    /// Dynamic ones among them.
-    pub n_dynamic: usize,
-    /// Gaussians with a parameter that is not finite, which it does not hold.
-    pub n_left_out: usize,
-    n_clamped_colors: usize,
-    n_clamped_harmonics: usize,
-    n_off: usize,
-}
-
-impl Losses {
-    fn count(&mut self, encoded: &Encoded, views: &[View]) {
-        self.n += encoded.len();
-        self.n_dynamic += encoded.n_dynamic;
-        self.n_left_out += encoded.n_left_out;
-        self.n_clamped_colors += encoded.n_clamped_colors;
-        self.n_clamped_harmonics += encoded.n_clamped_harmonics;
-        self.n_off += encoded.n_off(views);
-    }
-}
-
 impl ClipArgs {
     /// Those of a clip that is looked at: its length where nothing says it, and a cameras file to start from.
     #[cfg(feature = "play")]
@@ -176,19 +128,30 @@ impl ClipArgs {
     }
 
     /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
-    pub fn bytes(&self, source: &Source, splats: &Splats) -> anyhow::Result<Vec<u8>> {
-        let beside = self.beside(source, splats.motion.is_empty())?;
-        let (constants, contents) = (beside.constants, beside.contents());
-        let encoded = Encoded::new(splats, contents.clock);
+    pub fn bytes(&self, source: &Source, splats: Splats) -> anyhow::Result<Vec<u8>> {
+        let clip = self.clip(source, splats.motion.is_empty())?;
+        let scene = Scene { splats, clip, notes: Vec::new() };
+        let options = self.options(source, &scene, WriteOptions::default())?;
+        let (bytes, written) = FourDgs::encode(source.path, &scene, &options)?;
+        written.notes.iter().for_each(|note| say!("{note}"));
+        Ok(bytes)
+    }
+
+    /// `options` with those of this command, and with the grades that reach its goal, which are searched for.
+    pub fn options(&self, source: &Source, scene: &Scene, options: WriteOptions) -> anyhow::Result<WriteOptions> {
+        let options = WriteOptions { clamp_colors: self.clamp_colors, is_quick: self.is_silent, ..options };
+        let Some(goal) = self.goal()? else { return Ok(options) };
+        let (path, splats) = (source.path, options.moment(&scene.splats));
+        let contents = Contents::of(path, &scene.clip, splats.motion.is_empty(), &options)?;
+        let encoded = Encoded::new(&splats, contents.clock);
         if !self.is_silent {
-            let mut losses = Losses::default();
-            losses.count(&encoded, contents.views);
-            self.judge(&losses)?;
+            // A refusal comes before the search.
+            encoded.losses(contents.views).judge(path, self.clamp_colors)?;
         }
-        let Some(goal) = self.goal()? else { return Ok(encoded.bytes(source.path, &contents, Grades::default())?) };
-        let looked_at = spread(contents.views);
+        let views = spread(contents.views);
+        let constants = scene.clip.constants;
         let subject =
-            Subject { path: source.path, splats, encoded: &encoded, contents: &contents, constants, views: &looked_at };
+            Subject { path, splats: &splats, encoded: &encoded, contents: &contents, constants, views: &views };
         let mut progress = Progress::passing("files", 0);
         let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
             progress.reach(n, most, "looked at");
@@ -197,33 +160,30 @@ impl ClipArgs {
             "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
             found.bytes.len() as f64 / 1e6,
             found.psnr,
-            count(looked_at.len(), "view"),
+            count(views.len(), "view"),
             count(found.n_tried, "file"),
             found.grades
         );
-        Ok(found.bytes)
+        Ok(WriteOptions { grades: found.grades, ..options })
     }
 
     /// Writes a `.4dgs` of the clip in parts that `source` is, one part after the other; says what it holds. `None` where
     /// `source` is no such clip, or a file that can be so small has to be looked for.
-    pub fn write_parts(&self, source: &Source, to: &Path) -> anyhow::Result<Option<Losses>> {
-        let (None, Some((_, mut clip))) = (self.goal()?, source.parts()?) else { return Ok(None) };
-        let beside = self.beside(source, false)?;
-        let contents = beside.contents();
-        let mut losses = Losses::default();
-        let measure = contents.measure(&mut *clip, |encoded| losses.count(encoded, contents.views))?;
-        self.judge(&losses)?;
-        contents.write(to, &mut *clip, &measure)?;
-        Ok(Some(losses))
+    pub fn write_parts(&self, source: &Source, to: &Path) -> anyhow::Result<Option<Written>> {
+        let (None, Some((_, mut parts))) = (self.goal()?, source.parts()?) else { return Ok(None) };
+        let clip = self.clip(source, false)?;
+        let options = WriteOptions { clamp_colors: self.clamp_colors, ..WriteOptions::default() };
+        let written = FourDgs::write_parts(to, &mut *parts, &clip, &options)?;
+        written.notes.iter().for_each(|note| say!("{note}"));
+        Ok(Some(written))
     }
 
-    /// What a file of the scene of `source` holds beside its Gaussians.
-    fn beside(&self, source: &Source, is_still: bool) -> anyhow::Result<Beside> {
+    /// What a `.4dgs` of the scene of `source` holds beside its Gaussians.
+    pub fn clip(&self, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
         let Setting { clock, start, views, mut sounds, constants, background } = self.setting(source)?;
         let clock = match clock {
             Some(clock) => clock,
-            // Nothing changes in it, so it may be as short as one frame.
-            None if is_still => Clock { fps: 1.0, frames: 1 },
+            None if is_still => Clock::STILL,
             None => anyhow::bail!(
                 "{} does not say how long its clip is; give --seconds, or the folder of the run instead of its scene.ply",
                 source.path.display()
@@ -256,16 +216,8 @@ impl ClipArgs {
             let up = world.map_or_else(|| upright(&views).unwrap_or(DVec3::NEG_Y).to_array(), |world| world.up);
             world = Some(World { up, metres_per_unit: Some(metres) });
         }
-        Ok(Beside {
-            clock,
-            views,
-            own: own(&constants, background),
-            sounds,
-            world,
-            cutoff: source.clip.as_ref().and_then(FourDgs::cutoff),
-            constants,
-            is_quick: self.is_silent,
-        })
+        let cutoff = source.clip.as_ref().and_then(FourDgs::cutoff);
+        Ok(Clip { clock: Some(clock), views, sounds, world, constants, background: Some(background), cutoff })
     }
 
     fn goal(&self) -> anyhow::Result<Option<Goal>> {
@@ -284,24 +236,6 @@ impl ClipArgs {
                 Ok(Some(Goal::Bytes((1e6 * megabytes) as u64)))
             }
         }
-    }
-
-    fn judge(&self, losses: &Losses) -> anyhow::Result<()> {
-        let Losses { n, n_clamped_colors, n_clamped_harmonics, n_off, .. } = *losses;
-        ensure!(
-            n_off as f64 <= MOST_OFF * n as f64 || self.clamp_colors || self.is_silent,
-            "expected colours that a .4dgs holds, found {n_off} of {} off by more than 2 levels of 255; export as PLY, or give \
-             --clamp-colors",
-            count(n, "Gaussian")
-        );
-        if n_clamped_colors + n_clamped_harmonics > 0 && !self.is_silent {
-            say!(
-                "{} with a base colour beyond 0 to 1, {n_clamped_harmonics} with harmonics beyond -4 to 4: cut to that, and the \
-                 rest of their coefficients makes it good; {n_off} are off by more than 2 levels of 255",
-                count(n_clamped_colors, "Gaussian")
-            );
-        }
-        Ok(())
     }
 
     /// What is known of the scene of `source`.
@@ -373,7 +307,7 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
         return Ok(Vec::new());
     }
     let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
-    let capture = run.open_capture(None)?.transformed(&run.world.inverse());
+    let capture = run.open_capture(None)?;
     let mut views = Vec::new();
     for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| camera.films()) {
         if let Some(shot) = camera.shots.first() {

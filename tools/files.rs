@@ -23,9 +23,9 @@ pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> i
     serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
 }
 
-/// Writes the Gaussians of a run in the capture's own frame, and returns them; `world` led from there to the frame of
-/// training, and `own` is how they are rendered.
-pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity, own: &Own) -> ivv::Result<Splats> {
+/// Writes the Gaussians of a run, in the capture's own world; `world` leads from there to the frame of training, and `own` is how they
+/// are rendered.
+pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity, own: &Own) -> ivv::Result<()> {
     if !world.is_exact_in_f32() {
         tracing::warn!(
             "{}: the capture lies so far from its origin that single precision rounds positions there visibly; the \
@@ -33,7 +33,5 @@ pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity, own: &Own) 
             path.display()
         );
     }
-    let splats = world.inverse().splats(splats);
-    write_ply_with(path, &splats, own)?;
-    Ok(splats)
+    write_ply_with(path, splats, own)
 }

@@ -4,7 +4,7 @@ use crate::files::read_json;
 use crate::screen::{alert, say};
 use crate::shown::is_run;
 use ivv::Constants;
-use ivv::formats::{FourDgs, Own, ply_own};
+use ivv::formats::{self, FourDgs, Own, Rendering, list, ply_own};
 use ivv::train::{Config, Run};
 use std::ffi::OsStr;
 use std::path::Path;
@@ -22,13 +22,14 @@ pub struct Look {
 
 impl Look {
     /// How the run in the folder `path` is rendered, or what the file `path` says; `clip` is that file where it is a `.4dgs`. A `scene.ply`
-    /// that does not say it takes the constants of the run beside it, and a message names those that are not the usual ones.
+    /// that does not say it takes the constants of the run beside it, and a message names those that are not the usual ones. Also gives
+    /// the notes on impossible values, already printed.
     ///
     /// # Errors
     /// Those of the file.
-    pub fn of(path: &Path, clip: Option<&FourDgs>) -> ivv::Result<Self> {
+    pub fn of(path: &Path, clip: Option<&FourDgs>) -> ivv::Result<(Self, Vec<String>)> {
         if is_run(path) {
-            return Ok(Self::of_run(path));
+            return Ok((Self::of_run(path), Vec::new()));
         }
         let own = match clip {
             Some(clip) => clip.own().cloned(),
@@ -36,23 +37,20 @@ impl Look {
             None => None,
         };
         if let Some(own) = own {
-            let (look, wrong) = of_own(&own);
-            for name in wrong {
-                let found = own.get(name).map_or("", |text| text).escape_debug();
-                alert!("{}: its `{name}` is `{found}`, which cannot be; the usual one is taken", path.display());
-            }
-            return Ok(look);
+            let Rendering { constants, background, notes } = Rendering::of(&own);
+            notes.iter().for_each(|note| alert!("{}: {note}", path.display()));
+            return Ok((Look { constants, background }, notes));
         }
         let is_scene = path.file_name() == Some(OsStr::new("scene.ply"));
         let Some(folder) = path.parent().filter(|folder| is_scene && is_run(folder)) else {
-            return Ok(Look::default());
+            return Ok((Look::default(), Vec::new()));
         };
         let look = Self::of_run(folder);
         let unusual = look.unusual();
         if !unusual.is_empty() {
             say!("{}: rendered with {} of the run.json beside it", path.display(), list(&unusual));
         }
-        Ok(look)
+        Ok((look, Vec::new()))
     }
 
     /// How `run` is rendered, which was trained with `config`.
@@ -77,62 +75,6 @@ impl Look {
 
     /// The values that differ from the usual ones.
     pub fn unusual(&self) -> Own {
-        let usual = own(&Constants::default(), [0.0; 3]);
-        let mut own = own(&self.constants, self.background.unwrap_or_default());
-        own.retain(|name, value| usual.get(name) != Some(value));
-        own
+        formats::unusual(&self.constants, self.background)
     }
-}
-
-/// What a file says of how a scene is rendered.
-pub fn own(constants: &Constants, background: [f32; 3]) -> Own {
-    let numbers = [
-        ("alpha_max", constants.alpha_max),
-        ("alpha_min", constants.alpha_min),
-        ("blur", constants.blur),
-        ("near", constants.near),
-        ("t_min", constants.t_min),
-    ];
-    let mut own: Own = numbers.map(|(name, value)| (name.to_owned(), value.to_string())).into();
-    own.insert("background".to_owned(), background.map(|part| part.to_string()).join(" "));
-    own
-}
-
-/// The values with their names, for a message.
-pub fn list(own: &Own) -> String {
-    own.iter().map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
-}
-
-/// Reads what [`own`] writes. Absent and impossible values become the usual ones; also gives the names of the impossible ones.
-fn of_own(own: &Own) -> (Look, Vec<&'static str>) {
-    let usual = Constants::default();
-    let mut wrong = Vec::new();
-    let mut number = |name: &'static str, usual: f32, is_one: &dyn Fn(f32) -> bool| {
-        let Some(text) = own.get(name) else { return usual };
-        let value = text.parse().ok().filter(|value| is_one(*value));
-        value.unwrap_or_else(|| {
-            wrong.push(name);
-            usual
-        })
-    };
-    let is_part = |value: f32| value > 0.0 && value < 1.0;
-    let is_length = |value: f32| value > 0.0 && value.is_finite();
-    let constants = Constants {
-        alpha_max: number("alpha_max", usual.alpha_max, &|value| is_part(value) && value > 0.5),
-        alpha_min: number("alpha_min", usual.alpha_min, &|value| is_part(value) && value < 0.5),
-        blur: number("blur", usual.blur, &is_length),
-        near: number("near", usual.near, &is_length),
-        t_min: number("t_min", usual.t_min, &|value| value == 0.0 || is_part(value)),
-        ..usual
-    };
-    let background = own.get("background").and_then(|text| {
-        let parts = text.split(' ').map(|part| part.parse().ok()).collect::<Option<Vec<f32>>>();
-        let parts = parts.and_then(|parts| <[f32; 3]>::try_from(parts).ok());
-        let parts = parts.filter(|parts| parts.iter().all(|part| part.is_finite()));
-        if parts.is_none() {
-            wrong.push("background");
-        }
-        parts
-    });
-    (Look { constants, background }, wrong)
 }

@@ -20,7 +20,7 @@ pub struct Row {
     pub how: How,
     /// Frames.
     pub offset: f64,
-    /// Frames, with the scene held fixed, so that an offset may be off by more; none where the pictures do not say.
+    /// How far off the offset may be, frames; none where the pictures do not say.
     pub standard_error: Option<f64>,
     /// Whether the fit ended at the edge of the search, 2 frames: the offset may lie beyond.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
@@ -136,7 +136,7 @@ pub fn print(rows: &[Row]) {
         out!("{:<width$} {:>9.3} {error:>8} {truth}  {how}", row.camera, row.offset);
     }
     out!(
-        "+-: of what the camera's pictures say and how far their own best value is; doubled, for what the scene takes up of a clock"
+        "+-: how far off an offset may be, with three quarters of the offsets' spread, which the scene may have taken up instead"
     );
     if let Some(Agreement { rms_error, correlation }) = agreement(rows) {
         let correlation = correlation.map_or(String::new(), |r| format!(", correlation {r:.3}"));
@@ -151,7 +151,7 @@ mod tests {
     #[test]
     fn offsets_at_the_bound_are_warned_of_by_name() {
         let row = |camera: &str, offset: f64| {
-            let fit = OffsetFit { offset, standard_error: 0.1, rest: 0.0 };
+            let fit = OffsetFit { offset, standard_error: 0.1, rest: 0.0, spread: 0.0 };
             let (camera, standard_error, truth) = (camera.to_owned(), Some(0.1), None);
             Row { camera, how: How::Learnt, offset, standard_error, at_bound: fit.is_at_bound(), truth }
         };

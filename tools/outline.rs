@@ -91,7 +91,7 @@ pub fn work(capture: &Capture, config: &Config, gpu: &Gpu, cache_bytes: u64) -> 
     let n = config.max_gaussians as u64;
     let n_dynamic = if capture.n_frames > 1 { n } else { 0 };
     let memory = ImageMemory { cache_bytes, device_bytes: None };
-    let work = Workload::of(capture, config, &Setup::new(capture, config), (n, n_dynamic), gpu, memory)?;
+    let work = Workload::of(capture, config, &Setup::new(capture, config), n, n_dynamic, gpu, memory)?;
     let caps = gpu.caps();
     let is_host = caps.kind == DeviceKind::Cpu;
     Ok((work, Limits { binding_bytes: caps.max_binding_bytes, memory_bytes: caps.budget_bytes, is_host }))

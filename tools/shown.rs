@@ -3,7 +3,7 @@
 use crate::files::read_json;
 use crate::look::Look;
 use crate::screen::say;
-use ivv::formats::{FourDgs, FourDgsParts, Imported, PlyParts, import_scene};
+use ivv::formats::{self, FourDgs, FourDgsParts, PlyParts};
 use ivv::gpu::Gpu;
 use ivv::scene::{Parts, Splats};
 use ivv::stage::Renderer;
@@ -117,6 +117,8 @@ pub struct Source<'a> {
     pub clip: Option<FourDgs>,
     /// How it is rendered.
     pub look: Look,
+    /// The notes on `look`, already printed.
+    told: Vec<String>,
 }
 
 impl<'a> Source<'a> {
@@ -126,8 +128,8 @@ impl<'a> Source<'a> {
     /// Those of the file, or of the run that it is of.
     pub fn open(path: &'a Path) -> ivv::Result<Self> {
         let clip = if FourDgs::is(path) { Some(FourDgs::open(path)?) } else { None };
-        let look = Look::of(path, clip.as_ref())?;
-        Ok(Source { path, clip, look })
+        let (look, told) = Look::of(path, clip.as_ref())?;
+        Ok(Source { path, clip, look, told })
     }
 
     /// Its Gaussians, of which only those are read that are seen where the file is a clip in parts.
@@ -161,8 +163,35 @@ impl<'a> Source<'a> {
     /// # Errors
     /// As [`open`].
     pub fn scene(&self) -> ivv::Result<Shown> {
-        let Some(clip) = &self.clip else { return of_path(self.path) };
-        Ok(told(self.path, Imported { splats: clip.splats()?, notes: clip.notes(), own: None }))
+        let Some(clip) = &self.clip else { return self.of_path() };
+        Ok(self.print(self.path, clip.splats()?, clip.notes()))
+    }
+
+    /// The scene of anything but a `.4dgs`.
+    fn of_path(&self) -> ivv::Result<Shown> {
+        let path = self.path;
+        let read = |file: &Path| -> ivv::Result<Shown> {
+            let scene = formats::read(file)?;
+            Ok(self.print(file, scene.splats, scene.notes))
+        };
+        if let Some(scene) = scene_of_end(path) {
+            return read(&scene);
+        }
+        if is_run(path) {
+            return newest(path);
+        }
+        if path.is_dir() && !path.join("meta.json").is_file() {
+            let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
+            return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
+        }
+        read(path)
+    }
+
+    /// Prints the notes of the reader that are not printed yet.
+    fn print(&self, file: &Path, splats: Splats, notes: Vec<String>) -> Shown {
+        let new = notes.iter().filter(|note| !self.told.contains(note));
+        new.for_each(|note| say!("{}: {note}", file.display()));
+        Shown { splats, file: file.to_owned(), unfinished: None, notes }
     }
 }
 
@@ -173,27 +202,6 @@ impl<'a> Source<'a> {
 /// Those of the files; [`Error::Data`] when a folder is neither a run's nor a scene, or a run has no checkpoint either.
 pub fn open(path: &Path) -> ivv::Result<Shown> {
     Source::open(path)?.scene()
-}
-
-/// The scene of anything but a `.4dgs`.
-fn of_path(path: &Path) -> ivv::Result<Shown> {
-    if let Some(scene) = scene_of_end(path) {
-        return Ok(told(&scene, import_scene(&scene)?));
-    }
-    if is_run(path) {
-        return newest(path);
-    }
-    if path.is_dir() && !path.join("meta.json").is_file() {
-        let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
-        return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
-    }
-    Ok(told(path, import_scene(path)?))
-}
-
-/// Prints the notes of the reader.
-fn told(file: &Path, Imported { splats, notes, .. }: Imported) -> Shown {
-    notes.iter().for_each(|note| say!("{}: {note}", file.display()));
-    Shown { splats, file: file.to_owned(), unfinished: None, notes }
 }
 
 /// The newest checkpoint of the run in `folder`.

@@ -14,7 +14,7 @@ use ivv::gpu::Gpu;
 use ivv::scene::capture::{Capture, CaptureSettings};
 use ivv::scene::read_views;
 use ivv::settings::{Constants, Setting};
-use ivv::train::{Base, Checkpoint, Config, Notice, Owed, Phase, Run, RunLock, Session, all_settings, initialise};
+use ivv::train::{Base, Checkpoint, Config, DueEvents, Run, RunLock, Session, all_settings};
 use ivv::words::count;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -66,7 +66,6 @@ impl Start {
         if leads {
             warn_of_shared_pictures(&run);
         }
-        let capture = capture.transformed(&run.world);
         run.constants = args.constants.checked_over(Constants::default())?;
         let total = config.total(n_training(&capture)?);
         let output = folder(args)?;
@@ -83,12 +82,7 @@ impl Start {
         }
         let gpu = args.device.open_nth(local_rank())?;
         config.check_on(&gpu, total)?;
-        let begin = |base: Base| {
-            let (mut looked, phase) = (watch(), Phase::Initialisation);
-            let found = initialise(&capture, &config, &mut |done, total| looked(Notice::Work { phase, done, total }))?;
-            looked(Notice::Initialised(&found));
-            ivv::Result::Ok(base.checkpoint((&capture, &run), found.splats, config.clone(), total))
-        };
+        let begin = |base: Base| base.begin(&capture, &run, config.clone(), total, &mut watch());
         let resumed = base.map(begin).transpose()?;
         let start = Start { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces };
         if leads && !replaces {
@@ -205,8 +199,8 @@ impl Start {
             return Ok(());
         }
         // A run that is killed before its next checkpoint still goes on to the new end.
-        let owed = Owed { density: false, ..now };
-        Checkpoint { world: self.run.world, owed, ..session.checkpoint()? }.write(&self.checkpoints)?;
+        let due = DueEvents { density: false, ..now };
+        Checkpoint { due, ..session.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;
         say!(

@@ -114,7 +114,7 @@ impl ViewArgs {
         let run = Run::read(folder)?;
         self.agree_with(&run)?;
         let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
-        let capture = run.open_capture(moved_to)?.transformed(&run.world.inverse());
+        let capture = run.open_capture(moved_to)?;
         let views = self.of(&capture, time)?;
         Ok(views.into_iter().map(|view| View { background: config.background, ..view }).collect())
     }

@@ -61,7 +61,7 @@ fn decided(bench: &Bench, n: u32, capacity: u32, failed: u32) -> Result<()> {
     let blocks = Grid::Groups(1);
     let grids = PairGrids { blocks, args: &args, emit_args: &emit_args, frame_status: &frame_status, capacity };
     let mut rec = Recording::new();
-    Scan::new(&gpu, 1)?.record_gathered(&mut rec, &count?, [&index?, &table?], (&sums, &total), grids);
+    Scan::new(&gpu, 1)?.record_gathered(&mut rec, &count?, [&index?, &table?], &sums, &total, grids);
     gpu.run(&rec)?;
     let (left, status) = (gpu.read(&total)?[0], gpu.read(&frame_status)?[0]);
     // Of threads, of a scan, which is over, and of a sort.

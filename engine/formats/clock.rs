@@ -15,12 +15,15 @@ pub struct Clock {
 }
 
 impl Clock {
+    /// That of a scene in which nothing changes: one frame.
+    pub const STILL: Clock = Clock { fps: 1.0, frames: 1 };
+
     /// Length of the clip, seconds.
     pub fn seconds(self) -> f64 {
         f64::from(self.frames) / self.fps
     }
 
-    /// What a file of `seconds` says, or else what frames it would have at the usual rate; one of a file without length.
+    /// The clock in a file of `seconds`, or else one at the usual rate; one frame for a file without length.
     pub(super) fn of_file(own: Option<&BTreeMap<String, String>>, seconds: f64) -> Clock {
         if seconds <= 0.0 {
             return Clock { fps: FPS, frames: 1 };

@@ -20,7 +20,7 @@ const COLOR: [&str; 6] = ["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"];
 const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 const REMEDY: &str = "the file is damaged: export it again";
 
-/// Whether a PLY header is that of a compressed scene.
+/// True for the header of a compressed scene.
 pub(super) fn is_compressed(header: &Header) -> bool {
     header.element("chunk").is_some()
         && header.element("vertex").is_some_and(|v| Column::find(v, "packed_position").is_some())
@@ -44,8 +44,8 @@ struct Packed {
 pub(super) fn read_compressed(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats, Vec<String>)> {
     let mut notes = Vec::new();
     if let Some(vertex) = header.element("vertex") {
-        let read = (vertex, &["vertex", "chunk", "sh"][..]);
-        notes.extend(judge(path, header, read, |name| PACKED.contains(&name))?);
+        let read = ["vertex", "chunk", "sh"];
+        notes.extend(judge(path, header, vertex, &read, |name| PACKED.contains(&name))?);
     }
     notes.extend(compensation(header));
     let mut packed = Packed::default();

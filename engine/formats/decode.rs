@@ -1,4 +1,4 @@
-//! What the quantised formats have in common: from their bytes to raw parameters (SPEC 2), and back.
+//! Conversions that the quantised formats share: from their bytes to raw parameters (SPEC 2), and back.
 
 /// The logit of an opacity stored as a byte of 255. The two ends, whose logits are infinite, are taken half a step
 /// inside, which is as far as the byte can tell.

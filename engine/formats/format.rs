@@ -1,28 +1,28 @@
-//! What a scene format is to those that read and write it.
+//! The interface of a scene format.
 
+use std::borrow::Cow;
 use std::ffi::OsStr;
 use std::path::Path;
 
-use super::clock::Clock;
-use super::four_dgs::World;
-use super::imported::{Imported, Own};
+use super::four_dgs::Grades;
+use super::scene::{Clip, Scene};
 use crate::error::Result;
-use crate::scene::{Splats, View};
+use crate::scene::Splats;
+use crate::settings::Constants;
 
-/// What to do with a scene that a format cannot hold for its spans.
+/// The remedy for a scene that a format cannot hold for its spans.
 pub(super) const ELSEWHERE: &str = "export it as .4dgs or PLY, or as it is at one time (--time)";
 
 /// A format that scenes are read from.
 pub(super) struct Reader {
-    /// What to give, for the message that no format knows a file.
+    /// Its files, for the message that no format recognises a file.
     pub what: &'static str,
-    /// Whether a file, or a folder, is of this format.
+    /// True if a file, or a folder, is of this format.
     pub knows: fn(&Start) -> bool,
-    /// Reads it.
-    pub read: fn(&Path) -> Result<Imported>,
+    pub read: fn(&Path) -> Result<Scene>,
 }
 
-/// What tells the formats of files apart.
+/// The evidence that identifies the format of a file.
 pub(super) struct Start<'a> {
     pub path: &'a Path,
     /// The first four bytes, or fewer where there are no more; none of a folder.
@@ -30,39 +30,114 @@ pub(super) struct Start<'a> {
 }
 
 impl Start<'_> {
-    /// Whether the name ends in `.ending`, in whatever case.
+    /// True if the name ends in `.ending`, in any case.
     pub fn ends_in(&self, ending: &str) -> bool {
         self.path.extension().and_then(OsStr::to_str).is_some_and(|own| own.eq_ignore_ascii_case(ending))
     }
 }
 
-/// A format that scenes are written in, without player or sound.
+/// A format that scenes are written in.
 #[derive(Debug)]
 pub struct Writer {
     /// Its name, as `ivv export --format` takes it.
     pub name: &'static str,
-    /// What its files end in; none where that is the ending of a format before it.
+    /// The ending of its files; none where that is the ending of a format before it.
     pub ending: Option<&'static str>,
-    /// What it is, in a line.
+    /// A description in one line.
     pub about: &'static str,
-    /// Whether it keeps how the scene is rendered.
-    pub keeps_constants: bool,
-    /// How it is written.
-    pub write: WriteScene,
+    /// Which parts of a clip it stores.
+    pub keeps: Keeps,
+    /// Writes a file; gives the notes on what it lost.
+    pub(super) write: WriteScene,
+}
+
+/// As [`Writer::write`].
+pub(super) type WriteScene = fn(&Path, &Splats, &Clip, &WriteOptions) -> Result<Vec<String>>;
+
+/// The parts of a [`Clip`] that a format stores.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Keeps {
+    /// Constants and background.
+    pub constants: bool,
+    /// The clock, or views to start from.
+    pub views: bool,
+    /// Sound.
+    pub sounds: bool,
+    /// Gaussians with a parameter that is not finite, which are never drawn.
+    pub non_finite: bool,
+}
+
+impl Keeps {
+    /// The Gaussians alone.
+    pub(super) const NOTHING: Keeps = Keeps { constants: false, views: false, sounds: false, non_finite: false };
+    pub(super) const ALL: Keeps = Keeps { constants: true, views: true, sounds: true, non_finite: false };
 }
 
 /// How a scene is written.
-#[derive(Debug)]
-pub enum WriteScene {
-    /// From the Gaussians alone.
-    Alone(fn(&Path, &Splats) -> Result<()>),
-    /// With what is this project's own.
-    WithOwn(fn(&Path, &Splats, &Own) -> Result<()>),
-    /// With which way is up and how large it is, where something tells that.
-    InWorld(fn(&Path, &Splats, Option<World>) -> Result<()>),
-    /// With the clock of the clip, where something tells it, views to start from, and what is this project's own.
-    WithClip(WriteClip),
+#[derive(Clone, Debug)]
+pub struct WriteOptions {
+    /// The format; by the file's ending where none is given.
+    pub format: Option<&'static Writer>,
+    /// Writes the scene at this normalised time, 0 to 1, as static Gaussians.
+    pub time: Option<f64>,
+    /// With `time`: leaves out Gaussians less opaque than this, 0 to 1.
+    pub min_opacity: f32,
+    /// How finely a `.4dgs` stores each attribute.
+    pub grades: Grades,
+    /// Writes a `.4dgs` even if it changes the colours of more than 1 in 10 Gaussians by more than 2 levels of 255.
+    pub clamp_colors: bool,
+    /// Writes a `.4dgs` several times as fast, and larger, without a note or refusal for colours that it changes.
+    pub is_quick: bool,
 }
 
-/// As in [`WriteScene::WithClip`].
-pub type WriteClip = fn(&Path, &Splats, Option<Clock>, &[View], &Own) -> Result<()>;
+impl Default for WriteOptions {
+    fn default() -> Self {
+        WriteOptions {
+            format: None,
+            time: None,
+            min_opacity: Constants::default().alpha_min,
+            grades: Grades::default(),
+            clamp_colors: false,
+            is_quick: false,
+        }
+    }
+}
+
+impl WriteOptions {
+    /// The scene at this normalised time, 0 to 1, as static Gaussians, which every format can hold.
+    pub fn at(time: f64) -> Self {
+        WriteOptions { time: Some(time), ..WriteOptions::default() }
+    }
+
+    /// The Gaussians that are written of `splats`.
+    pub fn moment<'a>(&self, splats: &'a Splats) -> Cow<'a, Splats> {
+        self.time.map_or(Cow::Borrowed(splats), |time| Cow::Owned(splats.at(time, self.min_opacity)))
+    }
+}
+
+/// A file that was written.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Written {
+    /// Gaussians in it.
+    pub n: usize,
+    /// Dynamic ones among them.
+    pub n_dynamic: usize,
+    /// Gaussians that are left out, since a parameter is not finite.
+    pub n_left_out: usize,
+    /// Degree of the spherical harmonics of the scene.
+    pub sh_degree: u32,
+    /// Length of the file.
+    pub bytes: u64,
+    /// What the format has no place for, or changes: a sentence each, without the file's name.
+    pub notes: Vec<String>,
+}
+
+impl Written {
+    /// Counts what `keep` keeps of `splats`.
+    pub(super) fn of(splats: &Splats, keep: impl Fn(usize) -> bool, notes: Vec<String>) -> Self {
+        let n_static = (0..splats.n_static).filter(|i| keep(*i)).count();
+        let n_dynamic = (splats.n_static..splats.len()).filter(|i| keep(*i)).count();
+        let n = n_static + n_dynamic;
+        Written { n, n_dynamic, n_left_out: splats.len() - n, sh_degree: splats.sh_degree, bytes: 0, notes }
+    }
+}

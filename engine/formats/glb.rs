@@ -6,7 +6,7 @@ use glam::{DQuat, DVec3};
 use serde_json::{Value, json};
 
 use super::decode::level;
-use super::format::{WriteScene, Writer};
+use super::format::{Keeps, Writer};
 use super::four_dgs::World;
 use super::spz::SH_SIGNS;
 use crate::error::{Error, Result};
@@ -18,8 +18,8 @@ pub(super) const WRITER: Writer = Writer {
     name: "glb",
     ending: Some(".glb"),
     about: "glTF with KHR_gaussian_splatting; one moment",
-    keeps_constants: false,
-    write: WriteScene::InWorld(write_glb),
+    keeps: Keeps::NOTHING,
+    write: |path, splats, clip, _| write_glb(path, splats, clip.world).map(|()| Vec::new()),
 };
 
 const MAGIC: &[u8; 4] = b"glTF";

@@ -4,12 +4,12 @@ use std::io::Read;
 use std::path::Path;
 
 use super::format::{Reader, Start};
-use super::imported::Imported;
+use super::scene::Scene;
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
 
 /// Reads a scene with the first of `readers` that knows it.
-pub(super) fn read(path: &Path, readers: &[Reader]) -> Result<Imported> {
+pub(super) fn read(path: &Path, readers: &[Reader]) -> Result<Scene> {
     let mut bytes = Vec::new();
     if !path.is_dir() {
         let opened = open_file(path).and_then(|file| file.take(4).read_to_end(&mut bytes));

@@ -5,11 +5,12 @@ use std::path::Path;
 
 use super::clock::Clock;
 use super::compressed_ply::{is_compressed, read_compressed};
-use super::format::{ELSEWHERE, Reader, WriteScene, Writer};
-use super::imported::{Imported, Own};
+use super::format::{ELSEWHERE, Keeps, Reader, Writer};
+use super::own::Own;
 use super::ply_known::network_beside;
 use super::ply_layout::Layout;
 use super::ply_time::{FREE_TIME, MOTION, SPAN, free_time, free_time_comments};
+use super::scene::Scene;
 use crate::error::{Error, Result};
 use crate::files::ply_header::Header;
 use crate::files::ply_rows::Rows;
@@ -18,7 +19,7 @@ use crate::scene::{ALWAYS, Motion, Splats};
 
 /// Reads a scene from a 3DGS PLY file: ascii or binary of either byte order, properties by name in any order and of
 /// any scalar type (rounded to f32). Properties and elements that change no picture are skipped, and so are harmonics of degree 4 and
-/// above; [`import_scene`](crate::formats::import_scene) says which. The discs of 2DGS become thin, and the 3D filter of mip-splatting is
+/// above; [`read`](crate::formats::read) says which. The discs of 2DGS become thin, and the 3D filter of mip-splatting is
 /// worked in.
 ///
 /// Temporal properties are this project's, those of a `.ftgs.ply` (version 1) or those of Spacetime Gaussians whose motion is
@@ -35,13 +36,13 @@ pub fn read_ply(path: &Path) -> Result<Splats> {
     import(path).map(|imported| imported.splats)
 }
 
-fn import(path: &Path) -> Result<Imported> {
+fn import(path: &Path) -> Result<Scene> {
     let (header, rows) = Rows::open(path)?;
     let own = own(&header);
     let read = if is_compressed(&header) { read_compressed } else { read_vertices };
     let (splats, mut notes) = read(path, &header, rows)?;
     notes.extend(network_beside(path));
-    Ok(Imported { splats, notes, own })
+    Ok(Scene::new(splats, notes, own.as_ref()))
 }
 
 /// The Gaussians, and the notes on the file.
@@ -78,7 +79,7 @@ fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats
     Ok((still, notes))
 }
 
-/// What a header says of how the scene is rendered; none in a file of another program.
+/// How the scene is rendered, by a header; none in a file of another program.
 fn own(header: &Header) -> Option<Own> {
     let said = header.comments.iter().filter_map(|line| line.strip_prefix(OWN)?.split_once(' '));
     let own: Own = said.map(|(name, value)| (name.to_owned(), value.to_owned())).collect();
@@ -91,7 +92,7 @@ pub(super) fn own_comments(own: &Own) -> Vec<String> {
     own.iter().map(|(name, value)| format!("{OWN}{} {}", plain(name), plain(value))).collect()
 }
 
-/// What the header of a PLY says of how the scene is rendered; none in a file of another program or format.
+/// How the scene is rendered, by the header of a PLY; none in a file of another program or format.
 ///
 /// # Errors
 /// [`Error::Data`] when the file cannot be read, or is a PLY whose header is malformed or promises another length.
@@ -102,7 +103,7 @@ pub fn ply_own(path: &Path) -> Result<Option<Own>> {
     Rows::open(path).map(|(header, _)| own(&header))
 }
 
-/// Whether a file begins as a PLY does.
+/// True if a file begins as a PLY does.
 pub(super) fn is_ply(path: &Path) -> Result<bool> {
     let mut start = Vec::new();
     let read = open_file(path).and_then(|file| file.take(STARTS[0].len() as u64).read_to_end(&mut start));
@@ -110,9 +111,9 @@ pub(super) fn is_ply(path: &Path) -> Result<bool> {
     Ok(STARTS.iter().any(|known| **known == start[..]))
 }
 
-/// What a PLY begins with.
+/// The first bytes of a PLY.
 const STARTS: [&[u8]; 2] = [b"ply\n", b"ply\r"];
-/// What comments begin with that are this project's own: a name and a value follow.
+/// The prefix of this project's own comments: a name and a value follow.
 const OWN: &str = "ivv ";
 
 pub(super) const READER: Reader = Reader {
@@ -125,15 +126,15 @@ pub(super) const WRITER: Writer = Writer {
     name: "ply",
     ending: Some(".ply"),
     about: "3DGS's, with the motion of dynamic Gaussians",
-    keeps_constants: true,
-    write: WriteScene::WithOwn(write_ply_with),
+    keeps: Keeps { constants: true, non_finite: true, ..Keeps::NOTHING },
+    write: |path, splats, clip, _| write_ply_with(path, splats, &clip.unusual()).map(|()| Vec::new()),
 };
 pub(super) const FTGS_WRITER: Writer = Writer {
     name: "ftgs",
     ending: Some(".ftgs.ply"),
     about: "FreeTimeGS's PLY",
-    keeps_constants: true,
-    write: WriteScene::WithClip(|path, splats, clock, _, own| write_free_time(path, splats, clock, own)),
+    keeps: Keeps { constants: true, views: true, ..Keeps::NOTHING },
+    write: |path, splats, clip, _| write_free_time(path, splats, clip.clock, &clip.unusual()).map(|()| Vec::new()),
 };
 
 /// Writes a scene as a binary little-endian PLY in 3DGS's property order, rows in the order of `source_row` (ties: the
@@ -189,7 +190,7 @@ fn write_free_time(path: &Path, splats: &Splats, clock: Option<Clock>, own: &Own
     write_rows(path, splats, &comments, &FREE_TIME, temporal, |i| splats.is_finite(i))
 }
 
-/// Writes the rows that `keep` tells, with the temporal properties `names`. `temporal` gives their values, and maybe more behind
+/// Writes the rows that `keep` accepts, with the temporal properties `names`. `temporal` gives their values, and maybe more behind
 /// them, by the place among the dynamic Gaussians; none for a static one.
 fn write_rows<const N: usize>(
     path: &Path,

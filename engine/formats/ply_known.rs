@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::imported::compensated;
+use super::scene::compensated;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
 
@@ -15,11 +15,11 @@ const SILENT: [&str; 10] = ["nx", "ny", "nz", "nxx", "red", "green", "blue", "al
 
 /// A method whose files have properties of their own.
 struct Method {
-    /// Names without their numbers, any of which tells it.
+    /// Names without their numbers, any of which identifies it.
     names: &'static [&'static str],
-    /// What those properties do.
+    /// The effect of those properties.
     what: &'static str,
-    /// What to do instead.
+    /// The remedy.
     remedy: &'static str,
 }
 
@@ -106,7 +106,8 @@ const LOOKS: &str = "f feat feats feature features fea anchor latent latents emb
 pub(super) fn judge(
     path: &Path,
     header: &Header,
-    (vertex, read): (&Element, &[&str]),
+    vertex: &Element,
+    read: &[&str],
     is_read: impl Fn(&str) -> bool,
 ) -> Result<Vec<String>> {
     let mut unread: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
@@ -172,7 +173,7 @@ pub(super) fn stem(name: &str) -> &str {
     if stem.is_empty() { name } else { stem }
 }
 
-/// Whether one of the words of `name`, without their numbers, is among `words`.
+/// True if one of the words of `name`, without their numbers, is among `words`.
 fn has_word(name: &str, words: &str) -> bool {
     let mut own = name.split(|c: char| !c.is_ascii_alphanumeric());
     own.any(|word| {

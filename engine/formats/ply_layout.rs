@@ -3,9 +3,9 @@
 use std::path::Path;
 
 use super::decode::logit_of_byte;
-use super::imported::cut_harmonics;
 use super::ply_known::{compensation, judge, stem};
 use super::ply_time::Temporal;
+use super::scene::cut_harmonics;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header, Scalar};
 use crate::files::ply_rows::Column;
@@ -25,7 +25,7 @@ pub(super) struct Layout {
     pub(super) notes: Vec<String>,
     position: [Column; 3],
     dc: [Column; 3],
-    /// What `dc` are multiplied by where they are colours from 0 to 1 instead of coefficients.
+    /// The factor of `dc` where they are colours from 0 to 1 instead of coefficients.
     color_unit: Option<f64>,
     /// Channel-major: `rest[channel * (K - 1) + coefficient - 1]`.
     rest: Vec<Column>,
@@ -60,7 +60,7 @@ impl Layout {
         let mut notes = Vec::new();
         // For a mesh or a point cloud, the fault is what it lacks.
         if ["opacity", "scale_0", "rot_0", "f_dc_0"].into_iter().any(has) {
-            notes = judge(path, header, (vertex, &["vertex"]), is_read)?;
+            notes = judge(path, header, vertex, &["vertex"], is_read)?;
         }
         let (rest, beyond) = rest(path, vertex)?;
         let sh_degree = (rest.len() / 3 + 1).isqrt() as u32 - 1;
@@ -100,7 +100,7 @@ impl Layout {
         })
     }
 
-    /// Whether a row has numbers in harmonics that are not kept.
+    /// True if a row has numbers in harmonics that are not kept.
     pub(super) fn is_cut(&self, bytes: &[u8]) -> bool {
         self.beyond.iter().any(|column| column.f32(bytes) != 0.0)
     }
@@ -159,7 +159,7 @@ impl Layout {
         let (scale, opacity) = ([a, b, third], within(self.opacity.f32(bytes)));
         let Some(filter) = self.filter.map(|c| c.f64(bytes)) else { return (scale, opacity) };
         let filtered = scale.map(|s| 0.5 * ((2.0 * f64::from(s)).exp() + filter * filter).ln());
-        // What a Gaussian loses of its height as it grows.
+        // The height that a Gaussian loses as it grows.
         let lost: f64 = scale.iter().zip(filtered).map(|(s, filtered)| f64::from(*s) - filtered).sum();
         let left = lost.exp() / (1.0 + (-f64::from(opacity)).exp());
         (filtered.map(|s| s as f32), within((left / (1.0 - left)).ln() as f32))

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::imported::Own;
+use super::own::Own;
 use super::ply::{is_ply, own_comments, own_time, push_row, write_header};
 use super::ply_layout::Layout;
 use super::ply_time::{MOTION, SPAN};
@@ -31,7 +31,7 @@ pub struct PlyParts {
 }
 
 impl PlyParts {
-    /// Reads the header of a file; `None` where that tells of no parts, or where it is no PLY.
+    /// Reads the header of a file; `None` where it lists no parts, or where the file is no PLY.
     ///
     /// # Errors
     /// [`Error::Data`] when the header is malformed, the file is shorter or longer than its header says, or the parts that it tells
@@ -89,7 +89,7 @@ impl PlyParts {
     }
 }
 
-/// What a comment tells of a part.
+/// Parses the comment on a part.
 fn part(line: &str) -> Option<Part> {
     let words: Vec<&str> = line.split(' ').collect();
     let [n, from, to] = words[..] else { return None };

@@ -34,7 +34,7 @@ enum Form {
     Spacetime(Vec<Column>),
 }
 
-/// What the comments of a `.ftgs.ply` say.
+/// The comments of a `.ftgs.ply`.
 struct FreeTime {
     /// Normalised time of ours that one of the file's is: the file's sequence ends with its last frame, ours a frame later.
     rate: f64,
@@ -47,7 +47,7 @@ pub(super) fn rate(frames: u32) -> f64 {
     if frames > 1 { f64::from(frames - 1) / f64::from(frames) } else { 1.0 }
 }
 
-/// Whether a property of Spacetime Gaussians is of a higher order than a velocity, or a turn.
+/// True if a property of Spacetime Gaussians is of a higher order than a velocity, or a turn.
 fn is_higher(name: &str) -> bool {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let of = |prefix: &str| name.strip_prefix(prefix).is_some_and(is_number) && !SPACETIME.contains(&name);
@@ -90,7 +90,7 @@ impl Temporal {
         Ok(columns.try_into().ok().map(|columns| Temporal { columns, form, span }))
     }
 
-    /// Whether the property `name` is one of these.
+    /// True if the property `name` is one of these.
     pub fn reads(&self, name: &str) -> bool {
         match self.form {
             Form::Own => MOTION.contains(&name) || SPAN.contains(&name),
@@ -104,12 +104,12 @@ impl Temporal {
         self.span.as_ref().map(|columns| columns.map(|column| column.f32(bytes)))
     }
 
-    /// Whether colours of degree 0 are stored as they are, from 0 to 1, instead of as coefficients.
+    /// True if colours of degree 0 are stored as they are, from 0 to 1, instead of as coefficients.
     pub fn has_plain_colors(&self) -> bool {
         matches!(self.form, Form::Spacetime(_))
     }
 
-    /// How the Gaussian of a row moves; `None` where it rests, never fades and is always there.
+    /// How the Gaussian of a row moves; `None` where it is static.
     ///
     /// # Errors
     /// Why it cannot be held.
@@ -180,13 +180,13 @@ impl FreeTime {
 pub(super) fn free_time_comments(sh_degree: u32, clock: Option<Clock>) -> Vec<String> {
     let mut lines =
         vec!["ftgs_version 1".to_owned(), "time_units normalized".to_owned(), format!("sh_degree {sh_degree}")];
-    // What lives shortly lives as shortly as it is.
+    // No minimum for short lives.
     lines.extend(["use_velocity 1", "min_duration 1e-30", "opacity_floor 0"].map(str::to_owned));
     lines.extend(clock.map(|clock| format!("n_frames {}", clock.frames)));
     lines
 }
 
-/// The temporal properties of a Gaussian as [`FREE_TIME`] has them; `None` for one that rests and never fades.
+/// The temporal properties of a Gaussian as [`FREE_TIME`] has them; `None` for a static one.
 pub(super) fn free_time(motion: Option<Motion>, clock: Option<Clock>) -> [f32; 5] {
     let rate = clock.map_or(1.0, |clock| rate(clock.frames));
     let Some(Motion { velocity, t_center, t_scale }) = motion else {

@@ -10,7 +10,7 @@ use serde::Deserialize;
 
 use super::decode::{complete_quaternion, logit_of_byte};
 use super::format::{Reader, Start};
-use super::imported::{Imported, compensated};
+use super::scene::{Scene, compensated};
 use crate::error::{Error, Result};
 use crate::files::archive::Archive;
 use crate::files::{cannot_read, open_file, read_bytes};
@@ -22,7 +22,7 @@ const SLACK_PIXELS: u64 = 256 * 256;
 const MAX_META_BYTES: u64 = 1 << 20;
 /// Palette entries of spherical harmonics in a row of their image.
 const PALETTE_COLUMNS: usize = 64;
-/// What a zip archive begins with.
+/// The first bytes of a zip archive.
 const ZIP: &[u8] = b"PK\x03\x04";
 pub(super) const READER: Reader =
     Reader { what: "a SOG scene (version 2): a .sog, or its folder or meta.json", knows: is_sog, read: read_any };
@@ -75,11 +75,11 @@ fn is_sog(start: &Start) -> bool {
     start.bytes == ZIP || start.path.is_dir() || start.ends_in("json")
 }
 
-fn read_any(path: &Path) -> Result<Imported> {
+fn read_any(path: &Path) -> Result<Scene> {
     if path.is_dir() { import(&path.join("meta.json")) } else { import(path) }
 }
 
-fn import(path: &Path) -> Result<Imported> {
+fn import(path: &Path) -> Result<Scene> {
     let files = Files::open(path)?;
     let meta = Meta::read(&files)?;
     let notes = match meta.model.as_deref() {
@@ -88,7 +88,7 @@ fn import(path: &Path) -> Result<Imported> {
         None | Some("default") => Vec::new(),
         Some(model) => vec![format!("it is of the model `{}`, and is read as one of 3DGS", model.escape_debug())],
     };
-    Ok(Imported { notes, ..gaussians(&files, &meta)?.into() })
+    Ok(Scene { notes, ..gaussians(&files, &meta)?.into() })
 }
 
 /// Reads a SOG scene of version 2 from its `meta.json`, beside which the images lie, or from a bundle of them, a zip archive

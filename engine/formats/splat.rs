@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use super::decode::{byte_of_logit, level, logit_of_byte};
-use super::format::{Reader, WriteScene, Writer};
+use super::format::{Keeps, Reader, Writer};
 use crate::error::{Error, Result};
 use crate::files::{read_bytes, write_atomic};
 use crate::scene::Splats;
@@ -48,8 +48,8 @@ pub(super) const WRITER: Writer = Writer {
     name: "splat",
     ending: Some(".splat"),
     about: "antimatter15's, without view dependence; one moment",
-    keeps_constants: false,
-    write: WriteScene::Alone(write_splat),
+    keeps: Keeps::NOTHING,
+    write: |path, splats, _, _| write_splat(path, splats).map(|()| Vec::new()),
 };
 
 /// Writes static Gaussians as a `.splat` file, in the order of `source_row`; what depends on the direction is lost.

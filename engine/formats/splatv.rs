@@ -6,7 +6,7 @@ use exr::prelude::f16;
 use serde_json::json;
 
 use super::decode::{byte_of_logit, level};
-use super::format::{ELSEWHERE, WriteScene, Writer};
+use super::format::{ELSEWHERE, Keeps, Writer};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::SH_C0;
@@ -17,8 +17,8 @@ pub(super) const WRITER: Writer = Writer {
     name: "splatv",
     ending: Some(".splatv"),
     about: "antimatter15's of dynamic scenes, without view dependence",
-    keeps_constants: false,
-    write: WriteScene::WithClip(|path, splats, _, views, _| write_splatv(path, splats, views)),
+    keeps: Keeps { views: true, ..Keeps::NOTHING },
+    write: |path, splats, clip, _| write_splatv(path, splats, &clip.views).map(|()| Vec::new()),
 };
 
 /// First word of a file.
@@ -29,7 +29,7 @@ const ROW_BYTES: usize = 64;
 /// Words of the end of a row: three pairs of bending, two of turning, which ours do not have.
 const UNUSED: [[f32; 2]; 5] = [[0.0; 2]; 5];
 
-/// Writes a scene as a `.splatv`, what shows most first. What depends on the direction is lost, and positions are the only
+/// Writes a scene as a `.splatv`, the largest and most opaque first. View dependence is lost, and positions are the only
 /// numbers that are not halves or bytes. Time runs from 0 to 1. Gaussians with a parameter that is not finite are left out; one
 /// that never fades has a tau of 65,504 clips.
 ///

@@ -10,7 +10,7 @@ use ruzstd::decoding::StreamingDecoder;
 
 use super::decode::{complete_quaternion, logit_of_byte};
 use super::format::Reader;
-use super::imported::{Imported, compensated, cut_harmonics};
+use super::scene::{Scene, compensated, cut_harmonics};
 use crate::error::{Error, Result};
 use crate::files::read_bytes;
 use crate::scene::Splats;
@@ -21,7 +21,7 @@ pub(super) const MAGIC: [u8; 4] = *b"NGSP";
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 pub(super) const READER: Reader = Reader {
     what: "an SPZ (version 2 to 4)",
-    // Two bytes tell little: the first coordinate of a .splat may begin with them.
+    // Two bytes are weak evidence: the first coordinate of a .splat may begin with them.
     knows: |start| start.bytes == MAGIC || (start.bytes.starts_with(&GZIP) && !start.ends_in("splat")),
     read: import,
 };
@@ -42,7 +42,7 @@ const ORBIT: u32 = 0xADBE_0002;
 const AXES: u32 = 0xADBE_0003;
 /// The contents of [`AXES`] that mean the format's own axes: unspecified, and right, up, back.
 const OWN_AXES: [u32; 2] = [0, 4];
-/// Most bytes of records that are looked at behind the attributes.
+/// Most bytes of records that are read behind the attributes.
 const MOST_RECORD_BYTES: u64 = 1 << 16;
 /// DEFLATE cannot expand a byte to more than this, so a longer promise is a lie. Zstandard could; Gaussians that differ do not.
 const MAX_RATIO: u64 = 1032;
@@ -54,7 +54,7 @@ const ZSTD_WINDOW: u64 = 8 << 20;
 pub(super) const COLOR_SCALE: f64 = 0.15;
 const REMEDY: &str = "the file is damaged: copy or export it again";
 
-/// What the first 16 bytes say.
+/// The first 16 bytes.
 struct Header {
     version: u32,
     count: usize,
@@ -117,7 +117,7 @@ pub fn read_spz(path: &Path) -> Result<Splats> {
     import(path).map(|imported| imported.splats)
 }
 
-fn import(path: &Path) -> Result<Imported> {
+fn import(path: &Path) -> Result<Scene> {
     let (header, payload) = attributes(path)?;
     let mut notes = Vec::new();
     if header.flags & FLAG_ANTIALIASED != 0 {
@@ -127,7 +127,7 @@ fn import(path: &Path) -> Result<Imported> {
     if n_cut > 0 {
         notes.push(cut_harmonics(header.sh_degree, n_cut, header.count));
     }
-    Ok(Imported { notes, ..splats.into() })
+    Ok(Scene { notes, ..splats.into() })
 }
 
 /// The header and the attributes behind each other, with what vendors added to versions 2 and 3.
@@ -136,7 +136,7 @@ fn attributes(path: &Path) -> Result<(Header, Vec<u8>)> {
     if bytes.starts_with(&GZIP) {
         let mut stream = GzDecoder::new(&bytes[..]);
         let mut start = Vec::new();
-        // What is missing after a fault here is reported as a missing header.
+        // Bytes that are missing after a fault here are reported as a missing header.
         let _ = stream.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut start);
         let header = Header::parse(path, &start)?;
         let size: usize = header.sizes().iter().sum();

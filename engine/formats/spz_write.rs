@@ -7,7 +7,7 @@ use flate2::{Compression, write::GzEncoder};
 use ruzstd::encoding::{CompressionLevel, compress_to_vec};
 
 use super::decode::{byte_of_logit, level};
-use super::format::{WriteScene, Writer};
+use super::format::{Keeps, Writer};
 use super::four_dgs::World;
 use super::spz::{COLOR_SCALE, HEADER_BYTES_V4, MAGIC, SH_SIGNS};
 use crate::error::{Error, Result};
@@ -18,21 +18,21 @@ pub(super) const VERSION_3: Writer = Writer {
     name: "spz",
     ending: Some(".spz"),
     about: "Niantic's, version 3; one moment",
-    keeps_constants: false,
-    write: WriteScene::InWorld(|path, splats, world| write_spz(path, splats, SpzVersion::V3, world)),
+    keeps: Keeps::NOTHING,
+    write: |path, splats, clip, _| write_spz(path, splats, SpzVersion::V3, clip.world).map(|()| Vec::new()),
 };
 pub(super) const VERSION_4: Writer = Writer {
     name: "spz4",
     ending: None,
     about: "Niantic's, version 4; one moment",
-    keeps_constants: false,
-    write: WriteScene::InWorld(|path, splats, world| write_spz(path, splats, SpzVersion::V4, world)),
+    keeps: Keeps::NOTHING,
+    write: |path, splats, clip, _| write_spz(path, splats, SpzVersion::V4, clip.world).map(|()| Vec::new()),
 };
 
 /// Positions are signed integers of so many bits, less the sign.
 const POSITION_BITS: i32 = 23;
 
-/// What a file is packed with.
+/// The compression of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpzVersion {
     /// One gzip stream: what most programs read.
@@ -56,7 +56,7 @@ pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion, world: Optio
         return Err(Error::data(path, "", "there is no Gaussian to write", "an .spz needs at least one"));
     }
     let is_turned = world.is_none_or(|world| !world.is_y_up());
-    // What y and z are multiplied by.
+    // The factor of y and z.
     let flip = if is_turned { -1.0_f32 } else { 1.0 };
     let largest = rows.iter().flat_map(|&i| splats.position[i]).fold(0.0_f32, |m, x| m.max(x.abs()));
     // The most fractional bits with which the largest coordinate still fits.

@@ -14,11 +14,11 @@ pub struct Dispatch {
     pub push: Vec<u8>,
     /// Its workgroups.
     pub groups: [u32; 3],
-    /// What is bound to it, in order.
+    /// Its bindings, in order.
     pub bindings: Vec<Bound>,
 }
 
-/// What is bound to one place of a dispatch.
+/// A binding of a dispatch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bound {
     /// The place's name.
@@ -36,7 +36,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Gpu::run`].
-    pub fn run_dumping(&self, mut recording: Recording, kernel: &str) -> Result<Option<Dispatch>> {
+    pub(crate) fn run_dumping(&self, mut recording: Recording, kernel: &str) -> Result<Option<Dispatch>> {
         let Some(at) = recording.passes().iter().position(|pass| pass.kernel() == Some(kernel)) else {
             self.run(&recording)?;
             return Ok(None);

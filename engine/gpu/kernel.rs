@@ -1,4 +1,4 @@
-//! What generated bindings are made of: typed buffers, and kernels as values.
+//! The parts of generated bindings: typed buffers, and kernels as values.
 
 pub use crate::vk::BindingKind;
 use crate::vk::{Binding, Buffer};
@@ -18,7 +18,7 @@ pub enum Access {
 }
 
 impl Access {
-    /// Whether the kernel may store.
+    /// True if the kernel may store.
     pub fn writes(self) -> bool {
         self != Access::Read
     }
@@ -42,7 +42,7 @@ pub struct KernelInfo {
     pub name: &'static str,
     /// Threads per workgroup.
     pub local: u32,
-    /// Whether it uses subgroup operations.
+    /// True if it uses subgroup operations.
     pub subgroups: bool,
     /// Bytes of push constants.
     pub push_bytes: u32,
@@ -60,7 +60,6 @@ macro_rules! variant {
         #[doc = concat!("A variant of [`mod@", stringify!($first), "`].")]
         pub mod $name {
             use crate::gpu::kernel::KernelInfo;
-            /// What the device needs to know.
             pub const INFO: &KernelInfo = &KernelInfo {
                 name: stringify!($name),
                 spirv: include_bytes!(concat!(
@@ -105,21 +104,21 @@ impl Slice {
         self.offset
     }
 
-    /// Whether the two share a byte.
+    /// True if the two share a byte.
     pub(super) fn overlaps(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer)
             && self.offset < other.offset + other.size
             && other.offset < self.offset + self.size
     }
 
-    /// Whether it is a part of `other`, or all of it.
+    /// True if it is a part of `other`, or all of it.
     pub(super) fn is_within(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer)
             && self.offset >= other.offset
             && self.offset + self.size <= other.offset + other.size
     }
 
-    /// Whether the two are the same range of the same buffer.
+    /// True if the two are the same range of the same buffer.
     pub(super) fn is(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer) && (self.offset, self.size) == (other.offset, other.size)
     }
@@ -137,6 +136,22 @@ impl Slice {
     pub(super) fn binding(&self) -> Binding {
         Binding { buffer: self.buffer.clone(), offset: self.offset, size: self.size }
     }
+}
+
+/// The buffers of numbers in the layout of the parameters, as kernels bind them.
+pub struct PlaneSlices {
+    /// Position and opacity; rotation; scale and t_scale.
+    pub geometry: Slice,
+    /// The constant band.
+    pub sh0: Slice,
+    /// Velocity and t_center.
+    pub motion: Slice,
+    /// Band 1.
+    pub sh1: Slice,
+    /// Band 2.
+    pub sh2: Slice,
+    /// Band 3.
+    pub sh3: Slice,
 }
 
 /// A typed device buffer; cheap to clone, freed with its last clone.

@@ -2,6 +2,7 @@
 
 mod cost;
 mod dispatch;
+#[allow(missing_docs, reason = "the shaders' own comments are there, and no others")]
 pub mod generated;
 pub mod kernel;
 mod record;
@@ -14,10 +15,11 @@ pub mod table;
 mod window;
 
 pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
+pub(crate) use kernel::PlaneSlices;
 pub use kernel::{Buf, Kernel, KernelInfo, Slice};
 pub use record::{Grid, Pass, Recording, Work};
 pub use run::{COUNTS, Gpu, Options, PassTime, Rewrite, Running, StandIn};
-pub use staging::Staging;
+pub(crate) use staging::Staging;
 use std::collections::BTreeMap;
 #[cfg(feature = "play")]
 pub use window::Window;

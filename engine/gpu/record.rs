@@ -18,7 +18,7 @@ pub enum Grid {
     Indirect(Slice),
 }
 
-/// What a pass does.
+/// The work of a pass.
 pub enum Work {
     /// Runs a kernel.
     Dispatch {
@@ -41,7 +41,7 @@ pub enum Work {
 pub struct Pass {
     /// Section and kernel, the label that tools show.
     pub label: String,
-    /// What the pass's time grows with.
+    /// The count that the pass's time grows with.
     pub count: Count,
     /// Its units per counted one: below 1 where several passes share the work, and the number of units where nothing
     /// counts them ([`Count::Recorded`]).
@@ -82,7 +82,7 @@ impl Recording {
     }
 
     /// Appends `kernel`, a variant with the interface of `args`' own.
-    pub fn pass_variant<K: Kernel>(&mut self, kernel: &'static KernelInfo, args: K, push: K::Push, grid: Grid) {
+    pub(crate) fn pass_variant<K: Kernel>(&mut self, kernel: &'static KernelInfo, args: K, push: K::Push, grid: Grid) {
         assert_eq!(kernel.bindings, K::INFO.bindings, "{} is no variant of {}", kernel.name, K::INFO.name);
         self.pass_untyped(kernel, args.slices(), bytemuck::bytes_of(&push).to_vec(), grid);
     }
@@ -128,7 +128,7 @@ impl Recording {
     }
 
     /// Passes from `first` on grow with `count` instead of what the table says.
-    pub fn count_as(&mut self, first: usize, count: Count) {
+    pub(crate) fn count_as(&mut self, first: usize, count: Count) {
         for pass in self.passes.iter_mut().skip(first) {
             if pass.count == Count::Active {
                 pass.count = count;

@@ -19,18 +19,23 @@ pub struct Options {
     /// Which device.
     pub device: DeviceChoice,
     /// Fill new buffers with 0xAB bytes, so that a read of something never written shows.
+    #[doc(hidden)]
     pub poison: bool,
     /// Other SPIR-V for the kernels.
+    #[doc(hidden)]
     pub rewrite: Option<Rewrite>,
     /// Run the passes between two barriers last to first, where they are not timed: so a barrier that is missing shows.
+    #[doc(hidden)]
     pub reversed: bool,
     /// Bind a buffer of words behind the buffers of every kernel, which rewritten kernels count in: see [`Gpu::counted`].
+    #[doc(hidden)]
     pub counts: bool,
     /// Record as for another device. What was recorded so is looked at, and not run: kernels are those that suit the other.
+    #[doc(hidden)]
     pub stands_in: Option<StandIn>,
 }
 
-/// What recordings are made for in place of the device that holds their buffers: a graphics card with bindings of 4 GiB.
+/// The device that recordings are made for in place of the one that holds their buffers: a graphics card with bindings of 4 GiB.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StandIn {
     /// Lanes of its subgroups.
@@ -131,7 +136,7 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// What rewritten kernels counted since the last call, by kernel; nothing where they do not count. A kernel has the word of its
+    /// The counts of rewritten kernels since the last call, by kernel; nothing where they do not count. A kernel has the word of its
     /// place among [`ALL`], others the last.
     pub fn counted(&self) -> Result<Vec<(&'static str, u32)>> {
         let Some(counts) = &self.counts else { return Ok(Vec::new()) };
@@ -246,7 +251,7 @@ impl Gpu {
     }
 
     /// Bytes that a recording may copy from: `items`, visible to the device at once.
-    pub fn staged<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
+    pub(crate) fn staged<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
         let bytes: &[u8] = bytemuck::cast_slice(items);
         let mut buffer = Buffer::new(&self.device, name, bytes.len() as u64, Location::Upload)?;
         let mapped = buffer.bytes_mut().ok_or_else(|| unmapped(name))?;
@@ -273,7 +278,7 @@ impl Gpu {
     }
 
     /// As [`Gpu::start`], with the time of each pass taken.
-    pub fn start_timed(&self, recording: &Recording) -> Result<Running> {
+    pub(crate) fn start_timed(&self, recording: &Recording) -> Result<Running> {
         self.start_as(recording, true)
     }
 
@@ -290,7 +295,7 @@ impl Gpu {
     }
 
     /// Runs `recording`, waits, and returns the time of each pass; none where the device has no timestamps.
-    pub fn run_timed(&self, recording: &Recording) -> Result<Vec<PassTime>> {
+    pub(crate) fn run_timed(&self, recording: &Recording) -> Result<Vec<PassTime>> {
         self.start_timed(recording)?.wait()
     }
 

@@ -28,7 +28,7 @@ impl Window {
         self.0.fit(size)
     }
 
-    /// Whether bytes of pixels are blue, green, red, alpha; else red, green, blue, alpha. Of the picture that [`Window::fit`]
+    /// True if bytes of pixels are blue, green, red, alpha; else red, green, blue, alpha. Of the picture that [`Window::fit`]
     /// asked for.
     pub fn is_bgra(&self) -> bool {
         self.0.is_bgra()

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::files::write_tensors;
 
-/// Everything one render gives, row-major, top first. None of the sums is normalised by alpha.
+/// A rendered picture, row-major, top row first. None of the sums is normalised by alpha.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Frame {
     /// Pixels.
@@ -34,7 +34,8 @@ impl Frame {
     ///
     /// # Errors
     /// [`Error::Data`] when the frame is empty, its arrays disagree with its size, or the file cannot be written.
-    pub fn write_png(&self, path: &Path) -> Result<()> {
+    pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
+        let path = path.as_ref();
         self.check(path, &[self.color.len()])?;
         // A float becomes an integer by saturation, NaN by 0.
         let level = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;

@@ -2,7 +2,7 @@
 
 use glam::{DVec2, DVec3};
 
-/// The numbers of a pinhole camera, pixels. A point (x, y, z) of the camera's axes (x right, y down, z forward) is seen at
+/// A pinhole camera, pixels. A point (x, y, z) of the camera's axes (x right, y down, z forward) projects to
 /// (fx x / z + cx, fy y / z + cy). Pixel (0, 0) has its corner at (0, 0) and its centre at (0.5, 0.5).
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Intrinsics {
@@ -20,7 +20,7 @@ pub struct Intrinsics {
     pub cy: f64,
 }
 
-/// How much more a picture of another shape may show in one direction, before it is cropped in the other.
+/// The factor by which a picture of another shape may show more in one direction, before it is cropped in the other.
 const MOST_SHOWN: f64 = 1.35;
 
 impl Intrinsics {
@@ -29,7 +29,7 @@ impl Intrinsics {
         DVec2::new(self.fx, self.fy)
     }
 
-    /// Where the optical axis meets the picture.
+    /// The principal point.
     pub fn principal(&self) -> DVec2 {
         DVec2::new(self.cx, self.cy)
     }
@@ -44,36 +44,36 @@ impl Intrinsics {
         u64::from(self.width) * u64::from(self.height)
     }
 
-    /// The place in the picture of a point of the camera's axes. The point must be before the camera: z > 0.
+    /// The pixel position of a point in the camera's axes, which must be before the camera: z > 0.
     pub fn project(&self, at: DVec3) -> DVec2 {
         at.truncate() / at.z * self.focal() + self.principal()
     }
 
-    /// The direction, in the camera's axes, that a place of the picture shows; its z is 1.
+    /// The direction of a pixel position in the camera's axes; its z is 1.
     pub fn ray(&self, at: DVec2) -> DVec3 {
         ((at - self.principal()) / self.focal()).extend(1.0)
     }
 
-    /// Whether a place lies in the picture.
+    /// True if a pixel position lies in the picture.
     pub fn holds(&self, at: DVec2) -> bool {
         at.cmpge(DVec2::ZERO).all() && at.cmplt(self.size()).all()
     }
 
-    /// Those of pictures of another size that show the same: pixel edges stay where they are, each axis scales by the ratio of
+    /// Intrinsics of the same picture at another size: pixel edges stay in place, each axis scales by the ratio of
     /// the sizes.
     pub fn scaled(&self, width: u32, height: u32) -> Self {
         let (x, y) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
         Intrinsics { width, height, fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y }
     }
 
-    /// Those of pictures whose pixels are the means of `factor` x `factor` of these; what does not fill a pixel at the right and
-    /// at the bottom is cut off.
+    /// Intrinsics of pictures whose pixels are the means of `factor` x `factor` of these; a remainder at the right and
+    /// the bottom is cut off.
     pub fn reduced(&self, factor: u32) -> Self {
         let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|pixels| pixels / f64::from(factor));
         Intrinsics { width: self.width / factor, height: self.height / factor, fx, fy, cx, cy }
     }
 
-    /// Those of a picture of another shape: it shows all that this one does, or, where the shapes differ much, most of it. Where
+    /// Intrinsics of a picture of another shape: it shows all that this one does, or, where the shapes differ much, most of it. Where
     /// one direction would show more than 1.35 times as much as before, the other is cropped.
     pub fn fitted(&self, [width, height]: [u32; 2]) -> Self {
         let [w, h, old_w, old_h] = [width, height, self.width, self.height].map(f64::from);

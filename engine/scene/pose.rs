@@ -15,19 +15,19 @@ pub struct Pose {
 }
 
 impl Default for Pose {
-    /// At the world's origin, along its axes.
+    /// A camera at the world's origin, along its axes.
     fn default() -> Self {
         Pose { rotation: DMat3::IDENTITY, translation: DVec3::ZERO }
     }
 }
 
 impl Pose {
-    /// Of a camera at `center`, world.
+    /// A camera at `center`, world, whose axes are the rows of `rotation`.
     pub fn at(center: DVec3, rotation: DMat3) -> Self {
         Pose { rotation, translation: -(rotation * center) }
     }
 
-    /// From `eye` to `target`, world, with the direction `up` upwards in the picture. Where `eye` is at `target` it looks along z;
+    /// A camera at `eye` that looks at `target`, world, with the direction `up` upwards in the picture. Where `eye` is at `target` it looks along z;
     /// where it looks along `up`, some direction is upwards.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3) -> Self {
         let forward = (target - eye).try_normalize().unwrap_or(DVec3::Z);
@@ -47,7 +47,7 @@ impl Pose {
         Pose { rotation: DMat3::from_quat(DQuat::from_xyzw(x, y, z, w)), translation }
     }
 
-    /// As it is learnt: turned about the world's axes by `turn`, radians, and shifted along them by `shift`, scene units:
+    /// The pose with a learnt correction: turned about the world's axes by `turn`, radians, and shifted along them by `shift`, scene units:
     /// `x_camera = R exp([turn]x) (x_world - center - shift)`.
     pub fn corrected(&self, turn: DVec3, shift: DVec3) -> Self {
         let turn = DMat3::from_quat(DQuat::from_scaled_axis(turn));
@@ -95,7 +95,7 @@ impl serde::Serialize for Pose {
 }
 
 impl<'de> serde::Deserialize<'de> for Pose {
-    /// As [`Pose::rows`]; faults where the last one is not (0, 0, 0, 1). Whether it turns is not asked.
+    /// As [`Pose::rows`]; an error where the last one is not (0, 0, 0, 1). The rotation is not checked.
     fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let rows = <[[f64; 4]; 4]>::deserialize(from)?;
         if rows[3] != LAST_ROW {

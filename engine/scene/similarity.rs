@@ -14,26 +14,26 @@ pub struct Similarity {
 }
 
 impl Default for Similarity {
-    /// Everything stays where it is.
+    /// The identity.
     fn default() -> Self {
         Similarity { origin: [0.0; 3], scale: 1.0 }
     }
 }
 
 impl Similarity {
-    /// The way back: `x = x' / scale + origin`.
+    /// The inverse: `x = x' / scale + origin`.
     pub fn inverse(&self) -> Self {
         Similarity { origin: self.origin.map(|x| -self.scale * x), scale: 1.0 / self.scale }
     }
 
-    /// Whether single precision has digits enough for positions in the old world: its rounding there stays below 1e-4 new
+    /// True if single precision suffices for positions in the old world: its rounding there stays below 1e-4 new
     /// units.
     pub fn is_exact_in_f32(&self) -> bool {
         let farthest = self.origin.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         0.5 * f64::from(f32::EPSILON) * farthest * self.scale < 1e-4
     }
 
-    /// This and then `next`.
+    /// This, followed by `next`.
     pub fn then(&self, next: &Similarity) -> Self {
         let origin = std::array::from_fn(|k| self.origin[k] + next.origin[k] / self.scale);
         Similarity { origin, scale: self.scale * next.scale }

@@ -53,8 +53,8 @@ pub struct Splats {
     pub sh: Vec<[f32; 3]>,
     /// Temporal parameters of the dynamic Gaussians.
     pub motion: Vec<Motion>,
-    /// From when up to, but not including, when each dynamic Gaussian is there at all, normalised time. Empty where all always
-    /// are, as in every scene that is trained; parts of a clip that were trained one by one give way to each other so.
+    /// Start (included) and end (excluded) of the time in which each dynamic Gaussian exists, normalised. Empty where all always
+    /// do, as after every training; the segments of a long clip replace each other so.
     pub span: Vec<[f32; 2]>,
     /// Row of the file that each Gaussian came from; the writer restores that order.
     pub source_row: Vec<u32>,
@@ -84,7 +84,7 @@ impl Splats {
         self.position.len()
     }
 
-    /// Whether there is no Gaussian at all.
+    /// True if there is no Gaussian.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
     }
@@ -100,7 +100,7 @@ impl Splats {
         self.degree.get(i).map_or(self.sh_degree as usize, |degree| usize::from(*degree))
     }
 
-    /// Whether Gaussian `i` is there at normalised time `time`, however faint.
+    /// True if Gaussian `i` exists at normalised time `time`, however faint.
     pub fn is_there(&self, i: usize, time: f64) -> bool {
         let span = i.checked_sub(self.n_static).and_then(|at| self.span.get(at));
         span.is_none_or(|[from, to]| f64::from(*from) <= time && time < f64::from(*to))
@@ -134,8 +134,8 @@ impl Splats {
         (0..8).map(|k| self.weight_at(i, (f64::from(k) + 0.5) / 8.0)).sum::<f64>() / 8.0
     }
 
-    /// Says which array has the wrong length, if one has; every array must fit `len()`, `n_static` and `sh_degree`. Also
-    /// when degrees are above `sh_degree` or not in order.
+    /// Checks that every array fits `len()`, `n_static` and `sh_degree`, and
+    /// that degrees are in order and at most `sh_degree`.
     ///
     /// # Errors
     /// A sentence that names the array, its length and the one it should have.

@@ -16,10 +16,10 @@ use glam::{DVec2, DVec3};
 pub struct View {
     /// Names the output files.
     pub name: String,
-    /// Its pinhole. A file has its fields among the view's own.
+    /// The pinhole camera. A cameras file has its fields among the view's own.
     #[serde(flatten)]
     pub intrinsics: Intrinsics,
-    /// Where it is. A file has the rows, see [`Pose::rows`].
+    /// World to camera. A cameras file has the rows, see [`Pose::rows`].
     #[serde(rename = "world_to_camera")]
     pub pose: Pose,
     /// Normalised time.
@@ -34,15 +34,15 @@ pub struct View {
     /// Colour behind the scene.
     #[serde(default)]
     pub background: [f32; 3],
-    /// What the output `flow` is.
+    /// The definition of the output `flow`.
     #[serde(default, skip_serializing_if = "FlowModel::is_default")]
     pub flow_model: FlowModel,
-    /// Where it is one frame on, of a camera that moves; [`FlowModel::Displacement`] uses it.
+    /// The pose one frame later, of a camera that moves; [`FlowModel::Displacement`] uses it.
     #[serde(rename = "next_world_to_camera", default, skip_serializing_if = "Option::is_none")]
     pub next_pose: Option<Pose>,
 }
 
-/// What a view sees, roughly: the cone about its corners.
+/// A bound of a view's frustum: the cone about its corners.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Cone {
@@ -76,7 +76,7 @@ pub struct Clearing {
     pub depth: f32,
 }
 
-/// What the output `flow` is (SPEC 3).
+/// The definition of the output `flow` (SPEC 3).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum FlowModel {

@@ -27,7 +27,12 @@ pub mod triangulate;
 pub mod wav;
 pub mod wola;
 
-pub use hrtf::sphere;
+pub use hrtf::{HrtfSet, sphere};
+pub use path::read_path;
+pub use pose::PoseTrack;
+pub use render::{RenderConfig, Rendered, render};
+pub use scene_file::SoundScene;
+pub use wav::{Depth, write as write_wav};
 
 /// Samples per second of everything inside the sound field.
 pub const FS: u32 = 48_000;

@@ -77,7 +77,8 @@ pub struct PathCamera {
 }
 
 /// Reads a path; see the module for the kinds of files. `convention` replaces the kind's own.
-pub fn read_path(path: &Path, convention: Option<Convention>) -> Result<HeadPath> {
+pub fn read_path(path: impl AsRef<Path>, convention: Option<Convention>) -> Result<HeadPath> {
+    let path = path.as_ref();
     let text =
         read_text(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());

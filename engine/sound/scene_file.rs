@@ -112,7 +112,8 @@ struct SourceFile {
 
 impl SoundScene {
     /// Reads a scene and the tracks that it names.
-    pub fn read(path: &Path) -> Result<Self> {
+    pub fn read(path: impl AsRef<Path>) -> Result<Self> {
+        let path = path.as_ref();
         let fault = |place: &str, reason: String| {
             Error::data(path, place, reason, "see engine/sound/README.md for what a scene holds")
         };

@@ -96,7 +96,8 @@ pub enum Depth {
 }
 
 /// Writes frames of `N` channels at 48 kHz, atomically.
-pub fn write<const N: usize>(path: &Path, frames: &[[f32; N]], depth: Depth) -> Result<()> {
+pub fn write<const N: usize>(path: impl AsRef<Path>, frames: &[[f32; N]], depth: Depth) -> Result<()> {
+    let path = path.as_ref();
     let count = frames.as_flattened().iter().filter(|value| !value.is_finite()).count() as u64;
     if count > 0 {
         let remedy = "look for them in the recordings and the ears' responses that it is made of";

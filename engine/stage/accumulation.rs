@@ -17,7 +17,7 @@ pub const SLOT_PAIRS: usize = 6;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Accumulation {
-    /// What is fast on the device and gives the same bits in every run.
+    /// The fastest on the device that gives the same bits in every run.
     #[default]
     Auto,
     /// One slot per intersection, added in order: the same bits in every run. 48 bytes an intersection.
@@ -28,7 +28,7 @@ pub enum Accumulation {
 }
 
 impl Accumulation {
-    /// What it comes to on a device. `Auto`: slots on a CPU, where an atomic addition costs more than a slot; fixed point on a
+    /// The way that a device takes. `Auto`: slots on a CPU, where an atomic addition costs more than a slot; fixed point on a
     /// GPU, where slots cost their fill, a dispatch for each block of a tile, and memory that is read again.
     pub fn on(self, caps: &Caps) -> Sums {
         match self {
@@ -56,7 +56,7 @@ impl Sums {
     /// All of them, in the order of the kernels.
     pub const ALL: [Sums; 3] = [Sums::Slots, Sums::Fixed32, Sums::Fixed64];
 
-    /// Whether a device with `caps` can.
+    /// True if a device with `caps` can.
     ///
     /// # Errors
     /// [`Error::NoDevice`] with the remedy.
@@ -70,7 +70,7 @@ impl Sums {
         })
     }
 
-    /// Whether they are words of fixed point.
+    /// True if they are words of fixed point.
     pub(super) fn is_fixed(self) -> bool {
         matches!(self, Sums::Fixed32 | Sums::Fixed64)
     }

@@ -14,7 +14,7 @@ pub const BETA1: f64 = 0.9;
 /// Exponential decay of the second moment (SPEC 6).
 pub const BETA2: f64 = 0.999;
 /// Keeps a step finite where no gradient has been (SPEC 6).
-pub const EPS: f32 = 1e-15;
+pub(super) const EPS: f32 = 1e-15;
 
 /// Which Gaussians take a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -28,14 +28,14 @@ pub enum AdamMode {
     Lazy,
 }
 
-/// One number per kind of parameter, such as its learning rate.
+/// The learning rates of a step, and the size of Gaussians that the one of positions is for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
-    /// Scene units, of a Gaussian of `position_size`.
+    /// Scene units, of a Gaussian of `reference_size`.
     pub position: f64,
-    /// Longest standard deviation of a Gaussian whose position has that rate, scene units; positions of others have theirs in
-    /// proportion, from a quarter to sixteen times. 0: all have the same. Not a rate.
-    pub position_size: f64,
+    /// Longest standard deviation of a Gaussian whose position has the rate `position`, scene units. Positions of others have theirs in
+    /// proportion, from a quarter to sixteen times. 0: all have the same.
+    pub reference_size: f64,
     /// Of the logits.
     pub opacity: f64,
     /// Of the quaternions.
@@ -53,15 +53,15 @@ pub struct Rates {
 }
 
 impl Rates {
-    /// In the order of `AdamParams`, each times `factor`.
-    fn rows(&self, factor: f64) -> [[f32; 4]; 3] {
+    /// In the order that the fields of [`AdamParams`] name.
+    fn rows(&self) -> [[f64; 4]; 3] {
         let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh, .. } = *self;
-        [[position, opacity, rotation, scale], [t_scale, velocity, t_center, sh[0]], [sh[1], sh[2], sh[3], 0.0]]
-            .map(|row| row.map(|x| (x * factor) as f32))
+        let [sh0, sh1, sh2, sh3] = sh;
+        [[position, opacity, rotation, scale], [t_scale, velocity, t_center, sh0], [sh1, sh2, sh3, 0.0]]
     }
 }
 
-/// What a step does beside its rates.
+/// The parts of a step beside its rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
     /// Images that a step sees: the moments decay as in so many steps on one each.
@@ -88,13 +88,15 @@ pub(super) fn correction(beta: f64, step: u64) -> f64 {
 /// The numbers of step `step` (from 1) for `n` Gaussians.
 pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) -> AdamParams {
     let [beta1, beta2] = [BETA1, BETA2].map(|beta| f64::from(beta as f32).powi(settings.images as i32));
-    let [rates0, rates1, rates2] = rates.rows(1.0 / correction(beta1, step));
+    let factor = 1.0 / correction(beta1, step);
+    let rows = rates.rows().map(|row| row.map(|rate| (rate * factor) as f32));
+    let [position_opacity_rotation_scale, t_scale_velocity_t_center_sh0, sh1_sh2_sh3] = rows;
     // The gradients are sums over the images, so the regularisers are as well.
     let (n, images) = (f64::from(n.max(1)), f64::from(settings.images));
     AdamParams {
-        rates0,
-        rates1,
-        rates2,
+        position_opacity_rotation_scale,
+        t_scale_velocity_t_center_sh0,
+        sh1_sh2_sh3,
         beta1: beta1 as f32,
         beta2: beta2 as f32,
         inverse_c2: (1.0 / correction(beta2, step)) as f32,
@@ -103,7 +105,7 @@ pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) ->
         opacity_reg: (images * settings.opacity_reg / n) as f32,
         scale_reg: (images * settings.scale_reg / (3.0 * n)) as f32,
         step: step as f32,
-        inverse_size: if rates.position_size > 0.0 { (1.0 / rates.position_size) as f32 } else { 0.0 },
+        inverse_size: if rates.reference_size > 0.0 { (1.0 / rates.reference_size) as f32 } else { 0.0 },
     }
 }
 
@@ -116,25 +118,24 @@ pub fn lazy_sums(rates: impl Fn(u64) -> Rates, total: u64) -> Vec<[f32; 4]> {
     let (beta1, beta2) = (f64::from(BETA1 as f32), f64::from(BETA2 as f32));
     let r = beta1 / beta2.sqrt();
     // 300 steps on, what is left is 1e-13.
-    let mut sum = [0.0; 12];
+    let mut sums = [[0.0; 4]; 3];
     let mut rows = vec![[0.0; 4]; 3 * (total as usize + 1)];
     for s in (0..=total + 300).rev() {
         if s <= total {
-            let row: [f32; 12] = sum.map(|x| x as f32);
-            rows[3 * s as usize..3 * s as usize + 3].copy_from_slice(row.as_chunks().0);
+            rows[3 * s as usize..][..3].copy_from_slice(&sums.map(|row| row.map(|x| x as f32)));
         }
         if s == 0 {
             break;
         }
         let weight = correction(BETA2, s).sqrt() / correction(BETA1, s);
-        let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh, .. } = rates(s);
-        let of = [position, opacity, rotation, scale, t_scale, velocity, t_center, sh[0], sh[1], sh[2], sh[3], 0.0];
-        sum.iter_mut().zip(of).for_each(|(sum, rate)| *sum = r * (*sum + weight * rate));
+        let of_step = rates(s).rows();
+        let sums = sums.as_flattened_mut().iter_mut();
+        sums.zip(of_step.as_flattened()).for_each(|(sum, rate)| *sum = r * (*sum + weight * rate));
     }
     rows
 }
 
-/// State of every Gaussian of a group, see [`Optimiser::state`].
+/// State of every Gaussian of a group, see `Optimiser::state`.
 pub type State = Buf<[f32; 4]>;
 
 /// Moments and state of every Gaussian, and the numbers of the step at hand.
@@ -144,7 +145,7 @@ pub struct Optimiser {
     /// Per Gaussian, by group: sum of the norms of the projected centre's gradient, in half pictures; frames it was seen
     /// in; what rounding has lost of t_center; step of the last update.
     pub state: Vec<Buf<[f32; 4]>>,
-    /// What the host says of the step at hand: its view, and from word [`Optimiser::PARAMS_AT`] on the parameters.
+    /// The host's inputs of the step at hand: its view, and from word [`Optimiser::PARAMS_AT`] on the parameters.
     pub inputs: Buf<u32>,
     /// The view of the step at hand, in `inputs`.
     pub view: Buf<ViewParams>,
@@ -197,26 +198,14 @@ impl Optimiser {
         rec.section("adam");
         for (index, group) in scene.trained() {
             rec.group(Some(index));
-            let (params, moments) = (&group.params, &self.moments.groups[index]);
-            let [sh1, sh2, sh3] = params.three_bands();
-            let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
+            let params = &group.params;
             let args = adam_idle::Args {
                 frame_status: status,
                 adam: &self.params,
                 ranges: &cull.ranges,
                 idle_id: &cull.idle_id,
-                geometry: &params.geometry,
-                sh0: &params.sh0,
-                motion: params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
-                moments_geometry: &moments.geometry,
-                moments_sh0: &moments.sh0,
-                moments_motion: moments.motion_or_any(),
-                moments_sh1,
-                moments_sh2,
-                moments_sh3,
+                params: params.slices(),
+                moments: self.moments.groups[index].slices(),
                 state: &self.state[index],
             };
             let push = adam_idle::Push {
@@ -232,74 +221,44 @@ impl Optimiser {
         rec.group(None);
     }
 
-    /// Appends the steps that the Gaussians in view missed up to step `until`, for [`AdamMode::Lazy`]; goes between culling
-    /// and projection.
+    /// Appends the steps that Gaussians missed up to step `until`, for [`AdamMode::Lazy`]: those that `cull` found in view, where it goes
+    /// between culling and projection, or without it all.
     pub fn record_catch_up(
         &self,
         rec: &mut Recording,
         scene: &SceneBuffers,
-        cull: &Cull,
+        cull: Option<&Cull>,
         status: &Buf<Status>,
         until: u64,
     ) {
-        if self.mode == AdamMode::Lazy {
-            self.record_steps(rec, scene, (&cull.ranges, &cull.active_id), status, until, |index, _| {
-                (0, indirect(&cull.args, ARGS_FIRST_GROUP + index))
-            });
+        if self.mode != AdamMode::Lazy {
+            return;
         }
-    }
-
-    /// Appends the steps that any Gaussian missed up to step `until`, for [`AdamMode::Lazy`].
-    pub fn record_catch_up_all(&self, rec: &mut Recording, scene: &SceneBuffers, status: &Buf<Status>, until: u64) {
-        if self.mode == AdamMode::Lazy {
-            // The ranges and the list are not read.
-            let (ranges, ids) = (self.n_bad.cast(), &self.n_bad);
-            self.record_steps(rec, scene, (&ranges, ids), status, until, |_, n| (1, Grid::Threads(n)));
-        }
-    }
-
-    fn record_steps(
-        &self,
-        rec: &mut Recording,
-        scene: &SceneBuffers,
-        (ranges, active_id): (&Buf<[u32; 2]>, &Buf<u32>),
-        status: &Buf<Status>,
-        until: u64,
-        of: impl Fn(usize, u32) -> (u32, Grid),
-    ) {
         let kernel = generated::adam_catch_up(self.moments.bits == 16);
+        // Without a list the kernel reads neither it nor the ranges.
+        let no_ranges = self.n_bad.cast();
+        let (ranges, active_id) = cull.map_or((&no_ranges, &self.n_bad), |cull| (&cull.ranges, &cull.active_id));
         rec.section("adam");
         for (index, group) in scene.trained() {
             rec.group(Some(index));
-            let (all, grid) = of(index, group.n);
-            let (params, moments) = (&group.params, &self.moments.groups[index]);
-            let [sh1, sh2, sh3] = params.three_bands();
-            let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
+            let of_view = |cull: &Cull| indirect(&cull.args, ARGS_FIRST_GROUP + index);
+            let grid = cull.map_or(Grid::Threads(group.n), of_view);
+            let params = &group.params;
             let args = adam_catch_up::Args {
                 frame_status: status,
                 adam: &self.params,
                 ranges,
                 active_id,
                 sums: &self.sums,
-                geometry: &params.geometry,
-                sh0: &params.sh0,
-                motion: params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
-                moments_geometry: &moments.geometry,
-                moments_sh0: &moments.sh0,
-                moments_motion: moments.motion_or_any(),
-                moments_sh1,
-                moments_sh2,
-                moments_sh3,
+                params: params.slices(),
+                moments: self.moments.groups[index].slices(),
                 state: &self.state[index],
             };
             let push = adam_catch_up::Push {
                 group: index as u32,
                 first: group.first,
                 n: group.n,
-                all,
+                all: u32::from(cull.is_none()),
                 is_dynamic: u32::from(params.motion.is_some()),
                 degree: group.degree() as u32,
                 until: until as u32,

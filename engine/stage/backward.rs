@@ -56,9 +56,9 @@ pub struct Backward {
 /// The forward pass that gradients are of, as it was recorded.
 #[derive(Clone, Copy)]
 pub struct Drawn<'a> {
-    /// What may be seen.
+    /// The Gaussians in view.
     pub cull: &'a Cull,
-    /// What it was seen from.
+    /// The view.
     pub eye: Eye<'a>,
     /// The stage that made the lists.
     pub tiles: &'a Tiles,
@@ -66,11 +66,13 @@ pub struct Drawn<'a> {
     pub lists: &'a Lists,
     /// The images.
     pub blend: &'a Blend,
+    /// The numbers of each pixel that the blend kept for the way back.
+    pub tail: &'a Buf<[u32; 2]>,
     /// The strip.
     pub size: Size,
 }
 
-/// What the backward pass ends in.
+/// The end of the backward pass.
 pub enum Target<'a> {
     /// Gradients of the parameters and the camera, in the backward pass's own buffers.
     Gradients,
@@ -129,7 +131,7 @@ impl Backward {
         })
     }
 
-    /// What is asked for of the camera: where poses are learnt, a correction moves the camera of the next frame too.
+    /// The gradients of the camera that are asked for: where poses are learnt, a correction moves the camera of the next frame too.
     fn camera(&self) -> u32 {
         match (self.wants_camera, self.is_of_a_loss) {
             (false, _) => 0,
@@ -169,34 +171,31 @@ impl Backward {
                     for buffer in self.gradients[index].buffers() {
                         rec.fill(buffer.slice(), 0);
                     }
-                    self.record_gradients(rec, (index, group), drawn, &self.n_bad);
+                    self.record_gradients(rec, index, group, drawn, &self.n_bad);
                 }
                 Target::Step(_) | Target::Sums(..) if scene.holds(group) => {}
-                Target::Step(optimiser) => self.record_adam(rec, (index, group), drawn, optimiser),
+                Target::Step(optimiser) => self.record_adam(rec, index, group, drawn, optimiser),
                 // Of those that are not in view nothing is read.
-                Target::Sums(_, optimiser) => self.record_gradients(rec, (index, group), drawn, &optimiser.n_bad),
+                Target::Sums(_, optimiser) => self.record_gradients(rec, index, group, drawn, &optimiser.n_bad),
             }
         }
         rec.group(None);
         if let Target::Sums(batch, _) = target {
-            batch.record_add(rec, scene, (drawn.cull, drawn.eye.status), &self.gradients);
+            batch.record_add(rec, scene, drawn.cull, drawn.eye.status, &self.gradients);
         }
-        if let (true, Some(tail)) = (self.wants_camera, &drawn.blend.tail) {
-            self.record_camera(rec, scene.n_flat, drawn, tail, target);
+        if self.wants_camera {
+            self.record_camera(rec, scene.n_flat, drawn, target);
         }
     }
 
     /// The projection's adjoint for one group, which writes gradients.
-    fn record_gradients(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn, n_bad: &Buf<u32>) {
+    fn record_gradients(&self, rec: &mut Recording, index: usize, group: &Group, drawn: Drawn, n_bad: &Buf<u32>) {
         let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
-        let (d, params) = (&self.gradients[index], &group.params);
-        let [sh1, sh2, sh3] = params.three_bands();
-        let [d_sh1, d_sh2, d_sh3] = d.three_bands();
         let args = project_bwd_static_sh0::Args {
             view,
             ranges: &cull.ranges,
             active_id: &cull.active_id,
-            geometry: &params.geometry,
+            params: group.params.slices(),
             splats: &projected.splats,
             tile_counts: &projected.tile_counts,
             slot_first: &tiles.slot_first,
@@ -204,16 +203,7 @@ impl Backward {
             n_bad,
             frame_status: status,
             d_camera: &self.d_camera_each,
-            motion: params.motion_or_any(),
-            sh1,
-            sh2,
-            sh3,
-            d_geometry: &d.geometry,
-            d_sh0: &d.sh0,
-            d_motion: d.motion_or_any(),
-            d_sh1,
-            d_sh2,
-            d_sh3,
+            d: self.gradients[index].slices(),
         };
         let push = project_bwd_static_sh0::Push {
             group: index as u32,
@@ -221,21 +211,18 @@ impl Backward {
             is_summed: self.is_summed(),
             wants_camera: self.camera(),
         };
-        let kernel = generated::project_bwd(false, params.motion.is_some(), group.degree(), false);
+        let kernel = generated::project_bwd(false, group.params.motion.is_some(), group.degree(), false);
         rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
     }
 
     /// The projection's adjoint for one group, which moves the parameters at once.
-    fn record_adam(&self, rec: &mut Recording, (index, group): (usize, &Group), drawn: Drawn, optimiser: &Optimiser) {
+    fn record_adam(&self, rec: &mut Recording, index: usize, group: &Group, drawn: Drawn, optimiser: &Optimiser) {
         let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
-        let (params, moments) = (&group.params, &optimiser.moments.groups[index]);
-        let [sh1, sh2, sh3] = params.three_bands();
-        let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
         let args = project_bwd_adam_static_sh0::Args {
             view,
             ranges: &cull.ranges,
             active_id: &cull.active_id,
-            geometry: &params.geometry,
+            params: group.params.slices(),
             splats: &projected.splats,
             tile_counts: &projected.tile_counts,
             slot_first: &tiles.slot_first,
@@ -243,17 +230,7 @@ impl Backward {
             n_bad: &optimiser.n_bad,
             frame_status: status,
             d_camera: &self.d_camera_each,
-            sh0: &params.sh0,
-            motion: params.motion_or_any(),
-            sh1,
-            sh2,
-            sh3,
-            moments_geometry: &moments.geometry,
-            moments_sh0: &moments.sh0,
-            moments_motion: moments.motion_or_any(),
-            moments_sh1,
-            moments_sh2,
-            moments_sh3,
+            moments: optimiser.moments.groups[index].slices(),
             state: &optimiser.state[index],
             adam: &optimiser.params,
         };
@@ -264,19 +241,19 @@ impl Backward {
             wants_camera: self.camera(),
         };
         let is_16_bits = optimiser.moments.bits == 16;
-        let kernel = generated::project_bwd(true, params.motion.is_some(), group.degree(), is_16_bits);
+        let kernel = generated::project_bwd(true, group.params.motion.is_some(), group.degree(), is_16_bits);
         rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
     }
 
-    /// Whether each active Gaussian has one sum rather than a slot per pair.
+    /// True if each active Gaussian has one sum rather than a slot per pair.
     fn is_summed(&self) -> u32 {
         u32::from(self.sums != Sums::Slots)
     }
 
     /// The sum of what all Gaussians, of which the flat index has `n_flat`, and the background say of the camera.
-    fn record_camera(&self, rec: &mut Recording, n_flat: u32, drawn: Drawn, tail: &Buf<[u32; 2]>, target: &Target) {
+    fn record_camera(&self, rec: &mut Recording, n_flat: u32, drawn: Drawn, target: &Target) {
         rec.section("camera bwd");
-        let Drawn { cull, size: Size { n_pixels, .. }, .. } = drawn;
+        let Drawn { cull, tail, size: Size { n_pixels, .. }, .. } = drawn;
         let (d_camera, partials) = (&self.d_camera_each, &self.camera_partials);
         rec.pass(
             camera_sum::Args { count: &cull.n_active, bits: &cull.bits, offsets: &cull.offsets, d_camera, partials },
@@ -316,7 +293,7 @@ impl Backward {
     }
 
     fn record_chunks(&self, rec: &mut Recording, drawn: Drawn, chunks: &Chunks, d_slots: &Buf<[f32; 2]>) {
-        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, size, .. } = drawn;
+        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
         for block in 0..self.dispatches(blend) {
             let args = blend_bwd_p4::Args {
                 view,
@@ -325,7 +302,7 @@ impl Backward {
                 splat_ids: &lists.splat_ids,
                 slots: lists.slots.as_ref().unwrap_or(&lists.splat_ids),
                 splats: &projected.splats,
-                tail: tail_of(blend),
+                tail,
                 d_image0: &self.d_image0,
                 tile_last: &tiles.tile_last,
                 d_slots,
@@ -344,7 +321,7 @@ impl Backward {
     }
 
     fn record_rounds(&self, rec: &mut Recording, drawn: Drawn, d_slots: &Buf<[f32; 2]>) {
-        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, size, .. } = drawn;
+        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
         let Size { n_tiles, rounds, .. } = size;
         let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
         let subgroups_per_group = kernel.local / blend.subgroup_size();
@@ -360,7 +337,7 @@ impl Backward {
                     splat_ids: &lists.splat_ids,
                     slots: lists.slots.as_ref().unwrap_or(&lists.splat_ids),
                     splats: &projected.splats,
-                    tail: tail_of(blend),
+                    tail,
                     d_image0: &self.d_image0,
                     carry: &self.carry,
                     d_slots,
@@ -385,10 +362,4 @@ impl Backward {
 /// The size from which on terms of fixed point are large, see `fixed.glsl`: a sum has at most one from each block of pixels.
 fn large(blend: &Blend, size: Size) -> f32 {
     constants::fixed::FIXED_SMALL / (size.n_tiles.max(1) * blend.blocks_per_tile()) as f32
-}
-
-/// What the forward pass kept of each pixel.
-fn tail_of(blend: &Blend) -> &Buf<[u32; 2]> {
-    let Some(tail) = &blend.tail else { unreachable!("the forward pass was recorded for a backward pass") };
-    tail
 }

@@ -79,31 +79,20 @@ impl Batch {
         &self,
         rec: &mut Recording,
         scene: &SceneBuffers,
-        (cull, status): (&Cull, &Buf<Status>),
+        cull: &Cull,
+        status: &Buf<Status>,
         gradients: &[Planes],
     ) {
         rec.section("batch");
         for (index, sums, touched) in self.parts(scene) {
             rec.group(Some(index));
-            let (group, d) = (&scene.groups[index], &gradients[index]);
-            let [d_sh1, d_sh2, d_sh3] = d.three_bands();
-            let [sums_sh1, sums_sh2, sums_sh3] = sums.three_bands().map(Buf::cast);
+            let group = &scene.groups[index];
             let args = batch_add::Args {
                 frame_status: status,
                 ranges: &cull.ranges,
                 active_id: &cull.active_id,
-                d_geometry: &d.geometry,
-                d_sh0: &d.sh0,
-                d_motion: d.motion_or_any(),
-                d_sh1,
-                d_sh2,
-                d_sh3,
-                sums_geometry: &sums.geometry.cast(),
-                sums_sh0: &sums.sh0.cast(),
-                sums_motion: &sums.motion_or_any().cast(),
-                sums_sh1: &sums_sh1,
-                sums_sh2: &sums_sh2,
-                sums_sh3: &sums_sh3,
+                d: gradients[index].slices(),
+                sums: sums.slices(),
                 touched: &touched,
             };
             let push = batch_add::Push {
@@ -126,33 +115,15 @@ impl Batch {
         for (index, sums, touched) in self.parts(scene) {
             rec.group(Some(index));
             let group = &scene.groups[index];
-            let (params, moments) = (&group.params, &optimiser.moments.groups[index]);
-            let [sh1, sh2, sh3] = params.three_bands();
-            let [moments_sh1, moments_sh2, moments_sh3] = moments.three_bands();
-            let [sums_sh1, sums_sh2, sums_sh3] = sums.three_bands().map(Buf::cast);
+            let params = &group.params;
             let args = batch_step::Args {
                 frame_status: status,
                 adam: &optimiser.params,
                 touched: &touched,
-                geometry: &params.geometry,
-                sh0: &params.sh0,
-                motion: params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
-                moments_geometry: &moments.geometry,
-                moments_sh0: &moments.sh0,
-                moments_motion: moments.motion_or_any(),
-                moments_sh1,
-                moments_sh2,
-                moments_sh3,
+                params: params.slices(),
+                moments: optimiser.moments.groups[index].slices(),
                 state: &optimiser.state[index],
-                sums_geometry: &sums.geometry.cast(),
-                sums_sh0: &sums.sh0.cast(),
-                sums_motion: &sums.motion_or_any().cast(),
-                sums_sh1: &sums_sh1,
-                sums_sh2: &sums_sh2,
-                sums_sh3: &sums_sh3,
+                sums: sums.slices(),
             };
             let push = batch_step::Push {
                 n: group.n,
@@ -185,9 +156,10 @@ impl Batch {
         rec.section("exchange");
         let mut rows = Vec::new();
         for ((index, planes, _), ids) in self.parts(scene).zip(&ids) {
+            rec.group(Some(index));
             for ids in ids.chunks(rows_of_part(planes)) {
                 let part = gpu.alloc::<i64>("rows of sums", ids.len() * elements(planes))?;
-                self.record_rows(gpu, &mut rec, (scene, index, planes), ids, (&part, true))?;
+                record_rows(gpu, &mut rec, &scene.groups[index], planes, ids, &part, Direction::Out)?;
                 rows.push(part);
             }
         }
@@ -209,11 +181,12 @@ impl Batch {
         rec.section("exchange");
         let mut from = 0;
         for ((index, planes, _), ids) in self.parts(scene).zip(&rows.ids) {
+            rec.group(Some(index));
             for ids in ids.chunks(rows_of_part(planes)) {
                 let n = ids.len() * elements(planes);
                 let part = gpu.upload("rows of sums", &rows.sums[from..from + n])?;
                 from += n;
-                self.record_rows(gpu, &mut rec, (scene, index, planes), ids, (&part, false))?;
+                record_rows(gpu, &mut rec, &scene.groups[index], planes, ids, &part, Direction::Back)?;
             }
         }
         gpu.run(&rec)
@@ -229,43 +202,42 @@ impl Batch {
         };
         self.sums.iter().map(of_group).collect()
     }
+}
 
-    /// Appends the copy of sums to rows, or back.
-    fn record_rows(
-        &self,
-        gpu: &Gpu,
-        rec: &mut Recording,
-        (scene, index, sums): (&SceneBuffers, usize, &Planes),
-        ids: &[u32],
-        (rows, is_out): (&Buf<i64>, bool),
-    ) -> Result<()> {
-        let group = &scene.groups[index];
-        let (n, is_dynamic) = (ids.len() as u32, u32::from(group.params.motion.is_some()));
-        let degree = group.degree() as u32;
-        let ids = &gpu.upload("rows", ids)?;
-        let rows = &rows.cast();
-        let [sh1, sh2, sh3] = sums.three_bands().map(Buf::cast);
-        let (geometry, sh0, motion) = (sums.geometry.cast(), sums.sh0.cast(), sums.motion_or_any().cast());
-        let (sums_geometry, sums_sh0, sums_motion) = (&geometry, &sh0, &motion);
-        let (sums_sh1, sums_sh2, sums_sh3) = (&sh1, &sh2, &sh3);
-        rec.group(Some(index));
-        if is_out {
-            rec.pass(
-                batch_pack::Args { ids, rows, sums_geometry, sums_sh0, sums_motion, sums_sh1, sums_sh2, sums_sh3 },
-                batch_pack::Push { n, is_dynamic, degree },
-                Grid::Threads(n),
-            );
-        } else {
-            rec.pass(
-                batch_unpack::Args { ids, rows, sums_geometry, sums_sh0, sums_motion, sums_sh1, sums_sh2, sums_sh3 },
-                batch_unpack::Push { n, is_dynamic, degree },
-                Grid::Threads(n),
-            );
+/// Which way sums are copied.
+#[derive(Clone, Copy)]
+enum Direction {
+    /// To rows.
+    Out,
+    /// From rows.
+    Back,
+}
+
+/// Appends the copy of the `sums` of Gaussians `ids` of `group` to `rows`, or back.
+fn record_rows(
+    gpu: &Gpu,
+    rec: &mut Recording,
+    group: &Group,
+    sums: &Planes,
+    ids: &[u32],
+    rows: &Buf<i64>,
+    direction: Direction,
+) -> Result<()> {
+    let (n, is_dynamic) = (ids.len() as u32, u32::from(group.params.motion.is_some()));
+    let degree = group.degree() as u32;
+    let (ids, rows, planes) = (&gpu.upload("rows", ids)?, &rows.cast(), sums.slices());
+    match direction {
+        Direction::Out => {
+            let args = batch_pack::Args { ids, rows, sums: planes };
+            rec.pass(args, batch_pack::Push { n, is_dynamic, degree }, Grid::Threads(n));
         }
-        rec.scale(f64::from(n) * (elements(sums) / 4) as f64);
-        rec.group(None);
-        Ok(())
+        Direction::Back => {
+            let args = batch_unpack::Args { ids, rows, sums: planes };
+            rec.pass(args, batch_unpack::Push { n, is_dynamic, degree }, Grid::Threads(n));
+        }
     }
+    rec.scale(f64::from(n) * (elements(sums) / 4) as f64);
+    Ok(())
 }
 
 /// Words of a bit for each of `n` Gaussians, so many that the next group's are bound where a binding can begin.

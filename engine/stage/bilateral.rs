@@ -44,7 +44,7 @@ impl GridState {
         GridState { grid: IDENTITY.repeat(GRID_NUMBERS / 12), first: zeros.clone(), second: zeros }
     }
 
-    /// Whether every part has its length and nothing but finite numbers: what a file's reader asks.
+    /// True if every part has its length and nothing but finite numbers: what a file's reader asks.
     pub fn is_sound(&self) -> bool {
         [&self.grid, &self.first, &self.second].iter().all(|part| part.len() == GRID_NUMBERS)
             && self.grid.iter().chain(&self.first).all(|x| x.is_finite())
@@ -60,14 +60,14 @@ impl GridState {
     }
 }
 
-/// What a step does to the grid of its camera.
+/// A step of a camera's grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridStep {
     /// Number of the image in the run, from 1: every so many images as there are cameras the gauge is restored,
     pub step: u64,
     /// if it is free: a camera without a grid fixes it.
     pub is_free: bool,
-    /// Whether all cells step alike, along the gradient that they have together. They must be alike before.
+    /// True if all cells step alike, along the gradient that they have together. They must be alike before.
     pub is_affine: bool,
     /// Number of the step among this camera's, from 1: for the bias corrections.
     pub camera_step: u64,
@@ -179,7 +179,7 @@ impl Grids {
     }
 
     /// These with the kernels for GPUs or with those for CPU drivers, whatever the device is.
-    pub fn by_kernels_for_gpus(self, is_for_gpus: bool) -> Self {
+    pub(crate) fn by_kernels_for_gpus(self, is_for_gpus: bool) -> Self {
         Grids { is_for_gpus, ..self }
     }
 
@@ -231,7 +231,7 @@ impl Grids {
 
     /// Appends the slicing: `graded` becomes `image` (colour in the first three channels, `[height][width]`) as `camera`
     /// shows it; the fourth channel is copied. The identity grid gives every finite colour its bits.
-    pub fn record_slice(
+    pub(crate) fn record_slice(
         &self,
         rec: &mut Recording,
         camera: usize,
@@ -252,7 +252,7 @@ impl Grids {
         }
     }
 
-    /// Appends the adjoint of [`Grids::record_slice`]: from the cotangent of the graded colour that of the colour, and
+    /// Appends the adjoint of `record_slice`: from the cotangent of the graded colour that of the colour, and
     /// [`Grids::d_grid`], to which the total variation of the camera's grid adds its share; its value is left in
     /// [`Grids::tv_sums`]. Needs [`Grids::fit`].
     pub fn record_backward(&self, rec: &mut Recording, camera: usize, back: &GradedBack) {

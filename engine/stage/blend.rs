@@ -27,7 +27,7 @@ pub struct Blend {
 }
 
 impl Blend {
-    /// Whether `gpu` cuts long lists into chunks, as a GPU does: where lists follow each other on a few threads, rounds do.
+    /// True if `gpu` cuts long lists into chunks, as a GPU does: where lists follow each other on a few threads, rounds do.
     pub(super) fn has_chunks(gpu: &Gpu) -> bool {
         gpu.caps().kind != DeviceKind::Cpu
     }
@@ -77,7 +77,7 @@ impl Blend {
     }
 
     /// Pixels that each lane blends.
-    pub fn pixels_per_lane(&self) -> u32 {
+    pub(crate) fn pixels_per_lane(&self) -> u32 {
         self.pixels_per_lane
     }
 
@@ -100,8 +100,8 @@ impl Blend {
     pub fn record(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32, rounds: u32) {
         rec.section("blend");
         match &self.chunks {
-            Some(chunks) => self.record_chunks(rec, chunks, (tiles, lists), eye, n_tiles),
-            None => self.record_rounds(rec, (tiles, lists), eye, n_tiles, rounds),
+            Some(chunks) => self.record_chunks(rec, chunks, tiles, lists, eye, n_tiles),
+            None => self.record_rounds(rec, tiles, lists, eye, n_tiles, rounds),
         }
     }
 
@@ -109,7 +109,8 @@ impl Blend {
         &self,
         rec: &mut Recording,
         chunks: &Chunks,
-        (tiles, lists): (&Tiles, &Lists),
+        tiles: &Tiles,
+        lists: &Lists,
         eye: Eye,
         n_tiles: u32,
     ) {
@@ -134,17 +135,10 @@ impl Blend {
             chunk_last: &chunks.last,
         };
         rec.pass_variant(self.kernel, args, blend_fwd_p4::Push { n_tiles }, chunks.grid());
-        chunks.record_merge(rec, tiles, eye, (image0, self.image1.as_ref()), self.tail.as_ref());
+        chunks.record_merge(rec, tiles, eye, image0, self.image1.as_ref(), self.tail.as_ref());
     }
 
-    fn record_rounds(
-        &self,
-        rec: &mut Recording,
-        (tiles, lists): (&Tiles, &Lists),
-        eye: Eye,
-        n_tiles: u32,
-        rounds: u32,
-    ) {
+    fn record_rounds(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32, rounds: u32) {
         let Eye { view, projected, .. } = eye;
         let n_blocks = n_tiles * self.blocks_per_tile();
         let subgroups_per_group = self.kernel.local / self.subgroup_size;

@@ -91,7 +91,8 @@ impl Chunks {
         rec: &mut Recording,
         tiles: &Tiles,
         eye: Eye,
-        (image0, image1): (&Buf<[f32; 4]>, Option<&Buf<[f32; 4]>>),
+        image0: &Buf<[f32; 4]>,
+        image1: Option<&Buf<[f32; 4]>>,
         tail: Option<&Buf<[u32; 2]>>,
     ) {
         let kernel = generated::blend_merge(tail.is_some(), image1.is_none());

@@ -15,7 +15,7 @@ const HOPELESS: f64 = 4.0;
 /// Files that are made at most: the finest, each grade alone, and as many as halve all of them down to one.
 const MOST_TRIED: usize = 1 + Grades::N * Grades::COARSEST as usize + 7;
 
-/// What a file is to be.
+/// The demand on a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
     /// As small as its pictures stay so many dB from those of the scene.
@@ -37,23 +37,23 @@ pub struct Compact {
     pub n_tried: usize,
 }
 
-/// What a grade costs: mean squared error of the pictures beyond that of the finest file, and bytes below that one's.
+/// The price of a grade: mean squared error of the pictures beyond that of the finest file, and bytes below that one's.
 #[derive(Clone, Copy, Debug)]
 struct Step {
     error: f64,
     saved: f64,
 }
 
-/// What is stored, and how it is looked at.
+/// The scene that is stored, and the views that judge it.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
-    /// What faults are told of.
+    /// The file that errors name.
     pub path: &'a Path,
     /// The scene.
     pub splats: &'a Splats,
     /// The same, to be stored.
     pub encoded: &'a Encoded,
-    /// What is stored beside it.
+    /// The rest of the file.
     pub contents: &'a Contents<'a>,
     /// How it is rendered.
     pub constants: Constants,

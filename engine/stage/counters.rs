@@ -1,4 +1,4 @@
-//! What a frame had to do, counted, and its passes with their times and their part of it.
+//! The counted work of a frame, and its passes with their times and their share of it.
 
 use super::cull::{ARGS_SCAN, ARGS_SORT};
 use super::pairs::{Blocks, Pairs};
@@ -12,7 +12,7 @@ use crate::gpu::table::{self, Cost, Count, Spec};
 use crate::gpu::{Gpu, Grid, Pass, PassTime, Recording, Work};
 use serde::{Deserialize, Serialize};
 
-/// What a frame had to do; sums over its strips.
+/// The work of a frame; sums over its strips.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Counters {
     /// Gaussians of the scene.
@@ -192,7 +192,7 @@ pub struct PassReport {
     pub dispatches: u64,
     /// Nanoseconds in all.
     pub ns: f64,
-    /// What the time grows with, in all.
+    /// Units that the time grows with, in all.
     pub units: f64,
     /// The least that they must do.
     pub cost: Cost,

@@ -67,7 +67,7 @@ impl Cull {
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
             let (n, first, bound) = (group.n, group.first, &group.bound);
-            group.live.record(rec, view, (bits, counts), first / CULL_BLOCK);
+            group.live.record(rec, view, bits, counts, first / CULL_BLOCK);
             if let (Some(motion), Some(window)) = (&group.params.motion, &group.window) {
                 let (live, live_args) = (&group.live.blocks, &group.live.args.cast());
                 let args = cull_dynamic::Args { view, bound, bits, counts, motion, window, live, live_args };

@@ -8,8 +8,8 @@ use super::sort::{Carried, SORT_BLOCK, Sort, Unsorted};
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::density as shared;
 use crate::gpu::generated::{
-    Status, density_children, density_choose, density_classify_dynamic, density_classify_static, density_gather,
-    density_list, density_relocate, density_sample, mcmc_noise,
+    self, PruneLimits, Status, density_children, density_choose, density_classify_static, density_gather, density_list,
+    density_relocate, density_sample, mcmc_noise,
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::scene::Cone;
@@ -36,14 +36,12 @@ const N_COUNTERS: usize = N_BUCKET + BUCKETS;
 /// How Gaussians are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Choice {
-    /// 3DGS: those whose projected centre is pulled grow, the hardest pulled first; faint and huge ones go.
+    /// 3DGS: those whose projected centre is pulled grow, the hardest pulled first; those that rules prune go.
     Pulled {
         /// Mean norm of the gradient, in half pictures, above which a Gaussian grows.
         gradient: f32,
         /// Standard deviation, scene units, above which it splits and below which it is cloned.
         split_above: f32,
-        /// Standard deviation, scene units, above which a Gaussian goes.
-        prune_scale: f32,
     },
     /// 3DGS-MCMC (Kheradmand et al. 2024): the dead, and new ones, become copies of living ones drawn by opacity.
     Drawn,
@@ -60,11 +58,8 @@ pub struct DensityRound {
     pub center: [f32; 3],
     /// Its size, scene units.
     pub extent: f32,
-    /// Opacity, the largest over the training times, below which a Gaussian is removed or counts as dead.
-    pub prune_opacity: f32,
-    /// Floaters before the camera: standard deviation towards a lens that sees it, as a part of its depth before that, above which a
-    /// Gaussian is removed or counts as dead; infinite for none.
-    pub prune_veil: f32,
+    /// Limits beyond which a Gaussian is removed or counts as dead; infinite ones, and an opacity of 0, let all stay.
+    pub limits: PruneLimits,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,
     /// Gaussians never exceed this.
@@ -75,7 +70,7 @@ pub struct DensityRound {
     pub key: u32,
 }
 
-/// What a round did.
+/// The changes of a round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counts {
     /// Gaussians cloned; of drawn ones, those added.
@@ -88,7 +83,7 @@ pub struct Counts {
     pub relocated: u32,
 }
 
-/// A scene after a round, with its moments and state by group, as in [`super::Optimiser`].
+/// A scene after a round, with its moments and state by group, as in `Optimiser`.
 pub struct Grown {
     /// The Gaussians.
     pub scene: SceneBuffers,
@@ -96,13 +91,13 @@ pub struct Grown {
     pub moments: Moments,
     /// Their state.
     pub state: Vec<Buf<[f32; 4]>>,
-    /// What the round did.
+    /// The changes of the round.
     pub counts: Counts,
 }
 
 /// A scene before it.
 #[derive(Clone, Copy)]
-struct Before<'a> {
+struct OldScene<'a> {
     scene: &'a SceneBuffers,
     moments: &'a Moments,
     state: &'a [Buf<[f32; 4]>],
@@ -125,7 +120,7 @@ struct Scratch {
 }
 
 impl DensityRound {
-    /// One round on `scene`, with the moments and the state of [`super::Optimiser`], before `lenses`, relative to the scene's
+    /// One round on `scene`, with the moments and the state of `Optimiser`, before `lenses`, relative to the scene's
     /// origin. The Gaussians come out by population, time and place (Morton's order); whatever is not as it was has moments
     /// zero, and so has every opacity after a reset; all statistics begin anew.
     ///
@@ -140,7 +135,7 @@ impl DensityRound {
         lenses: &[Cone],
         constants: &Constants,
     ) -> Result<Grown> {
-        let old = Before { scene, moments, state };
+        let old = OldScene { scene, moments, state };
         if scene.n_flat >= MAX_FLAT {
             return Err(Error::OutOfMemory {
                 what: "density control (Gaussians)".to_owned(),
@@ -180,7 +175,7 @@ impl DensityRound {
         let sources = scratch.sorted_sources(gpu, n)?;
         let counts_by_bucket = std::array::from_fn(|bucket| counters[N_BUCKET + bucket] as usize);
         let scene = SceneBuffers::reshaped(gpu, scene, &counts_by_bucket)?;
-        let (moments, state) = self.carry(gpu, old, &scene, (&sources, &scratch.copies), constants)?;
+        let (moments, state) = self.carry(gpu, old, &scene, &sources, &scratch.copies, constants)?;
         Ok(Grown { scene, moments, state, counts })
     }
 
@@ -202,67 +197,50 @@ impl DensityRound {
         &self,
         rec: &mut Recording,
         scratch: &Scratch,
-        old: Before,
+        old: OldScene,
         n_lenses: u32,
         lenses: &Buf<[f32; 4]>,
     ) {
         let n_flat = old.scene.n_flat;
         let [x, y, z] = self.center;
-        let (weight, largest, split_above, gradient) = match self.choice {
-            Choice::Pulled { gradient, split_above, prune_scale } => {
-                (0, prune_scale.ln().min(LARGEST), split_above.ln(), gradient)
-            }
-            Choice::Drawn => (WEIGHT.min(u32::MAX / n_flat.max(1) - 1), LARGEST, f32::MAX, f32::MAX),
+        let (weight, split_above, gradient) = match self.choice {
+            Choice::Pulled { gradient, split_above } => (0, split_above.ln(), gradient),
+            Choice::Drawn => (WEIGHT.min(u32::MAX / n_flat.max(1) - 1), f32::MAX, f32::MAX),
         };
+        let limits = PruneLimits { log_scale: self.limits.log_scale.min(LARGEST), ..self.limits };
         let Scratch { flags, scores, identity, entries, codes, counters, .. } = scratch;
         for (index, (group, state)) in old.scene.groups.iter().zip(old.state).enumerate() {
             rec.group(Some(index));
+            let (is_held, params) = (old.scene.holds(group), &group.params);
             let push = density_classify_static::Push {
                 center: [x, y, z, 1.0 / self.extent],
                 n: group.n,
                 first: group.first,
                 n_frames: self.n_frames,
                 weight,
-                prune_opacity: self.prune_opacity,
-                largest,
                 split_above,
-                gradient,
+                // What is held does not grow either.
+                gradient: if is_held { f32::MAX } else { gradient },
                 bucket: group.bucket() as u32,
                 n_lenses,
                 levels: self.levels(),
-                veil: self.prune_veil,
+                is_held: u32::from(is_held),
+                limits,
             };
-            let push = if old.scene.holds(group) { held(push) } else { push };
-            let (geometry, grid) = (&group.params.geometry, Grid::Threads(group.n));
-            if let Some(motion) = &group.params.motion {
-                let push = bytemuck::cast(push);
-                let args = density_classify_dynamic::Args {
-                    geometry,
-                    state,
-                    flags,
-                    scores,
-                    identity,
-                    entries,
-                    codes,
-                    counters,
-                    lenses,
-                    motion,
-                };
-                rec.pass(args, push, grid);
-            } else {
-                let args = density_classify_static::Args {
-                    geometry,
-                    state,
-                    flags,
-                    scores,
-                    identity,
-                    entries,
-                    codes,
-                    counters,
-                    lenses,
-                };
-                rec.pass(args, push, grid);
-            }
+            let args = density_classify_static::Args {
+                geometry: &params.geometry,
+                state,
+                flags,
+                scores,
+                identity,
+                entries,
+                codes,
+                counters,
+                lenses,
+                motion: params.motion.as_ref().unwrap_or(&params.geometry),
+            };
+            let kernel = generated::density_classify(params.motion.is_some());
+            rec.pass_variant(kernel, args, push, Grid::Threads(group.n));
         }
         rec.group(None);
     }
@@ -271,7 +249,7 @@ impl DensityRound {
     fn record_pulled(&self, gpu: &Gpu, rec: &mut Recording, scratch: &Scratch) -> Result<()> {
         let Scratch { flags, scores, identity, entries, codes, counters, sources, source_codes, .. } = scratch;
         let n = flags.len();
-        let (keys, order) = record_sort(gpu, rec, &scratch.n_flat, n, (scores, identity))?;
+        let (keys, order) = record_sort(gpu, rec, &scratch.n_flat, n, scores, identity)?;
         let args = density_choose::Args { keys: &keys, order: &order, counters, flags, entries };
         let push = density_choose::Push { n: n as u32, max_gaussians: self.max_gaussians, growth: self.growth };
         rec.pass(args, push, Grid::Threads(n as u32));
@@ -302,9 +280,10 @@ impl DensityRound {
     fn carry(
         &self,
         gpu: &Gpu,
-        old: Before,
+        old: OldScene,
         scene: &SceneBuffers,
-        (sources, copies): (&Buf<u32>, &Buf<u32>),
+        sources: &Buf<u32>,
+        copies: &Buf<u32>,
         constants: &Constants,
     ) -> Result<(Moments, Vec<Buf<[f32; 4]>>)> {
         let moments = old.moments.undefined(gpu, scene)?;
@@ -332,10 +311,10 @@ impl DensityRound {
                     ceiling: if scene.holds(group) { f32::MAX } else { self.opacity_ceiling },
                 };
                 rec.pass(args, push, Grid::Threads(group.n.next_multiple_of(32)));
-                let way = Way { sources, old: source, new: group };
+                let transport = Transport { sources, old: source, new: group };
                 let params = source.params.buffers().zip(group.params.buffers()).zip(group.params.plane_counts());
                 for ((old, new), planes) in params.skip(1) {
-                    way.record(&mut rec, old, new, planes, 0, [[1.0; 4], [1.0; 4]]);
+                    transport.record(&mut rec, old, new, planes, 0, [[1.0; 4], [1.0; 4]]);
                 }
                 // What is known of opacities tells nothing of those that they are reset to. They are in the first plane of the geometry,
                 // which comes first.
@@ -343,10 +322,10 @@ impl DensityRound {
                 let pairs = old.moments.groups[from].buffers().zip(moments.groups[index].buffers());
                 for (at, ((old, new), planes)) in pairs.zip(group.params.plane_counts()).enumerate() {
                     let faded = if resets && at == 0 { moments.planes(1) } else { 0 };
-                    way.record(&mut rec, old, new, moments.planes(planes), faded, [[1.0; 4], [0.0; 4]]);
+                    transport.record(&mut rec, old, new, moments.planes(planes), faded, [[1.0; 4], [0.0; 4]]);
                 }
                 // The statistics begin anew; a child has no residual.
-                way.record(
+                transport.record(
                     &mut rec,
                     &old.state[from],
                     &state[index],
@@ -363,26 +342,19 @@ impl DensityRound {
     }
 }
 
-/// Limits that no Gaussian reaches.
-fn held(push: density_classify_static::Push) -> density_classify_static::Push {
-    // Times any depth above 0 it stays beyond every size.
-    let veil = f32::INFINITY;
-    density_classify_static::Push { prune_opacity: 0.0, largest: f32::MAX, veil, gradient: f32::MAX, ..push }
-}
-
 fn nothing_left() -> Error {
     let remedy = "prune less: lower density.prune_opacity, or raise density.prune_scale; or begin with more Gaussians";
     Error::data(Path::new("settings"), "density", "density control pruned every Gaussian", remedy)
 }
 
 /// From an old group to a new one.
-struct Way<'a> {
+struct Transport<'a> {
     sources: &'a Buf<u32>,
     old: &'a Group,
     new: &'a Group,
 }
 
-impl Way<'_> {
+impl Transport<'_> {
     /// Appends the transport of one buffer; the masks say which components stay of a Gaussian that is as it was, and of
     /// any other. Of the last component of the first `faded` planes none stays.
     fn record(
@@ -441,7 +413,7 @@ impl Scratch {
         let count = gpu.upload("density listed", &[n as u32])?;
         let mut rec = Recording::new();
         rec.section("density");
-        let (_, sources) = record_sort(gpu, &mut rec, &count, n, (&self.source_codes, &self.sources))?;
+        let (_, sources) = record_sort(gpu, &mut rec, &count, n, &self.source_codes, &self.sources)?;
         gpu.run(&rec)?;
         Ok(sources)
     }
@@ -453,7 +425,8 @@ fn record_sort(
     rec: &mut Recording,
     count: &Buf<u32>,
     n: usize,
-    (keys, values): (&Buf<u32>, &Buf<u32>),
+    keys: &Buf<u32>,
+    values: &Buf<u32>,
 ) -> Result<(Buf<u32>, Buf<u32>)> {
     let sort = Sort::new(gpu, n, u32::BITS)?;
     let blocks = &Grid::Groups(n.div_ceil(SORT_BLOCK) as u32);

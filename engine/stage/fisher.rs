@@ -1,4 +1,4 @@
-//! What pictures say of each part of each Gaussian: Fisher information and slopes, added up behind the backward pass.
+//! The information of pictures on each part of each Gaussian: Fisher information and slopes, added up behind the backward pass.
 
 use super::params::moment;
 use super::planes::{FISHER_PLANES, PLANE_BLOCK, Planes, plane_of};
@@ -36,7 +36,7 @@ pub(super) struct Fisher {
     squares: bool,
 }
 
-/// What pictures have said of a scene so far; made by [`super::Renderer::census`].
+/// The information of pictures on a scene so far; made by [`super::Renderer::census`].
 pub struct Census {
     pub(super) information: Fisher,
     pub(super) slope: Fisher,
@@ -71,22 +71,7 @@ impl Fisher {
         for (index, ((group, d), sums)) in scene.groups.iter().zip(gradients).zip(&self.sums).enumerate() {
             rec.group(Some(index));
             let params = &group.params;
-            let [sh1, sh2, sh3] = params.three_bands();
-            let [d_sh1, d_sh2, d_sh3] = d.three_bands();
-            let args = fisher_static_sh0::Args {
-                geometry: &params.geometry,
-                d_geometry: &d.geometry,
-                d_sh0: &d.sh0,
-                sums,
-                motion: params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
-                d_sh1,
-                d_sh2,
-                d_sh3,
-                cameras: &self.cameras,
-            };
+            let args = fisher_static_sh0::Args { params: params.slices(), d: d.slices(), sums, cameras: &self.cameras };
             let squares = if self.squares { 1.0 } else { 0.0 };
             let push = fisher_static_sh0::Push {
                 n: group.n,

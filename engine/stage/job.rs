@@ -17,7 +17,7 @@ pub enum Destination {
     Host,
 }
 
-/// What a strip is rendered for.
+/// The order for a strip.
 #[derive(Clone, Copy)]
 pub(super) struct Job<'a> {
     pub view: &'a View,
@@ -27,7 +27,7 @@ pub(super) struct Job<'a> {
     pub measure: Measure,
 }
 
-/// What is measured of a strip.
+/// The measurements of a strip.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(super) enum Measure {
     Nothing,
@@ -51,7 +51,7 @@ impl Job<'_> {
         if self.destination == Destination::Host { blend.images() } else { Vec::new() }
     }
 
-    /// Whether a backward pass follows.
+    /// True if a backward pass follows.
     pub(super) fn purpose(&self) -> Purpose {
         if self.cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture }
     }

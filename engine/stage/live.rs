@@ -63,7 +63,8 @@ impl Live {
         &self,
         rec: &mut Recording,
         view: &Buf<ViewParams>,
-        (bits, counts): (&Buf<u32>, &Buf<u32>),
+        bits: &Buf<u32>,
+        counts: &Buf<u32>,
         first: u32,
     ) {
         let Live { life: Some(life), blocks: live, args, n_blocks: n } = self else { return };
@@ -74,7 +75,7 @@ impl Live {
 }
 
 impl Among {
-    /// What a pass over these grows with.
+    /// The count that a pass over these grows with.
     pub(super) fn counted(self) -> Count {
         match self {
             Among::All => Count::Gaussians,

@@ -14,7 +14,7 @@ fn pixels_per_place(stride: u32, [width, height]: [u32; 2]) -> f64 {
     f64::from(width) * f64::from(height) / places
 }
 
-/// What is compared, `[height][width]` and row-major, and where the cotangent goes.
+/// The pictures that are compared, `[height][width]` and row-major, and the place of the cotangent.
 #[derive(Clone, Copy)]
 pub struct Pictures<'a> {
     /// The picture: colour in the first three channels.

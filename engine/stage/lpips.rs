@@ -16,7 +16,7 @@ use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 /// Widths of subgroups that have kernels of their own, in the order of the table; others share the first kernel.
 const WIDTHS: [u32; 3] = [16, 32, 64];
 
-/// What is compared: a part of a picture with the same part of the truth.
+/// A part of a picture, and the same part of the truth.
 #[derive(Clone, Copy)]
 pub struct Compared<'a> {
     /// The picture, `[height][width]`: colour in the first three channels, about [0, 1].
@@ -31,7 +31,7 @@ pub struct Compared<'a> {
     pub crop: [u32; 2],
 }
 
-/// What the trunk is shown of a colour of [0, 1].
+/// How a colour of [0, 1] is scaled for the trunk.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Shown {
     /// Its place in [-1, 1]: what LPIPS is made for.
@@ -41,7 +41,7 @@ pub enum Shown {
 }
 
 impl Shown {
-    /// What a colour is multiplied by, and what is added then.
+    /// Factor and summand of a colour.
     fn gain_and_offset(self) -> (f32, f32) {
         match self {
             Shown::Scaled => (2.0, -1.0),
@@ -125,7 +125,7 @@ impl Lpips {
     ///
     /// # Errors
     /// As [`Lpips::scratch_bytes`].
-    pub fn loss_bytes(&self, size: [u32; 2]) -> Result<[u64; 2]> {
+    pub(crate) fn loss_bytes(&self, size: [u32; 2]) -> Result<[u64; 2]> {
         let extent = self.net.extent(size, true)?;
         Ok([extent.bytes(), extent.largest()])
     }
@@ -152,7 +152,8 @@ impl Lpips {
         let shares: Vec<Share> = self.net.taps().map(|map| Share::whole(extent.sizes[map])).collect();
         let passes = Passes { lpips: self, sizes: &extent.sizes, lanes: gpu.caps().subgroup_size };
         rec.section("lpips");
-        passes.forward(rec, what, Shown::Scaled, (&shares, &self.sums, 0), cotangent.is_some());
+        let taps = Taps { shares: &shares, sums: &self.sums, first_sum: 0 };
+        passes.forward(rec, what, Shown::Scaled, taps, cotangent.is_some());
         if let Some(cotangent) = cotangent {
             passes.backward(rec, what, &cotangent);
         }
@@ -184,7 +185,8 @@ impl Lpips {
             let origin = [0, 1].map(|axis| what.origin[axis] + tile.first[axis]);
             let part = Compared { origin, crop: tile.size, ..*what };
             let passes = Passes { lpips: self, sizes: &extent.sizes, lanes: gpu.caps().subgroup_size };
-            passes.forward(rec, &part, shown, (&tile.shares, &sums, first), false);
+            let taps = Taps { shares: &tile.shares, sums: &sums, first_sum: first };
+            passes.forward(rec, &part, shown, taps, false);
             first += n_sums(tile) as u32;
         }
         Ok(sums)
@@ -250,18 +252,20 @@ struct Passes<'a> {
     lanes: u32,
 }
 
+/// The parts of maps that the taps of a crop compare, and the place of their sums.
+struct Taps<'a> {
+    /// Parts of the maps, by tap.
+    shares: &'a [Share],
+    sums: &'a Buf<[f32; 4]>,
+    /// Where in `sums` those of this crop begin.
+    first_sum: u32,
+}
+
 impl Passes<'_> {
-    /// Features of both pictures, layer by layer, and the taps with their cotangents. Of the maps that are compared `shares` are, by
-    /// tap; their sums go to `sums` from `first_sum` on.
-    fn forward(
-        &self,
-        rec: &mut Recording,
-        what: &Compared<'_>,
-        shown: Shown,
-        (shares, sums, mut first_sum): (&[Share], &Buf<[f32; 4]>, u32),
-        with_cotangent: bool,
-    ) {
+    /// Features of both pictures, layer by layer, and the taps with their cotangents.
+    fn forward(&self, rec: &mut Recording, what: &Compared<'_>, shown: Shown, taps: Taps, with_cotangent: bool) {
         let Lpips { net, maps, .. } = self.lpips;
+        let Taps { shares, sums, mut first_sum } = taps;
         let (gain, offset) = shown.gain_and_offset();
         let ([crop_width, crop_height], [first_x, first_y]) = (what.crop, what.origin);
         let [features, truth_features] = &maps[0].features;

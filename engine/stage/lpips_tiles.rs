@@ -33,7 +33,7 @@ pub(super) struct Tile {
     pub first: [u32; 2],
     /// Width and height.
     pub size: [u32; 2],
-    /// What is compared, by tap.
+    /// The compared parts, by tap.
     pub shares: Vec<Share>,
 }
 
@@ -41,7 +41,7 @@ pub(super) struct Tile {
 struct Span {
     /// Of the picture.
     pixels: Range<u32>,
-    /// What is compared of each tap, in the tile's maps.
+    /// The compared part of each tap, in the tile's maps.
     taps: Vec<Range<u32>>,
 }
 

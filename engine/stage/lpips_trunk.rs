@@ -138,7 +138,7 @@ impl Conv {
     }
 }
 
-/// What happens to maps, which are numbered in the order of their making; 0 is the picture.
+/// An operation on maps, which are numbered in the order of their making; 0 is the picture.
 pub(super) enum Layer {
     Conv(Conv),
     Pool { from: usize, to: usize, ceil: bool },
@@ -199,7 +199,7 @@ impl Network {
         let to = self.channels.len();
         let mut first = 0;
         for (name, shape) in convs {
-            let conv = file.conv(name, *shape, self.channels[from], (from, to), first)?;
+            let conv = file.conv(name, *shape, self.channels[from], from, to, first)?;
             first += conv.outputs;
             self.layers.push(Layer::Conv(conv));
         }
@@ -237,7 +237,7 @@ impl Network {
         Some(sizes)
     }
 
-    /// What a crop of `size` needs, with a cotangent or without.
+    /// The memory that a crop of `size` needs, with a cotangent or without.
     pub fn extent(&self, size: [u32; 2], with_cotangent: bool) -> Result<Extent> {
         let Some(sizes) = self.sizes(size) else {
             let (place, smallest) = (format!("a crop of {}x{} pixels", size[0], size[1]), self.smallest());
@@ -273,7 +273,7 @@ impl Network {
     }
 }
 
-/// What a crop needs.
+/// The memory that a crop needs.
 pub(super) struct Extent {
     /// Width and height of all maps.
     pub sizes: Vec<[u32; 2]>,
@@ -346,7 +346,8 @@ impl File<'_> {
         name: &str,
         [kernel, stride, pad]: [u32; 3],
         inputs: u32,
-        (from, to): (usize, usize),
+        from: usize,
+        to: usize,
         first: u32,
     ) -> Result<Conv> {
         let (k, s, c) = (kernel as usize, stride as usize, inputs as usize);

@@ -21,7 +21,7 @@ pub(super) struct Blocks {
     pub last: Vec<u32>,
 }
 
-/// What was counted.
+/// Counts of a strip.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Pairs {
     /// The block is hit and the pixel is not finished.
@@ -104,7 +104,7 @@ impl Blocks {
     }
 }
 
-/// Whether the ellipse (slope, chord, reach_y) about `xy` may touch the block of pixel centres from `corner` to `end`:
+/// True if the ellipse (slope, chord, reach_y) about `xy` may touch the block of pixel centres from `corner` to `end`:
 /// `touches_block` of the shaders.
 fn touches(xy: [f32; 2], [slope, chord, reach_y]: [f32; 3], corner: [f32; 2], end: [f32; 2]) -> bool {
     let margin_y = 1e-3 + 1e-6 * xy[1].abs();

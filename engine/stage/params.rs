@@ -1,4 +1,4 @@
-//! What a picture is asked for, and its view as the kernels see it: computed in f64, narrowed once.
+//! The parameters of a picture, and its view as the kernels see it: computed in f64, narrowed once.
 
 use crate::gpu::generated::ViewParams;
 pub use crate::gpu::generated::constants::types::TILE;
@@ -13,7 +13,7 @@ use crate::vk::DeviceKind;
 /// Pixels of a tile.
 pub(super) const TILE_PIXELS: u32 = TILE * TILE;
 
-/// What a picture needs; the rest is neither computed nor read back.
+/// The outputs that a picture needs; the rest is neither computed nor read back.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outputs {
     /// Colour and alpha.
@@ -42,14 +42,14 @@ pub fn constants_on(kind: DeviceKind, knobs: Knobs, constants: Constants) -> Con
     Knobs { depth_bits, ..knobs }.on(constants)
 }
 
-/// Whether a backward pass follows a frame.
+/// The use of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
-    /// No: a picture is all that is wanted.
+    /// A picture, without a backward pass.
     Picture,
-    /// Yes, for its gradients: every pixel keeps its final transmittance and last entry.
+    /// A picture and its gradients: every pixel keeps its final transmittance and last entry.
     Gradient,
-    /// Yes, for a step of the optimiser.
+    /// A step of the optimiser.
     Training,
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::gpu::generated::constants;
-use crate::gpu::{Buf, Gpu};
+use crate::gpu::{Buf, Gpu, PlaneSlices};
 use crate::scene::{Motion, Splats};
 
 /// Items in one block of planes.
@@ -69,15 +69,11 @@ impl Planes {
         [3, 1].into_iter().chain(BAND_PLANES.into_iter().take(self.bands.len())).chain(self.motion.as_ref().map(|_| 1))
     }
 
-    /// Bands 1 to 3 for a kernel that binds all three; in the place of one that there is not, the constant band, which it
-    /// does not touch.
-    pub(super) fn three_bands(&self) -> [&Buf<[f32; 4]>; 3] {
-        [0, 1, 2].map(|band| self.bands.get(band).unwrap_or(&self.sh0))
-    }
-
-    /// The motion for a kernel that binds it; where there is none, the constant band, which it does not touch.
-    pub(super) fn motion_or_any(&self) -> &Buf<[f32; 4]> {
-        self.motion.as_ref().unwrap_or(&self.sh0)
+    /// All of them for a kernel; in the place of one that there is not, the constant band, which it does not touch.
+    pub(super) fn slices(&self) -> PlaneSlices {
+        let [sh1, sh2, sh3] = [0, 1, 2].map(|band| self.bands.get(band).unwrap_or(&self.sh0).slice());
+        let motion = self.motion.as_ref().unwrap_or(&self.sh0).slice();
+        PlaneSlices { geometry: self.geometry.slice(), sh0: self.sh0.slice(), motion, sh1, sh2, sh3 }
     }
 
     /// All buffers, in the same order for planes of one shape.

@@ -1,4 +1,4 @@
-//! What is learnt of the cameras' poses, which only the device knows during a run.
+//! Learnt corrections of the cameras' poses, which only the device knows during a run.
 
 use crate::error::Result;
 use crate::gpu::generated::constants::pose::POSE_ROWS;
@@ -11,7 +11,7 @@ use glam::DVec3;
 /// first holds what all share: second moments of the gradients by turn and by shift, and 1 - beta_2^steps.
 pub type PoseRows = [[f32; 4]; POSE_ROWS as usize];
 
-/// What a step of a pose needs.
+/// The inputs of a step of a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseStep {
     /// Camera of the step's image.
@@ -64,7 +64,8 @@ impl Poses {
     pub fn record_step(
         &self,
         rec: &mut Recording,
-        (d_camera, view): (&Buf<[f32; 4]>, &Buf<ViewParams>),
+        d_camera: &Buf<[f32; 4]>,
+        view: &Buf<ViewParams>,
         status: &Buf<Status>,
         at: &PoseStep,
     ) {

@@ -41,6 +41,19 @@ pub struct PriorPlanes {
     pub flows: Buf<u32>,
 }
 
+/// A picture that priors judge.
+#[derive(Clone, Copy)]
+pub struct PriorPicture<'a> {
+    /// Depth, inverse depth and flow.
+    pub image: &'a Buf<[f32; 4]>,
+    /// Their cotangents, which the loss sets.
+    pub d_image: &'a Buf<[f32; 4]>,
+    /// The training image, whose mask lets a pixel count.
+    pub truth: &'a Buf<u32>,
+    /// Pixels.
+    pub n_pixels: u32,
+}
+
 /// A word of halves that are not finite.
 pub const NO_PRIOR: u32 = 0x7c00_7c00;
 
@@ -56,21 +69,19 @@ impl PriorLoss {
         Ok(PriorLoss { group_sums: gpu.alloc("prior loss sums", pixels.div_ceil(LOCAL as usize))?, space })
     }
 
-    /// Appends the losses of `image1` (depth, inverse depth, flow) against `priors`, where `truth`'s mask lets a pixel
-    /// count, and their cotangents to `d_image1`; all of `n_pixels` pixels. Gives sums by workgroup, over pixels: error of the depth,
+    /// Appends the losses of `picture` against `priors`, and their cotangents. Gives sums by workgroup, over pixels: error of the depth,
     /// end-point error of the flow.
     pub fn record(
         &self,
         rec: &mut Recording,
-        (image1, d_image1): (&Buf<[f32; 4]>, &Buf<[f32; 4]>),
-        truth: &Buf<u32>,
+        picture: PriorPicture,
         priors: &PriorPlanes,
-        n_pixels: u32,
         weights: &PriorWeights,
     ) -> Buf<[f32; 4]> {
         rec.section("priors");
         let PriorLoss { group_sums, space } = self;
         let PriorPlanes { depths, flows } = priors;
+        let PriorPicture { image: image1, d_image: d_image1, truth, n_pixels } = picture;
         let share = |weight: f64, n: u32| (weight / f64::from(n.max(1))) as f32;
         rec.pass(
             prior_loss::Args { image1, truth, depths, flows, d_image1, sums: group_sums },

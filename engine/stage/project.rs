@@ -9,7 +9,7 @@ use crate::gpu::{Buf, Gpu, Recording};
 /// vec4 per splat; the layout is defined in `include/splat.glsl`.
 pub const SPLAT_PLANES: usize = constants::splat::SPLAT_PLANES as usize;
 
-/// What projection gives, by active index.
+/// The projected Gaussians, by active index.
 pub struct Projected {
     /// `SPLAT_PLANES` vec4 each.
     pub splats: Buf<[f32; 4]>,
@@ -26,9 +26,9 @@ pub struct Projected {
 pub struct Eye<'a> {
     /// Where it looks from.
     pub view: &'a Buf<ViewParams>,
-    /// What it counts.
+    /// The counts of the frame.
     pub status: &'a Buf<Status>,
-    /// What is projected.
+    /// The Gaussians on the picture.
     pub projected: &'a Projected,
 }
 
@@ -56,21 +56,15 @@ impl Projected {
         rec.section("project");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            let [sh1, sh2, sh3] = group.params.three_bands();
             let args = project_static_sh0::Args {
                 view,
                 ranges: &cull.ranges,
                 active_id: &cull.active_id,
-                geometry: &group.params.geometry,
-                sh0: &group.params.sh0,
+                params: group.params.slices(),
                 splats: &self.splats,
                 depth_keys: &self.depth_keys,
                 tile_counts: &self.tile_counts,
                 frame_status: status,
-                motion: group.params.motion_or_any(),
-                sh1,
-                sh2,
-                sh3,
             };
             let kernel = generated::project(group.params.motion.is_some(), group.degree());
             let push = project_static_sh0::Push { group: index as u32, first: group.first };

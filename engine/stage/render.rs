@@ -45,7 +45,7 @@ pub struct FrameReport {
     /// Each pass.
     #[serde(skip)]
     pub times: Vec<PassTime>,
-    /// What the passes had to do; zeros unless asked for.
+    /// The work of the passes; zeros unless asked for.
     pub counters: Counters,
     /// Seconds that the counting took, on the host; in none of the times.
     #[serde(skip)]
@@ -280,7 +280,7 @@ impl Renderer {
         census.information.seen(&self.gpu, &self.scene)
     }
 
-    /// What `census` has counted of every Gaussian, in the scene's order: information, and slope of half the squared error.
+    /// The sums of `census` for every Gaussian, in the scene's order: information, and slope of half the squared error.
     ///
     /// # Errors
     /// [`Error::DeviceLost`].

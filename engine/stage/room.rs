@@ -32,24 +32,24 @@ pub struct Room {
     pub tiles: u32,
     /// Pixels of a strip.
     pub pixels: usize,
-    /// What the pictures need.
+    /// The outputs of the pictures.
     pub outputs: Outputs,
-    /// Whether a backward pass follows.
+    /// The use of the frames.
     pub purpose: Purpose,
     /// How gradients are added up.
     pub sums: Sums,
-    /// Whether a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
+    /// True if a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
     pub camera: bool,
-    /// Whether the Gaussians out of view are listed, for the steps of dense Adam.
+    /// True if the Gaussians out of view are listed, for the steps of dense Adam.
     pub idle: bool,
-    /// Whether a step sees several images, so that their gradients are added up before it.
+    /// True if a step sees several images, so that their gradients are added up before it.
     pub is_batched: bool,
     /// Bits of the depth keys, see [`crate::settings::Knobs`].
     pub depth_bits: u32,
 }
 
 impl Room {
-    /// Whether each intersection has a slot for its gradient.
+    /// True if each intersection has a slot for its gradient.
     pub(super) fn has_slots(&self) -> bool {
         self.purpose != Purpose::Picture && self.sums == Sums::Slots
     }
@@ -74,7 +74,7 @@ impl Room {
         self.intersections.div_ceil(SEGMENT).max(1)
     }
 
-    /// What became of a frame within this room, of `rounds` rounds, that ended with `status`.
+    /// The outcome of a frame within this room, of `rounds` rounds, that ended with `status`.
     pub fn outcome(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Outcome {
         let limit = self.max_intersections(gpu);
         if status.failed & FAILED_ACTIVE != 0 {
@@ -93,7 +93,7 @@ impl Room {
     }
 }
 
-/// What became of a frame, and what has to be done before it can stand.
+/// The outcome of a frame, and the remedy where it failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     /// Nothing: the frame is complete.
@@ -102,7 +102,7 @@ pub enum Outcome {
     Replay(Room, u32),
     /// Fewer tile rows at a time, or an error: a binding cannot hold `needed` of `what`.
     TooMuch {
-        /// What there is too much of.
+        /// The name of what does not fit.
         what: &'static str,
         /// How many.
         needed: u32,

@@ -34,7 +34,8 @@ impl Scan {
         rec: &mut Recording,
         count: &Buf<u32>,
         [index, table]: [&Buf<u32>; 2],
-        (sums, total): (&Buf<u32>, &Buf<u32>),
+        sums: &Buf<u32>,
+        total: &Buf<u32>,
         grids: PairGrids,
     ) {
         let (partials, blocks) = (&self.partials, grids.blocks);
@@ -46,7 +47,7 @@ impl Scan {
     }
 }
 
-/// What [`Scan::record_gathered`] makes of the number of intersections.
+/// The grids that [`Scan::record_gathered`] makes of the number of intersections.
 pub struct PairGrids<'a> {
     /// Its own grid, as that of [`Scan::record`].
     pub blocks: Grid,
@@ -54,7 +55,7 @@ pub struct PairGrids<'a> {
     pub args: &'a Buf<[u32; 4]>,
     /// The grid of threads over the items, which it was before; none where the intersections do not fit.
     pub emit_args: &'a Buf<[u32; 4]>,
-    /// What the frame reports.
+    /// The frame's report.
     pub frame_status: &'a Buf<Status>,
     /// Most intersections.
     pub capacity: u32,

@@ -46,7 +46,7 @@ pub struct SceneBuffers {
     pub origin: [f64; 3],
     /// Gaussians with a non-finite parameter or no rotation: never drawn.
     pub n_bad: u32,
-    /// Whether training leaves the static Gaussians as they are.
+    /// True if training leaves the static Gaussians as they are.
     pub holds_static: bool,
 }
 
@@ -200,7 +200,7 @@ impl SceneBuffers {
         self.groups.iter().enumerate().filter(|(_, group)| !self.holds(group))
     }
 
-    /// Whether training leaves `group` as it is.
+    /// True if training leaves `group` as it is.
     pub(super) fn holds(&self, group: &Group) -> bool {
         self.holds_static && group.params.motion.is_none()
     }

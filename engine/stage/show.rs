@@ -5,7 +5,7 @@ use crate::gpu::generated::show;
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::scene::Frame;
 
-/// What of a picture is shown.
+/// The output of a picture that is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Layer {
     /// Colour, as `Frame::write_png` writes it.
@@ -45,7 +45,7 @@ pub struct Screen {
     pub height: u32,
     /// Row by row, bytes red, green, blue and 255, or blue, green, red and 255.
     pub pixels: Buf<u32>,
-    /// Whether red and blue are swapped.
+    /// True if red and blue are swapped.
     pub is_bgra: bool,
     overlay: Buf<u32>,
     /// The first pixel under the overlay.

@@ -13,13 +13,13 @@ const DIGITS: usize = constants::sort::DIGITS as usize;
 /// Bits of the widest digit.
 const DIGIT_BITS: u32 = DIGITS.ilog2();
 
-/// What is sorted.
+/// The input of a sort.
 pub struct Unsorted<'a> {
     /// How many keys there are: the first number.
     pub count: &'a Buf<u32>,
     /// The keys, which are overwritten.
     pub keys: &'a Buf<u32>,
-    /// What goes with them.
+    /// The values that go with them.
     pub carried: Carried<'a>,
     /// Low bits of the keys that they are sorted by.
     pub n_bits: u32,
@@ -27,7 +27,7 @@ pub struct Unsorted<'a> {
     pub blocks: &'a Grid,
 }
 
-/// What goes with the keys of a sort.
+/// The values that go with the keys of a sort.
 #[derive(Clone, Copy)]
 pub enum Carried<'a> {
     /// A value each, which is overwritten.
@@ -70,12 +70,12 @@ impl Sort {
     }
 
     /// Numbers that must be zero before a sort of up to `capacity` pairs by up to `n_bits` bits.
-    pub fn n_counters(capacity: usize, n_bits: u32) -> usize {
+    pub(crate) fn n_counters(capacity: usize, n_bits: u32) -> usize {
         n_rounds(n_bits) as usize * Self::round_counters(capacity)
     }
 
     /// As [`Sort::new`], with those numbers in `range_counts`.
-    pub fn counting_in(gpu: &Gpu, capacity: usize, range_counts: Buf<u32>) -> Result<Self> {
+    pub(crate) fn counting_in(gpu: &Gpu, capacity: usize, range_counts: Buf<u32>) -> Result<Self> {
         Ok(Sort {
             block_counts: gpu.alloc("sort counts", DIGITS * capacity.div_ceil(SORT_BLOCK))?,
             range_counts,

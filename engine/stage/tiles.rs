@@ -105,7 +105,7 @@ impl Tiles {
     }
 
     /// Sorts by depth keys of so many bits from now on; they have 32 otherwise.
-    pub fn with_depth_bits(self, depth_bits: u32) -> Self {
+    pub(crate) fn with_depth_bits(self, depth_bits: u32) -> Self {
         Tiles { depth_bits, ..self }
     }
 
@@ -156,7 +156,7 @@ impl Tiles {
             frame_status: status,
             capacity: self.capacity,
         };
-        self.scan.record_gathered(rec, n_active, [order, tile_counts], (offsets, &self.n_intersections), grids);
+        self.scan.record_gathered(rec, n_active, [order, tile_counts], offsets, &self.n_intersections, grids);
         let (tile_keys, splat_ids) = (&self.tile_keys, &self.splat_ids);
         let splats = &projected.splats;
         let emit_grid = self.active_grid();

@@ -1,4 +1,4 @@
-//! What the terms of the loss leave by workgroup, added up.
+//! Sums of the terms of the loss, which leave them by workgroup.
 
 use crate::gpu::generated::{Status, loss_sum, loss_sum_report};
 use crate::gpu::{Buf, Grid, Recording};
@@ -10,7 +10,7 @@ pub const MOST_TERMS: usize = 4;
 pub struct Report<'a> {
     /// Four sums for each of [`MOST_TERMS`] terms.
     pub totals: &'a Buf<[f32; 4]>,
-    /// What the frame reports.
+    /// The frame's report.
     pub status: &'a Buf<Status>,
     /// Bad gradients since the start.
     pub n_bad: &'a Buf<u32>,
@@ -28,7 +28,8 @@ pub fn record_totals(rec: &mut Recording, terms: &[Buf<[f32; 4]>], totals: &Buf<
 pub fn record_report(
     rec: &mut Recording,
     terms: &[Buf<[f32; 4]>],
-    (status, n_bad): (&Buf<Status>, &Buf<u32>),
+    status: &Buf<Status>,
+    n_bad: &Buf<u32>,
     to: &Report,
 ) {
     let none = n_bad.cast();

@@ -22,7 +22,7 @@ const MARGIN: f64 = 1e-4;
 
 /// A clip on the host or in a file, and what of it is on the device.
 pub(super) struct Windows {
-    /// What is on the host of the dynamic Gaussians. The first one may have static ones too.
+    /// The dynamic Gaussians that are on the host. The first one may have static ones too.
     pieces: Vec<Piece>,
     /// Where they are read from, part by part; none where all are on the host.
     clip: Option<Resident>,
@@ -105,7 +105,7 @@ impl Windows {
         self.borders.partition_point(|border| *border <= time)
     }
 
-    /// Whether the window that `view` needs is not on the device.
+    /// True if the window that `view` needs is not on the device.
     pub fn is_due(&self, view: &View) -> bool {
         let time = moment(view);
         self.shown != Some(self.window_of(time)) || self.clip.as_ref().is_some_and(|clip| !clip.holds(time))
@@ -136,7 +136,7 @@ impl Windows {
     ///
     /// # Errors
     /// As [`Windows::of`]; [`Error::Data`] where no scene is right for all times.
-    pub fn load_whole(&mut self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
+    pub(crate) fn load_whole(&mut self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
         let (what, remedy) = ("what is asked of a scene as a whole", "give one of the segments that it was joined of");
         if let Some(clip) = &mut self.clip {
             let reason = format!("is a clip in parts, which {what} cannot take");

@@ -24,7 +24,7 @@ pub struct Workspace {
     pub view: Buf<ViewParams>,
     // What begins at zero: the status, counters, what a backward pass adds up.
     pub(super) zeros: Zeros,
-    /// What the frame reports.
+    /// The frame's report.
     pub status: Buf<Status>,
     /// Culling.
     pub cull: Cull,
@@ -116,9 +116,9 @@ impl Workspace {
         size: Size,
         target: &Target,
     ) {
-        if let Some(backward) = &self.backward {
-            let Workspace { cull, tiles, blend, .. } = self;
-            backward.record(rec, scene, Drawn { cull, eye: self.eye(), tiles, lists, blend, size }, target);
+        let Workspace { cull, tiles, blend, .. } = self;
+        if let (Some(backward), Some(tail)) = (&self.backward, &blend.tail) {
+            backward.record(rec, scene, Drawn { cull, eye: self.eye(), tiles, lists, blend, tail, size }, target);
         }
     }
 

@@ -1,4 +1,4 @@
-//! What a frame counts or adds up from zero: parts of one buffer, so that one fill clears them all.
+//! Buffers that a frame counts or adds up in from zero: parts of one buffer, so that one fill clears them all.
 
 use crate::error::Result;
 use crate::gpu::{Buf, Gpu, Recording};

@@ -29,7 +29,7 @@ const SCORES: [Measure; 7] = [
     Measure::Seconds,
 ];
 
-/// A finished run, by what tells it from the others.
+/// A finished run and its scores.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct BenchRun {
     /// Name of its capture.
@@ -71,8 +71,8 @@ enum Standing {
 }
 
 impl Standing {
-    /// By the differences of `measure` to the baseline, one for each capture. An arm is better where the interval lies on the better
-    /// side of 0.
+    /// By the differences of `measure` to the baseline, one for each capture. An arm is better where the interval lies
+    /// on the better side of 0.
     fn of(measure: Measure, differences: &[Estimate]) -> Self {
         let gain = |d: &Estimate| if measure.is_less_better() { -d.mean } else { d.mean };
         let is_better = |d: &&Estimate| d.half_width.is_some_and(|half| gain(d) > half);
@@ -103,7 +103,8 @@ impl BenchRun {
         folder: &Path,
         capture: &str,
         arm: &str,
-        (steps, seed): (u64, u64),
+        steps: u64,
+        seed: u64,
         peripheral: Option<&str>,
     ) -> Result<Self> {
         let eval: Value = read(folder, "eval.json")?;
@@ -129,8 +130,8 @@ impl BenchRun {
 }
 
 impl Bench {
-    /// Tabulates finished runs by their folders. Runs that differ in their seeds alone are an arm, and so are runs of other devices or
-    /// versions. `date` is when they are compared.
+    /// Tabulates finished runs by their folders. Runs that differ in their seeds alone are an arm, and so are runs of
+    /// other devices or versions. `date` is when they are compared.
     ///
     /// # Errors
     /// Those of [`BenchRun::read`].
@@ -146,7 +147,7 @@ impl Bench {
             });
             let capture =
                 if index > 0 { format!("{} ({})", result.capture, index + 1) } else { result.capture.clone() };
-            runs.push(BenchRun::read(folder, &capture, &result.settings, (result.steps, result.seed), None)?);
+            runs.push(BenchRun::read(folder, &capture, &result.settings, result.steps, result.seed, None)?);
         }
         let made_by: BTreeSet<&str> = runs.iter().map(|run| run.made_by.as_str()).collect();
         if made_by.len() > 1 {
@@ -334,8 +335,8 @@ impl Bench {
         })
     }
 
-    /// PSNR against the seconds of a run: a plot for each capture, a line for each arm, a mark for each length with the range of its
-    /// seeds.
+    /// PSNR against the seconds of a run: a plot for each capture, a line for each arm, a mark for each length with the
+    /// range of its seeds.
     pub fn svg(&self) -> String {
         let panel = |capture: &str| {
             let line = |(colour, arm): (usize, &Arm)| {

@@ -1,10 +1,11 @@
-//! Curves of a run's report: something over the steps.
+//! Curves of a run's report, over the steps.
 
 use crate::report::statistics::{mean, range};
 use crate::report::{Axis, Chart, Mark, Panel, Series, escape};
 use std::fmt::Write;
 
-/// Size of a plot, in units of its own; the page scales it. Then the room left of the axes, above, right and below.
+/// Size of a plot, in units of its own, which the page scales. Then the margins left of the axes, above, right and
+/// below.
 const SIZE: [f64; 2] = [440.0, 230.0];
 const MARGIN: [f64; 4] = [52.0, 12.0, 14.0, 36.0];
 /// Points of a line at most; more are averaged, which also calms a curve of single images.
@@ -22,11 +23,11 @@ pub(super) struct Curve<'a> {
 pub(super) struct Plot<'a> {
     /// Its id in the page.
     pub id: &'a str,
-    /// What the vertical axis shows.
+    /// The label of the vertical axis.
     pub title: &'a str,
-    /// Whether the vertical axis begins at 0.
+    /// The vertical axis begins at 0.
     pub from_zero: bool,
-    /// Whether every point has a mark, with its value as tooltip; lines are averaged otherwise.
+    /// Every point has a mark, with its value as tooltip; lines are averaged otherwise.
     pub marked: bool,
 }
 

@@ -13,9 +13,9 @@ pub enum Measure {
     LastGaussians,
     /// Mean PSNR of the test views, dB.
     Psnr,
-    /// The same over what moves, where the capture has foreground masks.
+    /// The same over moving pixels, by the capture's foreground masks.
     PsnrForeground,
-    /// The same over what a training camera sees too, where the capture has co-visibility masks.
+    /// The same over pixels that a training camera sees, too, by the capture's co-visibility masks.
     PsnrCovisible,
     /// The lowest PSNR of a test view, dB.
     PsnrWorst,
@@ -23,7 +23,7 @@ pub enum Measure {
     PsnrAligned,
     /// Mean PSNR of the test camera farthest from the middle of all, dB.
     PsnrPeripheral,
-    /// The same over what a training camera sees too, where the capture has co-visibility masks.
+    /// The same over pixels that a training camera sees, too, by the capture's co-visibility masks.
     PsnrPeripheralCovisible,
     /// Mean PSNR of the test views of all cameras but that one, dB.
     PsnrInner,
@@ -31,21 +31,22 @@ pub enum Measure {
     PsnrInnerWorst,
     /// Mean SSIM of the test views.
     Ssim,
-    /// Change from a frame to the next where nothing moves, over that of the images, which is their noise.
+    /// Change from a frame to the next in static pixels, relative to that of the images, which is their noise.
     Flicker,
-    /// Mean LPIPS of the test views, where the runs have weights for it.
+    /// Mean LPIPS of the test views, if the runs have weights for it.
     Lpips,
-    /// Seconds of stepping, reviews included; of a machine that was left alone.
+    /// Seconds of stepping, reviews included; on an idle machine.
     Seconds,
     /// Bytes of the numbers of the scene, see [`crate::scene::Summary::parameter_bytes`].
     SceneBytes,
-    /// Milliseconds a step, reviews included; of a machine that was left alone.
+    /// Milliseconds a step, reviews included; on an idle machine.
     StepTime,
-    /// Root mean square error of the learnt time offsets, frames, where the capture knows the true ones.
+    /// Root mean square error of the learnt time offsets, frames, if the capture knows the true ones.
     OffsetError,
 }
 
-/// Noise that images have at least: half a step of 8 bits. Synthetic ones without noise do not change at all where nothing moves.
+/// Assumed least noise of images: half a step of 8 bits. Synthetic images without noise do not change at all where
+/// nothing moves.
 const LEAST_NOISE: f64 = 0.5 / 255.0;
 
 impl Measure {
@@ -95,7 +96,7 @@ impl Measure {
         }
     }
 
-    /// True where a lower value is better.
+    /// True if a lower value is better.
     pub fn is_less_better(self) -> bool {
         self.is_cost() || matches!(self, Measure::Flicker | Measure::Lpips | Measure::OffsetError)
     }
@@ -106,7 +107,7 @@ impl Measure {
             || matches!(self, Measure::FirstGaussians | Measure::LastGaussians)
     }
 
-    /// By how much an arm may worsen it on a capture, in its unit, before it counts as harmful.
+    /// An arm that worsens it on a capture by more than this, in its unit, is harmful.
     pub(super) fn harm(self) -> f64 {
         match self {
             Measure::Lpips | Measure::Ssim | Measure::OffsetError => 0.01,
@@ -114,7 +115,7 @@ impl Measure {
         }
     }
 
-    /// Reads it from one run's eval.json and train.json; none where its capture does not allow it.
+    /// Reads it from one run's eval.json and train.json; none if its capture does not allow it.
     pub(super) fn of(self, eval: &Value, train: &Value, peripheral: Option<&str>) -> Option<f64> {
         let is_outer = |camera: &str| Some(camera) == peripheral;
         let is_inner = |camera: &str| peripheral.is_some_and(|other| other != camera);

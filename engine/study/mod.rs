@@ -1,4 +1,4 @@
-//! Studies: what finished runs tell, one by one and side by side.
+//! Studies: reports of finished runs, one by one and side by side.
 
 mod bench;
 mod curves;
@@ -10,7 +10,7 @@ mod runs;
 
 pub use bench::{Bench, BenchRun};
 pub use measure::Measure;
-pub use plan::{Arm, Base, STUDIES, Study};
+pub use plan::{Arm, Base, Study};
 pub use report_picture::{Example, strip};
 pub use run_report::Report;
 pub use runs::{Entry, History, RunResult, differences};

@@ -1,4 +1,4 @@
-//! Studies: which settings are compared, by which scores, over which seeds and lengths. They are JSON files.
+//! Studies: the settings to compare, the scores, seeds and lengths. They are JSON files.
 
 use super::measure::Measure;
 use crate::error::{Error, Result};
@@ -11,7 +11,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// The studies that come with the engine: name and file.
-pub const STUDIES: [(&str, &str); 10] = [
+const STUDIES: [(&str, &str); 10] = [
     ("trade", include_str!("../../assets/studies/trade.json")),
     ("presets", include_str!("../../assets/studies/presets.json")),
     ("schedule", include_str!("../../assets/studies/schedule.json")),
@@ -26,13 +26,13 @@ pub const STUDIES: [(&str, &str); 10] = [
 
 const REMEDY: &str = "see the manual's page Benchmarks and the studies in assets/studies";
 
-/// Settings that are compared with others.
+/// A set of settings to compare with others.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
-    /// Names the folders of its runs.
+    /// The name of the folders of its runs.
     pub key: String,
-    /// For tables; the key where the file has none.
+    /// The name in tables; the key if the file has none.
     #[serde(default)]
     pub name: String,
     /// The preset that it starts from, by name or path.
@@ -46,43 +46,42 @@ pub struct Arm {
     pub paper: BTreeMap<Measure, String>,
 }
 
-/// The settings that arms change.
+/// The settings that the arms of a study change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Base {
-    /// Those that are given; LPIPS is measured and no part of the loss.
+    /// The given ones; LPIPS is measured and no part of the loss.
     #[default]
     Given,
-    /// Those that are given, with the weights and rates of the paper, one background and no backdrop: LPIPS in the loss where there are
-    /// weights for it.
+    /// The given ones, with the weights and rates of the paper, one background and no backdrop: LPIPS in the loss if
+    /// there are weights for it.
     Paper,
 }
 
-/// Settings that are compared with each other, and how.
+/// A comparison of settings.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Study {
-    /// For the table.
+    /// The title of the table.
     pub title: String,
-    /// A sentence: what it is to answer.
+    /// The question, a sentence.
     pub question: String,
-    /// At least one.
+    /// The arms, at least one.
     pub arms: Vec<Arm>,
     /// The columns, at least one. Captures are judged together by the first.
     pub scores: Vec<Measure>,
     /// Every arm runs once with each.
     pub seeds: Vec<u64>,
-    /// Lengths of the runs, each with the schedule of its own; where there is none, epochs give the length.
+    /// Lengths of the runs, each with its own schedule; without any, epochs give the length.
     #[serde(default, deserialize_with = "lengths")]
     pub steps: Vec<u64>,
-    /// Arms begin with different numbers of Gaussians: each may have twice as many as the one that begins with most, so that none
-    /// is kept from growing.
+    /// Each arm may have twice as many Gaussians as the arm that begins with most, so that all can grow.
     #[serde(default)]
     pub equal_budgets: bool,
     /// The settings that the arms change.
     #[serde(default)]
     pub base: Base,
-    /// The key of the arm that all others are compared with; the first where the file names none.
+    /// The key of the arm that all others are compared with; the first if the file names none.
     #[serde(default)]
     pub baseline: String,
     /// Its file.
@@ -189,7 +188,7 @@ impl Study {
 }
 
 impl Base {
-    /// Changes `config` to it.
+    /// Applies it to `config`.
     fn apply(self, config: &mut Config) {
         config.loss.lpips = 0.0;
         if self == Base::Paper {
@@ -201,8 +200,8 @@ impl Base {
     }
 }
 
-/// The paper's rates: of velocities, times and tau its own, of all else those of 3DGS (Kerbl et al. 2023). It names none of
-/// offsets and grids, which keep the defaults.
+/// The paper's rates: of velocities, times and tau its own, of all else those of 3DGS (Kerbl et al. 2023). It names
+/// none of offsets and grids, which keep the defaults.
 fn paper_rates() -> LearningRates {
     let constant = |rate: f64| Rate { start: rate, end: rate };
     LearningRates {

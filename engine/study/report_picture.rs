@@ -17,7 +17,7 @@ pub(super) const GAIN: f32 = 4.0;
 /// Colours of the error map at equal distances, dark to bright.
 pub(super) const RAMP: [[f32; 3]; 5] =
     [[0.0, 0.0, 0.0], [66.0, 10.0, 104.0], [188.0, 55.0, 84.0], [249.0, 142.0, 9.0], [252.0, 255.0, 164.0]];
-/// Where the mask hides a pixel.
+/// The colour of a pixel that the mask hides.
 const HIDDEN: [f32; 3] = [128.0; 3];
 
 /// A test view that the report shows.

@@ -16,10 +16,10 @@ use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
 
-/// What writes a part of the page.
+/// A writer of a part of the page.
 type Written = std::result::Result<(), Box<dyn std::error::Error>>;
 
-/// What a report tells of.
+/// The contents of a report.
 pub struct Report<'a> {
     /// Name of the run.
     pub name: &'a str,
@@ -27,11 +27,11 @@ pub struct Report<'a> {
     pub run: &'a Run,
     /// Settings.
     pub config: &'a Config,
-    /// `train.json`; null where the run has none.
+    /// `train.json`; null if the run has none.
     pub totals: &'a Value,
     /// `train.jsonl`.
     pub log: &'a Log,
-    /// Scores of the scene; none where the capture has no test image.
+    /// Scores of the scene; none if the capture has no test image.
     pub scores: Option<&'a SceneScores>,
     /// Test views.
     pub examples: &'a [Example],
@@ -157,7 +157,8 @@ impl Report<'_> {
             1.0 / GAIN
         )?;
         for (example, urls) in self.examples.iter().zip(triples(self.examples)?) {
-            let (view, Scores { psnr, ssim, .. }) = (escape(&example.view), example.scores);
+            let view = escape(&example.view);
+            let Scores { psnr, ssim, .. } = example.scores;
             let why = if example.why.is_empty() { String::new() } else { format!(", the {}", example.why) };
             writeln!(
                 page,

@@ -1,4 +1,4 @@
-//! Finished runs: what each came to, and how that changes from one time of measuring to the next.
+//! Finished runs: their results, and how these change from one measurement to the next.
 
 use crate::error::{Error, Result};
 use crate::files::read_file;
@@ -12,12 +12,13 @@ use std::path::Path;
 /// Settings that are not listed: they have columns of their own, or the preset stands before all others.
 const TOLD_APART: [&str; 4] = ["seed", "steps", "epochs", "preset"];
 
-/// What a finished run came to.
+/// The result of a finished run.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RunResult {
     /// The folder of its capture, without those above it.
     pub capture: String,
-    /// Its settings that are not the defaults, as for `--set`, in the order of their names; `defaults` where there is none.
+    /// Its settings that are not the defaults, as for `--set`, in the order of their names; `defaults` if there is
+    /// none.
     pub settings: String,
     /// Steps done.
     pub steps: u64,
@@ -41,23 +42,23 @@ pub struct RunResult {
     pub gaussians: u64,
     /// Bytes of their parameters.
     pub bytes: u64,
-    /// From the start of the process until its scene is written, before it is scored; the first Gaussians and the compilation of
-    /// kernels included. Of a run that was resumed, those of its last process.
+    /// Seconds from the start of the process until its scene is written, before it is scored, with the first Gaussians
+    /// and the compilation of kernels. For a resumed run, those of its last process.
     pub seconds: f64,
-    /// The same of all processors together, where the system told.
+    /// The same of all processors together, if known.
     pub cpu_seconds: Option<f64>,
     /// Name of the device.
     pub device: String,
     /// Name and version of its driver.
     pub driver: String,
-    /// The source that `ivv` was built from, as git names it; none where the build did not know.
+    /// The source that `ivv` was built from, as git names it; none if the build did not know.
     pub revision: Option<String>,
-    /// The images that were trained on and scored, to tell them from others. Empty of those in a history.
+    /// The images that were trained on and scored, to tell them from others. Empty in a history.
     #[serde(skip)]
     pub images: String,
 }
 
-/// What is read of `train.json`.
+/// The used part of `train.json`.
 #[derive(serde::Deserialize)]
 struct Totals {
     steps: u64,
@@ -75,7 +76,7 @@ struct Device {
     driver: String,
 }
 
-/// What is read of `eval.json`.
+/// The used part of `eval.json`.
 #[derive(serde::Deserialize)]
 struct Scored {
     psnr: f64,
@@ -161,7 +162,7 @@ pub fn differences(config: &Config) -> String {
     }
     let mut own = value(config);
     if !config.loss.has_lpips() {
-        // LPIPS is measured at most.
+        // Then LPIPS is only measured.
         own["loss"]["lpips"] = base["loss"]["lpips"].clone();
         own["loss"]["lpips_weights"] = base["loss"]["lpips_weights"].clone();
     }
@@ -194,23 +195,26 @@ fn list(name: &str, base: &Value, own: &Value, told: &mut Vec<String>) {
 /// Width and height of a panel of a history.
 const PANEL: [f64; 2] = [250.0, 190.0];
 
-/// A score that a history shows: its title and how to get it.
-type Shown = (&'static str, fn(&RunResult) -> Option<f64>);
+/// A score that a history shows.
+struct Shown {
+    title: &'static str,
+    of: fn(&RunResult) -> Option<f64>,
+}
 
 const SHOWN: [Shown; 5] = [
-    ("PSNR, dB", |run| Some(run.psnr)),
-    ("SSIM", |run| Some(run.ssim)),
-    ("LPIPS (less is better)", |run| run.lpips),
-    ("seconds", |run| Some(run.seconds)),
-    ("seconds of processors", |run| run.cpu_seconds),
+    Shown { title: "PSNR, dB", of: |run| Some(run.psnr) },
+    Shown { title: "SSIM", of: |run| Some(run.ssim) },
+    Shown { title: "LPIPS (less is better)", of: |run| run.lpips },
+    Shown { title: "seconds", of: |run| Some(run.seconds) },
+    Shown { title: "seconds of processors", of: |run| run.cpu_seconds },
 ];
 
-/// One time of measuring, of a file of them.
+/// A measurement in a history.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Entry {
     /// Year-month-day, UTC.
     pub date: String,
-    /// What was measured.
+    /// Its runs.
     pub runs: Vec<RunResult>,
 }
 
@@ -219,22 +223,22 @@ pub struct Entry {
 pub struct History(pub Vec<Entry>);
 
 impl History {
-    /// The entries as a picture: a row a capture and kind of settings, scores from the first entry to the last.
+    /// The entries as a picture: a row for each capture and kind of settings, scores from the first entry to the last.
     pub fn svg(&self) -> String {
-        // What one row follows must be alike but for the code.
+        // Runs of a row are alike but for the code.
         let kind = |run: &RunResult| (run.capture.clone(), run.settings.clone(), run.steps);
         let kinds: BTreeSet<_> = self.0.iter().flat_map(|entry| &entry.runs).map(kind).collect();
         let row = |own: (String, String, u64)| {
-            let panels = SHOWN.into_iter().filter_map(|shown| self.panel(shown, |run| kind(run) == own));
+            let panels = SHOWN.iter().filter_map(|shown| self.panel(shown, |run| kind(run) == own));
             Row { heading: format!("{}, {} steps, {}", own.0, own.2, own.1), panels: panels.collect() }
         };
         Chart { panel: PANEL, rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
     }
 
-    /// A score of the runs that `is_own` names, over the entries: mean and range. None where no run has it.
-    fn panel(&self, (title, of): Shown, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
+    /// A score of the runs that `is_own` selects, over the entries: mean and range. None if no run has it.
+    fn panel(&self, shown: &Shown, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
         let point = |(index, entry): (usize, &Entry)| {
-            let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(of).collect();
+            let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(shown.of).collect();
             let (mean, [least, most]) = (mean(values.iter().copied())?, range(values));
             let revision = entry.runs.iter().find_map(|run| run.revision.clone()).unwrap_or_default();
             let title = format!("{} {revision}: {mean:.4} ({least:.4} to {most:.4})", entry.date);
@@ -244,7 +248,7 @@ impl History {
         // Changes of less than a hundredth look as small as they are.
         let largest = marks.iter().map(|mark| mark.at[1].abs()).reduce(f64::max)?.max(1e-3);
         Some(Panel {
-            title: title.to_owned(),
+            title: shown.title.to_owned(),
             margin: [56.0, 24.0, 10.0, 42.0],
             x: Axis::around("measurement", marks.iter().map(|mark| mark.at[0]), 1.0).in_whole_numbers(),
             y: Axis::around("", marks.iter().filter_map(|mark| mark.range).flatten(), 0.02 * largest),
@@ -260,12 +264,12 @@ mod tests {
     use super::*;
     use serde_json::json;
 
-    fn result(capture: &str, settings: &str, (steps, seed): (u64, u64), psnr: f64) -> RunResult {
+    fn result(capture: &str, steps: u64, psnr: f64) -> RunResult {
         RunResult {
             capture: capture.to_owned(),
-            settings: settings.to_owned(),
+            settings: "defaults".to_owned(),
             steps,
-            seed,
+            seed: 42,
             psnr,
             psnr_aligned: psnr + 1.0,
             worst_camera: "a<b".to_owned(),
@@ -308,7 +312,7 @@ mod tests {
     fn a_history_follows_what_is_alike() {
         let entry = |date: &str, psnr| Entry {
             date: date.to_owned(),
-            runs: vec![result("fox", "defaults", (500, 42), psnr), result("fox", "defaults", (100, 42), psnr)],
+            runs: vec![result("fox", 500, psnr), result("fox", 100, psnr)],
         };
         let history = History(vec![entry("2026-11-23", 29.0), entry("2026-11-24", 30.0)]);
         let svg = history.svg();

@@ -1,35 +1,36 @@
-//! The mean of the scenes at the end of a run. A step follows one image, so the scene sways with the brightness and the noise of the
-//! images that came last; the mean of many steps does not (Polyak and Juditsky 1992; Izmailov et al. 2018).
+//! The mean of the scenes at the end of a run. A step follows one image, so the scene sways with the brightness and the
+//! noise of the images that came last; the mean of many steps does not (Polyak and Juditsky 1992; Izmailov et al.
+//! 2018).
 
 use super::config::Config;
 use crate::scene::Splats;
 
-/// Scenes in a mean, about: each is copied from the device.
+/// About so many scenes go into a mean: each is copied from the device.
 const SCENES: u64 = 20;
 
 /// A running mean.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Average {
-    /// Scenes that it is of.
+    /// The number of scenes.
     pub n: u64,
     /// Their mean, parameter by parameter, in the frame of training; empty while there is none.
     pub mean: Splats,
 }
 
 impl Average {
-    /// The last step of a run of `total` that may add, remove or reorder Gaussians: those of the steps behind it are averaged.
+    /// The last step of a run of `total` that may add, remove or reorder Gaussians: the scenes after it are averaged.
     pub fn begins_after(config: &Config, total: u64) -> u64 {
         total - (config.average * total as f64) as u64
     }
 
-    /// Whether the scene after step `step` of `total` belongs to the mean.
+    /// True if the scene after step `step` of `total` belongs to the mean.
     pub fn is_due(config: &Config, step: u64, total: u64) -> bool {
         let first = Self::begins_after(config, total);
         let every = ((total - first) / SCENES).max(1);
         step > first && step <= total && (total - step).is_multiple_of(every)
     }
 
-    /// Adds a scene of the same Gaussians in the same order; begins anew with one of another number.
+    /// Adds a scene of the same Gaussians in the same order; starts again with a scene of another number of them.
     pub fn add(&mut self, splats: Splats) {
         if self.n == 0 || splats.len() != self.mean.len() || splats.motion.len() != self.mean.motion.len() {
             *self = Average { n: 1, mean: splats };
@@ -51,7 +52,7 @@ impl Average {
         join(bytemuck::cast_slice_mut(motion), bytemuck::cast_slice(&splats.motion));
     }
 
-    /// The mean, where there is one.
+    /// The mean, if there is one.
     pub fn scene(&self) -> Option<&Splats> {
         (self.n > 0).then_some(&self.mean)
     }

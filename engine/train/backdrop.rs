@@ -1,13 +1,14 @@
 //! A backdrop where no training camera looks.
 //!
-//! Where no camera saw anything there is nothing, and whoever looks a little past the edge of what was filmed sees a black hole. So at
-//! the end of a run large static Gaussians are put behind the whole scene in the directions that no training camera sees, as far as
-//! these lie beside directions that one does see, in the colours of what is seen nearest to them. They are a guess; no training camera
-//! sees the middle of one. A scene of a single object, which leaves the background through where cameras look, gets none.
+//! A viewer who looks a little past the edge of what was filmed would see a black hole. So at the end of a run large
+//! static Gaussians go behind the whole scene, in directions that no training camera sees but that are close to one
+//! that a camera sees, in the colours seen nearest to them. They are a guess; no training camera sees the middle of
+//! one. A scene of a single object, through which cameras see the background, gets none.
 
-use super::lenses::{depth, evenly_chosen};
+use super::lenses::depth;
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
+use crate::recon::evenly_chosen;
 use crate::report::statistics::quantile;
 use crate::scene::capture::Capture;
 use crate::scene::{SH_C0, Splats, View, dc_of_color};
@@ -16,26 +17,26 @@ use std::f64::consts::{FRAC_PI_4, PI};
 
 /// Largest angle between a direction of the backdrop and the nearest one that a training camera sees, radians.
 const REACH: f64 = FRAC_PI_4;
-/// Distance of the backdrop, in units of one that this share of the scene lies within: what it hid of the scene would be missing from
-/// views between the cameras.
+/// Distance of the backdrop, in units of the distance within which this share of the scene lies: a nearer one would
+/// hide parts of the scene in views between the cameras.
 const BEHIND: f64 = 1.2;
 const NEARLY_ALL: f64 = 0.999;
-/// The backdrop stands so many times as far off as the farthest camera, at least: none of it may be near a lens, to which it would be wide.
+/// The backdrop is at least so many times as far off as the farthest camera: near a lens it would look wide.
 const OUTSIDE: f64 = 2.0;
 /// Opacity that a Gaussian must have to count as part of the scene.
 const OPAQUE: f64 = 0.3;
-/// Angle from a direction of what its colour is taken from, radians, and Gaussians that there must be.
+/// Angle around a direction from which its colour is taken, radians, and the least number of Gaussians in it.
 const ACROSS: f64 = 0.12;
 const LEAST_POINTS: usize = 2;
-/// Of the Gaussians of a direction those farther than this share of nearly all of them are what the backdrop continues.
+/// The backdrop continues the Gaussians of a direction that are farther than this share of nearly all of them.
 const FAR_SIDE: f64 = 0.8;
-/// Where fewer of the directions that cameras see have a colour, the background shows through the scene.
+/// If a smaller share of the directions that cameras see has a colour, the background shows through the scene.
 const LEAST_KNOWN: f64 = 0.9;
 /// Standard deviation of a Gaussian of the backdrop, in units of the distance to its neighbours.
 const WIDTH: f64 = 0.7;
 /// Logit of its opacity: 0.98.
 const OPACITY: f32 = 4.0;
-/// By which power of the angle the weight of a colour falls.
+/// The weight of a colour falls with this power of the angle.
 const FALL: i32 = 3;
 /// Poses of cameras at most, evenly chosen: rigs that move have one for every frame.
 const MOST_VIEWS: usize = 1024;
@@ -51,14 +52,14 @@ struct Point {
     color: DVec3,
 }
 
-/// The backdrop of `scene`, which was trained on `capture`, both in the frame of training: of `n` directions, evenly spread, those
-/// that no training camera sees.
+/// The backdrop of `scene`, which was trained on `capture`, both in the frame of training: in those of `n` directions,
+/// evenly spread, that no training camera sees.
 ///
 /// # Errors
 /// Those of the capture's cameras.
 pub(super) fn backdrop_of(scene: &Splats, capture: &Capture, n: usize) -> Result<Splats> {
     let (mut views, photos) = (poses(capture, false)?, poses(capture, true)?);
-    // Photographs may all show one wall; those who watch stand where the rig stood.
+    // Photographs may all show one wall; viewers stand where the rig stood.
     let middle = middle(if views.is_empty() { &photos } else { &views });
     views.extend(photos);
     backdrop(scene, middle, &evenly_chosen(views, MOST_VIEWS), n)
@@ -137,7 +138,7 @@ fn backdrop(scene: &Splats, middle: DVec3, views: &[View], n: usize) -> Result<S
     Ok(found)
 }
 
-/// The Gaussians of a scene that a camera sees, were nothing before them, from `middle`, in the scene's order.
+/// The Gaussians of a scene that a camera sees if nothing hides them, from `middle`, in the scene's order.
 fn points_of(scene: &Splats, middle: DVec3, is_seen: impl Fn(DVec3) -> bool + Sync) -> Result<Vec<Point>> {
     let k = scene.n_coefficients();
     let point = |i: usize| {
@@ -172,7 +173,8 @@ fn angle(a: DVec3, b: DVec3) -> f64 {
     a.dot(b).clamp(-1.0, 1.0).acos()
 }
 
-/// The colour of what is farthest in a direction; none where there is too little. Directions of `points` are ordered by z.
+/// The colour of the farthest Gaussians in a direction; none if there are too few. Directions of `points` are ordered
+/// by z.
 fn color_of(direction: DVec3, points: &[Point]) -> Option<DVec3> {
     let least = ACROSS.cos();
     // No coordinate differs by more than the angle.
@@ -202,7 +204,8 @@ mod tests {
         backdrop(scene, middle(views), views, n).unwrap()
     }
 
-    /// Static Gaussians on a sphere of radius 4 in directions that `is_there` names: red where x is positive, blue elsewhere.
+    /// Static Gaussians on a sphere of radius 4 in directions that `is_there` names: red where x is positive, blue
+    /// elsewhere.
     fn shell(is_there: impl Fn(DVec3) -> bool) -> Splats {
         let mut splats = Splats::new(1);
         for direction in evenly(4000).into_iter().filter(|direction| is_there(*direction)) {

@@ -1,9 +1,11 @@
-//! A run on top of another: what rests is the other's, and so is what it learnt of the cameras.
+//! A run on top of another: it takes over the static Gaussians and the learnt cameras of the other.
 
-use super::checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
+use super::checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
 use super::config::{Config, PoseKind, Required, Strategy};
+use super::first::initialise;
+use super::folder::Run;
 use super::poses::Correction;
-use super::run::Run;
+use super::session::{Notice, Phase, Watch, work};
 use crate::error::{Error, Result};
 use crate::scene::Splats;
 use crate::scene::capture::{Calibration, Capture, Frames};
@@ -13,10 +15,11 @@ use glam::DVec3;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Temporal factor that a dynamic Gaussian must reach at a frame of a clip to be of use there.
+/// A dynamic Gaussian is taken over if it reaches this temporal factor at a frame of the clip.
 const VISIBLE: f64 = 0.1;
 
-/// An ended run that others build on: they take over its static Gaussians and what it learnt of the cameras, and train what moves.
+/// An ended run that others build on: they take over its static Gaussians and what it learnt of the cameras, and train
+/// the dynamic ones.
 pub struct Base {
     folder: PathBuf,
     run: Run,
@@ -49,7 +52,7 @@ impl Base {
         })
     }
 
-    /// The settings of a run on top of it that was asked for with `config`: what is taken over is not learnt anew.
+    /// `config`, without learning anew what is taken over.
     pub fn config(&self, config: Config) -> Config {
         Config {
             trains_static: false,
@@ -57,13 +60,13 @@ impl Base {
             poses: PoseKind::Given,
             sh_degree: self.config.sh_degree,
             grids: self.config.grids,
-            // They are of all Gaussians.
+            // Reviews concern all Gaussians.
             required: Required { reviews: 0, grids_at: 0.0, ..config.required },
             ..config
         }
     }
 
-    /// That hardly any of its Gaussians are static, where it is so: what is on top of it then takes over and trains nearly all.
+    /// A warning if hardly any of its Gaussians are static: a run on top of it then takes over and trains nearly all.
     pub fn moves(&self) -> Option<String> {
         let (n, n_static) = (self.splats.len(), self.splats.n_static);
         (self.run.held.frames > 1 && 10 * n_static < n).then(|| {
@@ -75,7 +78,7 @@ impl Base {
         })
     }
 
-    /// `capture`, in its own world, with the cameras as the run learnt them.
+    /// `capture`, in its own world, with the cameras that the run learnt.
     ///
     /// # Errors
     /// [`Error::Data`] when it has other cameras.
@@ -94,11 +97,12 @@ impl Base {
         let seconds = 1.0 / self.run.held.fps;
         let of = |index: usize| {
             let offset = self.cameras.clocks.get(index).map_or(0.0, |clock| f64::from(clock[0]) * seconds);
-            // Behind the cameras' rows is that of all.
+            // The last row is that of all cameras.
             let rows: &[PoseRows] = self.cameras.poses.split_last().map_or(&[], |(_, rows)| rows);
             let learnt = rows.get(index).map(|rows| Correction::of(rows).in_capture(&self.run.world));
             let Correction { turn, shift } = learnt.unwrap_or(Correction { turn: DVec3::ZERO, shift: DVec3::ZERO });
-            // On top of what it began with. Turns are of a fraction of a degree: their order does not matter.
+            // Added to the correction that it began with. Turns are of a fraction of a degree, so their order does not
+            // matter.
             let before = self.run.calibration.get(&capture.cameras[index].name).copied().unwrap_or_default();
             let sum = |learnt: DVec3, before: [f64; 3]| (learnt + DVec3::from(before)).to_array();
             Calibration {
@@ -113,24 +117,34 @@ impl Base {
         Ok(capture.calibrated(&learnt))
     }
 
-    /// The beginning of a run of `total` steps on `capture`, which is in the frame of training of `run`: the static Gaussians of
-    /// this one, its dynamic ones that live in the capture's part of the clip, and `moving`, in the frame of training.
-    pub fn checkpoint(
+    /// The beginning of `run`, of `total` steps on `capture`, which is in its own world: the static Gaussians of this
+    /// run, its dynamic ones that live in the capture's part of the clip, and new dynamic ones.
+    ///
+    /// # Errors
+    /// As [`initialise`].
+    pub fn begin(
         &self,
-        (capture, run): (&Capture, &Run),
-        moving: Splats,
+        capture: &Capture,
+        run: &Run,
         config: Config,
         total: u64,
-    ) -> Checkpoint {
+        watch: &mut Watch,
+    ) -> Result<Checkpoint> {
+        let trained = run.in_training(capture.clone());
+        let made = initialise(&trained, &config, &mut work(watch, Phase::Initialisation))?;
+        watch(Notice::Initialised(&made));
+        let moving = made.splats;
         let part = capture.settings().frames;
         let mut params = run.world.splats(&self.living(&part, capture.n_frames));
-        let (k, n_static) = (params.n_coefficients(), moving.n_static);
+        let k = params.n_coefficients();
+        let n_static = moving.n_static;
         debug_assert!(n_static == 0 && moving.sh.len() == k * moving.len());
         params.degree.clear();
         params.append(moving);
         params.source_row = (0..params.len() as u32).collect();
-        let (n, zeros) = (params.len(), params.zeros());
-        Checkpoint {
+        let n = params.len();
+        let zeros = params.zeros();
+        Ok(Checkpoint {
             step: 0,
             total,
             config,
@@ -146,13 +160,14 @@ impl Base {
                 poses: Vec::new(),
                 ..self.cameras.clone()
             },
-            owed: Owed::default(),
+            due: DueEvents::default(),
             room: StepRoom::default(),
             average: Average::default(),
-        }
+        })
     }
 
-    /// The static Gaussians, and of the dynamic ones those that are visible at a frame of `part`, which has `n` frames, on its clock.
+    /// The static Gaussians, and the dynamic ones that are visible at a frame of `part`, which has `n` frames, on its
+    /// clock.
     fn living(&self, part: &Frames, n: u32) -> Splats {
         let own = self.run.capture_settings.frames;
         let span = |frames: &Frames, n: u32| f64::from(n) * f64::from(frames.every);

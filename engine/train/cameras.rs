@@ -1,40 +1,41 @@
-//! What of the cameras is learnt beside the Gaussians: clocks, poses and bilateral grids.
+//! Parameters of the cameras that are learnt: clocks, poses and bilateral grids.
 
 use super::checkpoint::CameraState;
 use super::config::{Config, GridKind, PoseKind};
 use super::density::recovered_from;
 use super::setup::Setup;
-use super::terms::{self, WithCotangent};
+use super::terms::{self, Pair};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording, Slice};
 use crate::stage::{
-    ClockStep, Clocks, GRID_BYTES, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, Workspace,
+    GRID_BYTES, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, TimeOffsetStep, TimeOffsets,
+    Workspace,
 };
 use glam::DVec3;
 use std::ops::Range;
 use std::path::Path;
 
-/// When the learning of poses begins, of the run: before, the scene is too coarse to tell them.
+/// The share of the run at which poses begin to be learnt: before, the scene is too coarse.
 const POSES_FROM: f64 = 0.1;
-/// When it is judged whether the poses of a clip differ from the capture's, of the run.
+/// The share of the run at which the learnt poses of a clip are compared with the capture's.
 const POSES_JUDGED: f64 = 0.3;
 /// Longest shift of a camera, scene extents.
 const MOST_SHIFT: f64 = 0.1;
 
-/// The step of a run of `total` after which it is judged whether the poses differ.
+/// The step of a run of `total` after which the learnt poses are compared with the capture's.
 pub(super) fn poses_judged_at(config: &Config, total: u64) -> u64 {
     recovered_from(config, (POSES_JUDGED * total as f64).round() as u64, total)
 }
 
-/// Whether a run of `before` steps is past the step at which one of `total` judges the poses, before its own, and has learnt them for
-/// as long as that one would have.
-pub(super) fn poses_are_missed(config: &Config, step: u64, [before, total]: [u64; 2]) -> bool {
+/// True if a run of `before` steps is past the step at which one of `total` compares the poses, but not its own, and
+/// has learnt them for as long as that one would have.
+pub(super) fn poses_are_missed(config: &Config, step: u64, before: u64, total: u64) -> bool {
     let learnt = step as f64 - POSES_FROM * before as f64;
     let is_past = poses_judged_at(config, total) <= step && step < poses_judged_at(config, before);
     is_past && learnt >= (POSES_JUDGED - POSES_FROM) * total as f64
 }
 
-/// The step after which it is told which time offsets the images tell, of `total`.
+/// The step of a run of `total` after which offsets that the images do not determine are fixed.
 pub(super) fn offsets_judged_at(config: &Config, total: u64) -> u64 {
     recovered_from(config, total / 2, total)
 }
@@ -42,25 +43,26 @@ pub(super) fn offsets_judged_at(config: &Config, total: u64) -> u64 {
 /// The cameras' own parameters.
 pub(super) struct Cameras {
     config: Config,
-    clocks: Option<Clocks>,
+    clocks: Option<TimeOffsets>,
     learns_offset: Vec<bool>,
     poses: Option<Poses>,
-    /// Whether poses have been learnt already, in a run that may have been shorter.
+    /// Poses have been learnt already, perhaps in a shorter run.
     has_learnt_poses: bool,
     learns_pose: Vec<Option<DVec3>>,
-    /// Of the scene, scene units.
+    /// Radius of the scene, scene units.
     extent: f64,
     graded: Option<Graded>,
-    /// What the images of a step say of the cameras' parameters, where there are several.
+    /// Gradients of the cameras' parameters by image, if a step has several.
     kept: Option<Kept>,
     dt: f64,
+    /// Steps of the run.
+    total: u64,
 }
 
-/// What images say, one after the other.
+/// Gradients by image of a step.
 struct Kept {
-    /// Gradients of the cameras, three vec4 each.
     d_cameras: Buf<[f32; 4]>,
-    /// Gradients of their grids; those of one where no camera has one.
+    /// Space for one grid if no camera has one.
     d_grids: Buf<[f32; 4]>,
 }
 
@@ -69,16 +71,16 @@ const CAMERA_ROWS: usize = 3;
 /// vec4 of a grid.
 const GRID_ROWS: usize = GRID_NUMBERS / 4;
 
-/// The cameras' bilateral grids, and pictures as they show them.
+/// The cameras' bilateral grids, with buffers for pictures after them.
 struct Graded {
     grids: Grids,
-    /// Those of cameras that film, which come first.
+    /// Grids of cameras that film, which come first.
     n_filming: usize,
     /// By camera, its place among the grids.
     of_camera: Vec<Option<usize>>,
     /// See [`is_free`].
     is_free: bool,
-    /// By place, steps of this grid so far, those that are under way among them.
+    /// By place, steps of this grid so far, with those under way.
     steps: Vec<u64>,
     /// By place, steps that have ended well.
     ended: Vec<u64>,
@@ -95,24 +97,32 @@ pub(super) struct OwnGrid {
     step: u64,
 }
 
+/// The camera of an image of a step.
+#[derive(Clone, Copy)]
+pub(super) struct Taken {
+    pub camera: usize,
+    pub grid: Option<OwnGrid>,
+}
+
 /// Cameras that film and have a grid.
 fn n_filming_grids(setup: &Setup) -> usize {
     setup.has_grid.iter().take(setup.first_photo).filter(|has| **has).count()
 }
 
-/// Whether nothing fixes the tint that all cameras have in common: each trained camera that films has a grid, and all colours are
-/// trained. Photographs do not fix it, since they show the light of another day.
+/// True if nothing fixes the tint that all cameras have in common: each trained camera that films has a grid, and all
+/// colours are trained. Photographs do not fix it, since they show the light of another day.
 fn is_free(config: &Config, setup: &Setup) -> bool {
     config.trains_static && n_filming_grids(setup) == setup.n_filming
 }
 
 impl Graded {
-    /// The grids of the cameras of `setup`, all the identity; none where no camera has one.
+    /// The grids of the cameras of `setup`, all the identity; none if no camera has one.
     fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Option<Self>> {
         let is_free = is_free(config, setup);
-        // The gauge sees all grids at a time, and may be told only during the run that it is free.
+        // The gauge binds all grids at once, and may turn out to be free only during the run.
         let may_be_free = is_free || (config.trains_static && setup.has_grid.is_empty());
-        let (needed, limit) = (setup.most_grids as u64 * (GRID_BYTES / 3), gpu.caps().max_binding_bytes);
+        let needed = setup.most_grids as u64 * (GRID_BYTES / 3);
+        let limit = gpu.caps().max_binding_bytes;
         if may_be_free && needed > limit {
             return Err(Error::OutOfMemory {
                 what: format!("the buffer of the colour maps of {} cameras", setup.most_grids),
@@ -125,7 +135,8 @@ impl Graded {
         if n_grids == 0 {
             return Ok(None);
         }
-        let (n_filming, mut place) = (n_filming_grids(setup), 0..n_grids);
+        let n_filming = n_filming_grids(setup);
+        let mut place = 0..n_grids;
         Ok(Some(Graded {
             grids: Grids::new(gpu, n_grids)?.with_photos(n_grids - n_filming),
             n_filming,
@@ -138,27 +149,25 @@ impl Graded {
         }))
     }
 
-    /// By camera, whether it has one.
     fn has_grid(&self) -> Vec<bool> {
         self.of_camera.iter().map(Option::is_some).collect()
     }
 }
 
 impl Cameras {
-    pub fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Self> {
-        let (learns_offset, dt) = (setup.learns_offset.clone(), setup.dt);
-        let learns_pose = setup.learns_pose.clone();
+    pub fn new(gpu: &Gpu, config: &Config, setup: &Setup, total: u64) -> Result<Self> {
         let mut cameras = Cameras {
             config: config.clone(),
             clocks: None,
-            learns_offset,
+            learns_offset: setup.learns_offset.clone(),
             poses: None,
             has_learnt_poses: false,
-            learns_pose,
+            learns_pose: setup.learns_pose.clone(),
             extent: setup.extent.radius,
             graded: Graded::new(gpu, config, setup)?,
             kept: None,
-            dt,
+            dt: setup.dt,
+            total,
         };
         if !cameras.learns_pose.is_empty() {
             let none = vec![PoseRows::default(); cameras.learns_pose.len() + 1];
@@ -173,17 +182,15 @@ impl Cameras {
         }
         if !setup.learns_offset.is_empty() {
             let zeros = vec![[0.0; 4]; setup.learns_offset.len()];
-            cameras.clocks = Some(Clocks::new(gpu, &zeros, &setup.learns_offset)?);
+            cameras.clocks = Some(TimeOffsets::new(gpu, &zeros, &setup.learns_offset)?);
         }
         Ok(cameras)
     }
 
-    /// Whether the camera's gradient is needed.
     pub fn wants_gradient(&self) -> bool {
         self.clocks.is_some() || self.poses.is_some()
     }
 
-    /// The grids; none where no camera has one.
     pub fn grids(&self) -> Option<&Grids> {
         self.graded.as_ref().map(|graded| &graded.grids)
     }
@@ -197,7 +204,7 @@ impl Cameras {
         Ok(())
     }
 
-    /// The grid of `camera` in its next step, which is counted; none where it has none.
+    /// The grid of `camera` in its next step, which is counted; none if it has none.
     pub fn next(&mut self, camera: usize) -> Option<OwnGrid> {
         let graded = self.graded.as_mut()?;
         let place = graded.of_camera.get(camera).copied().flatten()?;
@@ -212,20 +219,25 @@ impl Cameras {
         }
     }
 
-    /// The poses, once their learning has begun: step `step` of `total`.
-    fn poses_at(&self, step: u64, total: u64) -> Option<&Poses> {
-        let has_begun = self.has_learnt_poses || (step - 1) as f64 / total.max(1) as f64 >= POSES_FROM;
+    /// The share of the run before step `step`.
+    fn done(&self, step: u64) -> f64 {
+        (step - 1) as f64 / self.total.max(1) as f64
+    }
+
+    /// The poses, if their learning has begun at step `step`.
+    fn poses_at(&self, step: u64) -> Option<&Poses> {
+        let has_begun = self.has_learnt_poses || self.done(step) >= POSES_FROM;
         self.poses.as_ref().filter(|_| has_begun)
     }
 
-    /// Whether step `step` of `total` of a camera's parameters reads the view that its image was seen from.
-    pub fn reads_view(&self, (step, total): (u64, u64)) -> bool {
-        self.poses_at(step, total).is_some()
+    /// True if step `step` of a camera's parameters reads the view that its image was seen from.
+    pub fn reads_view(&self, step: u64) -> bool {
+        self.poses_at(step).is_some()
     }
 
-    /// Appends what is learnt of clock and pose of `camera` to the view of step `step` of `total`.
-    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, camera: usize, (step, total): (u64, u64)) {
-        if let Some(poses) = self.poses_at(step, total) {
+    /// Applies the learnt clock and pose of `camera` to the view of step `step`.
+    pub fn record_view(&self, rec: &mut Recording, work: &Workspace, camera: usize, step: u64) {
+        if let Some(poses) = self.poses_at(step) {
             poses.record_apply(rec, &work.view, camera as u32);
         }
         if let Some(clocks) = &self.clocks {
@@ -233,48 +245,46 @@ impl Cameras {
         }
     }
 
-    /// Appends how the camera of `grid` shows a picture of `size` that was rendered; gives what it shows, with the place of
-    /// its cotangent.
+    /// Appends the colour map of `grid` for a picture of `size`; gives the mapped picture.
     pub fn record_shown<'a>(
         &'a mut self,
         gpu: &Gpu,
         rec: &mut Recording,
-        rendered: WithCotangent<'a>,
+        rendered: Pair<'a>,
         size: [u32; 2],
         grid: Option<OwnGrid>,
-    ) -> Result<WithCotangent<'a>> {
+    ) -> Result<Pair<'a>> {
         let (Some(graded), Some(grid)) = (&mut self.graded, grid) else { return Ok(rendered) };
         graded.grids.fit(gpu, size[1])?;
-        graded.grids.record_slice(rec, grid.place, rendered.0, &graded.image, size);
-        Ok((&graded.image, &graded.d_image))
+        graded.grids.record_slice(rec, grid.place, rendered.image, &graded.image, size);
+        Ok(Pair { image: &graded.image, cotangent: &graded.d_image })
     }
 
-    /// Appends the way back of [`Cameras::record_shown`].
-    pub fn record_back(
-        &self,
-        rec: &mut Recording,
-        (rendered, d_rendered): WithCotangent,
-        size: [u32; 2],
-        grid: Option<OwnGrid>,
-    ) {
+    /// Appends the backward pass of [`Cameras::record_shown`].
+    pub fn record_back(&self, rec: &mut Recording, rendered: Pair, size: [u32; 2], grid: Option<OwnGrid>) {
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
-            let (d_graded, tv_weight) = (&graded.d_image, terms::grid_variation_weight(&self.config));
-            let back = GradedBack { image: rendered, d_graded, d_image: d_rendered, size, tv_weight };
+            let back = GradedBack {
+                image: rendered.image,
+                d_graded: &graded.d_image,
+                d_image: rendered.cotangent,
+                size,
+                tv_weight: terms::grid_variation_weight(&self.config),
+            };
             graded.grids.record_backward(rec, grid.place, &back);
         }
     }
 
-    /// Appends the keeping of what the backward pass of image `at` of a step says, whose camera has `grid`.
+    /// Keeps the gradients of the camera of image `at` of a step, which has `grid`.
     pub fn record_keep(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
         self.copies(work, grid, at).into_iter().for_each(|[here, kept]| rec.copy(here, kept));
     }
 
-    /// Appends the taking up again of what was kept of image `at`.
+    /// Takes back the gradients that were kept of image `at`.
     pub fn record_take(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
         self.copies(work, grid, at).into_iter().for_each(|[here, kept]| rec.copy(kept, here));
     }
 
-    /// Where gradients of cameras are that are at hand, and where those of image `at` are kept.
+    /// Pairs of a present gradient and the place where that of image `at` is kept.
     fn copies(&self, work: &Workspace, grid: Option<OwnGrid>, at: usize) -> Vec<[Slice; 2]> {
         let mut copies = Vec::new();
         let Some(kept) = &self.kept else { return copies };
@@ -289,7 +299,7 @@ impl Cameras {
         copies
     }
 
-    /// What was kept of the images `range` of a step, as bytes: as many of each, on every machine.
+    /// The kept gradients of the images `range` of a step, as bytes: equally many of each, on every machine.
     pub fn kept(&self, gpu: &Gpu, range: Range<usize>) -> Result<Vec<Vec<u8>>> {
         let parts = |at: usize| self.kept_parts(at).into_iter().map(|part| gpu.read(&part));
         let of_image = |at| Ok(bytemuck::cast_slice(&parts(at).collect::<Result<Vec<_>>>()?.concat()).to_vec());
@@ -307,7 +317,7 @@ impl Cameras {
         Ok(())
     }
 
-    /// Where what image `at` says is kept. Of an image whose camera has no grid it is what was there before.
+    /// Where the gradients of image `at` are kept. Without a grid its part holds old values.
     fn kept_parts(&self, at: usize) -> Vec<Buf<[f32; 4]>> {
         let Some(kept) = &self.kept else { return Vec::new() };
         let of_cameras = self.wants_gradient().then(|| kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS));
@@ -315,18 +325,12 @@ impl Cameras {
         of_cameras.into_iter().chain(of_grids).collect()
     }
 
-    /// Appends step `step` of `total`, after the backward pass of its image `index`, a picture of `camera`.
-    pub fn record_step(
-        &self,
-        rec: &mut Recording,
-        work: &Workspace,
-        (camera, grid): (usize, Option<OwnGrid>),
-        (step, total): (u64, u64),
-        index: usize,
-    ) {
-        let done = (step - 1) as f64 / total.max(1) as f64;
+    /// Appends step `step`, after the backward pass of its image `index`, a picture `by` a camera.
+    pub fn record_step(&self, rec: &mut Recording, work: &Workspace, by: Taken, step: u64, index: usize) {
+        let Taken { camera, grid } = by;
+        let done = self.done(step);
         let Config { lr, loss, batch, .. } = &self.config;
-        // The moments of the cameras decay with each image, as they do with a step of one image each.
+        // The moments of the cameras decay with each image, as in steps of one image.
         let image = (step - 1).saturating_mul(u64::from(*batch)).saturating_add(index as u64 + 1);
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
             let at = GridStep {
@@ -340,18 +344,18 @@ impl Cameras {
         }
         let Some(backward) = &work.backward else { return };
         // A camera takes a step for each of its images.
-        let pace = lr.pace.at(done, total.saturating_mul(u64::from(*batch)));
-        if let Some(poses) = self.poses_at(step, total) {
+        let pace = lr.pace.at(done, self.total.saturating_mul(u64::from(*batch)));
+        if let Some(poses) = self.poses_at(step) {
             let at = PoseStep {
                 camera: camera as u32,
                 turn_rate: lr.pose_turn.at(done) * pace,
                 shift_rate: lr.pose_shift.at(done) * pace * self.extent,
                 most_shift: MOST_SHIFT * self.extent,
             };
-            poses.record_step(rec, (&backward.d_camera, &work.view), &work.status, &at);
+            poses.record_step(rec, &backward.d_camera, &work.view, &work.status, &at);
         }
         let Some(clocks) = &self.clocks else { return };
-        let at = ClockStep {
+        let at = TimeOffsetStep {
             camera: camera as u32,
             dt: self.dt,
             rate: lr.offset.at(done) * pace,
@@ -361,8 +365,7 @@ impl Cameras {
         clocks.record_step(rec, &backward.d_camera, &work.status, &at);
     }
 
-    /// Ends the learning of the offsets of those cameras that `freeze` names: they are 0 from now on, and the mean of the
-    /// others is again.
+    /// Fixes the offsets of the cameras that `freeze` names at 0, and shifts the others to a mean of 0.
     pub fn freeze(&mut self, gpu: &Gpu, freeze: &[bool]) -> Result<()> {
         let Some(clocks) = &self.clocks else { return Ok(()) };
         let mut state = gpu.read(&clocks.state)?;
@@ -375,12 +378,12 @@ impl Cameras {
         let free = || learns_offset.iter().enumerate().filter(|(_, learns)| **learns).map(|(camera, _)| camera);
         let mean = free().map(|k| f64::from(state[k][0])).sum::<f64>() / free().count().max(1) as f64;
         free().for_each(|k| state[k][0] = (f64::from(state[k][0]) - mean) as f32);
-        self.clocks = Some(Clocks::new(gpu, &state, &learns_offset)?);
+        self.clocks = Some(TimeOffsets::new(gpu, &state, &learns_offset)?);
         self.learns_offset = learns_offset;
         Ok(())
     }
 
-    /// The cameras' own parameters; empty where none are learnt.
+    /// The cameras' parameters; empty if none are learnt.
     pub fn state(&self, gpu: &Gpu) -> Result<CameraState> {
         let clocks = self.clocks.as_ref().map_or(Ok(Vec::new()), |clocks| gpu.read(&clocks.state))?;
         let poses = self.poses.as_ref().map_or(Ok(Vec::new()), |poses| gpu.read(&poses.state))?;
@@ -391,12 +394,11 @@ impl Cameras {
         Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), poses, grids, grid_steps, has_grid })
     }
 
-    /// Goes on with the cameras' parameters of `state`.
     pub fn restore(&mut self, gpu: &Gpu, state: &CameraState) -> Result<()> {
         self.learns_offset = state.learns_offset.clone();
         self.clocks = None;
         if !state.clocks.is_empty() {
-            self.clocks = Some(Clocks::new(gpu, &state.clocks, &state.learns_offset)?);
+            self.clocks = Some(TimeOffsets::new(gpu, &state.clocks, &state.learns_offset)?);
         }
         if self.config.poses == PoseKind::Auto && state.poses.is_empty() {
             (self.poses, self.learns_pose) = (None, Vec::new());
@@ -408,7 +410,7 @@ impl Cameras {
             return Err(Error::data(Path::new("checkpoint"), "cameras", reason, remedy));
         }
         if let Some([[_, _, decay, _], ..]) = state.poses.last() {
-            // 1 - beta_2^steps of what all share.
+            // 1 - beta_2^steps of the row of all.
             self.has_learnt_poses = *decay > 0.0;
             self.poses = Some(Poses::new(gpu, &state.poses, &self.learns_pose)?);
         }

@@ -1,8 +1,9 @@
-//! Checkpoints: everything that makes a run go on bit for bit, in one file of hashed sections.
+//! Checkpoints: all that a run needs to continue bit for bit, in one file of hashed sections.
 //!
-//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then the
-//! sections: little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder holds
-//! the last three and the best by the PSNR of test views, whose name tells its score: `best-00000300-24.9312dB.ckpt`.
+//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then
+//! the sections: little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder
+//! holds the last three and the best by the PSNR of test views, whose name tells its score:
+//! `best-00000300-24.9312dB.ckpt`.
 
 use super::average::Average;
 use super::config::Config;
@@ -37,20 +38,20 @@ pub struct Checkpoint {
     pub first: Splats,
     /// Second moments of Adam, by parameter.
     pub second: Splats,
-    /// State of every Gaussian, see [`crate::stage::Optimiser::state`].
+    /// State of every Gaussian, see `Optimiser::state`.
     pub state: Vec<[f32; 4]>,
-    /// What is learnt of the cameras.
+    /// The learnt parameters of the cameras.
     pub cameras: CameraState,
-    /// What was due after the step and has not been done: the run failed there.
-    pub owed: Owed,
-    /// What steps have had room for.
+    /// Events that were due after the step and have not happened, because the run failed there.
+    pub due: DueEvents,
+    /// The sizes of the buffers of a step.
     pub room: StepRoom,
     /// The mean of the scenes near the end of the run so far.
     pub average: Average,
 }
 
-/// What a step has room for. One that needs more runs again, and then finds Gaussians that lazy Adam has moved already: a run that
-/// goes on with other room than it had may end with other last bits.
+/// The sizes of the buffers of a step. A step that needs more runs again, and then finds Gaussians that lazy Adam has
+/// moved already: a run that continues with other sizes may end with other last bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct StepRoom {
     /// Pairs of a Gaussian and a tile; 0 where it is not known.
@@ -59,19 +60,19 @@ pub struct StepRoom {
     pub rounds: u32,
 }
 
-/// What is due after a step and has not been done.
+/// Events between two steps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
-pub struct Owed {
+pub struct DueEvents {
     /// The round of density control.
     pub density: bool,
-    /// The look at which cameras need a colour map.
+    /// The choice of the cameras that need a colour map.
     pub grids: bool,
-    /// The review of what the scene requires.
+    /// The review of the scene.
     pub review: bool,
-    /// The look at which cameras' time offsets the pictures tell.
+    /// The freezing of time offsets that the pictures do not determine.
     pub offsets: bool,
-    /// The look at whether the cameras' poses differ from the capture's.
+    /// The comparison of the learnt poses with the capture's.
     pub poses: bool,
     /// The scene's share of the average.
     pub average: bool,
@@ -80,17 +81,17 @@ pub struct Owed {
 /// The cameras' own parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraState {
-    /// By camera: time offset in frames, its moments, what rounding has lost of it; empty where no offset is learnt.
+    /// By camera: time offset in frames, its moments, its rounding error so far; empty if no offset is learnt.
     pub clocks: Vec<[f32; 4]>,
-    /// By camera, whether its offset is learnt; empty where none is.
+    /// By camera, whether its offset is learnt; empty if none is.
     pub learns_offset: Vec<bool>,
-    /// By camera, what is learnt of its pose, in the frame of training, and the row of all; empty where none is.
+    /// By camera, the learnt correction of its pose, in the frame of training, and the row of all; empty if none is.
     pub poses: Vec<PoseRows>,
-    /// Bilateral grids of the training cameras with their moments; empty where there are none.
+    /// Bilateral grids of the training cameras with their moments; empty if there are none.
     pub grids: Vec<GridState>,
     /// Steps of each grid.
     pub grid_steps: Vec<u64>,
-    /// By camera, whether it has a grid; empty where none has.
+    /// By camera, whether it has a grid; empty if none has.
     pub has_grid: Vec<bool>,
 }
 
@@ -103,13 +104,13 @@ struct Header {
     origin: [f64; 3],
     n_static: usize,
     sh_degree: u32,
-    /// Runs of Gaussians of one SH degree: how many, and the degree. None where all have `sh_degree`.
+    /// Runs of Gaussians of one SH degree: how many, and the degree. None if all have `sh_degree`.
     degrees: Vec<(usize, u8)>,
     learns_offset: Vec<bool>,
     grid_steps: Vec<u64>,
     has_grid: Vec<bool>,
-    #[serde(default)]
-    owed: Owed,
+    #[serde(default, rename = "owed")]
+    due: DueEvents,
     /// Checkpoints from before it was kept have none.
     #[serde(default)]
     room: StepRoom,
@@ -128,8 +129,8 @@ struct Section {
 }
 
 impl Checkpoint {
-    /// Most bytes of the file of a checkpoint of `n` Gaussians, `n_dynamic` of them dynamic, but for some thousands and for grids:
-    /// parameters, both moments, the average, which is there near the end, and the state.
+    /// Most bytes of the file of a checkpoint of `n` Gaussians, `n_dynamic` of them dynamic, but for some thousands and
+    /// for grids: parameters, both moments, the average, which is there near the end, and the state.
     pub fn bytes(n: u64, n_dynamic: u64, sh_degree: u32) -> u64 {
         let side = u64::from(sh_degree) + 1;
         4 * (4 * ((11 + 3 * side * side) * n + 5 * n_dynamic) + 4 * n)
@@ -221,7 +222,7 @@ impl Checkpoint {
             learns_offset: self.cameras.learns_offset.clone(),
             grid_steps: self.cameras.grid_steps.clone(),
             has_grid: self.cameras.has_grid.clone(),
-            owed: self.owed,
+            due: self.due,
             room: self.room,
             averaged: self.average.n,
             sections: sections.iter().map(told).collect(),
@@ -245,7 +246,7 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Whether `folder` holds a checkpoint, readable or not.
+    /// True if `folder` holds a checkpoint, readable or not.
     ///
     /// # Errors
     /// [`Error::Data`] when the folder is there and cannot be listed.
@@ -253,7 +254,7 @@ impl Checkpoint {
         Ok(!list(folder)?.is_empty())
     }
 
-    /// The step of the newest checkpoint of `folder`, readable or not; `None` where there is no checkpoint.
+    /// The step of the newest checkpoint of `folder`, readable or not; `None` without a checkpoint.
     ///
     /// # Errors
     /// [`Error::Data`] when the folder is there and cannot be listed.
@@ -287,7 +288,7 @@ impl Checkpoint {
     /// # Errors
     /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.
     pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<()> {
-        // As far as a name tells it: the best one itself, scored again, is not better than it was.
+        // The name has the rounded score: the best one itself, scored again, is not better than it was.
         let told = format!("{psnr:.4}");
         let is_better = |(_, best): (u64, f64)| told.parse().is_ok_and(|psnr: f64| psnr > best);
         if !psnr.is_finite() || !Self::best(folder)?.is_none_or(is_better) {
@@ -295,7 +296,7 @@ impl Checkpoint {
         }
         let file = Self::file(folder, step);
         let best = folder.join(format!("best-{step:08}-{told}dB.ckpt"));
-        // One file under two names costs no space; a copy serves where the file system has no such thing.
+        // A hard link costs no space; a copy serves if the file system has none.
         let linked = std::fs::hard_link(&file, &best);
         if linked.is_err() {
             let bytes = read_file(&file)
@@ -351,7 +352,7 @@ impl Checkpoint {
         let clocks: Vec<[f32; 4]> = take("clocks")?.as_chunks().0.to_vec();
         // Checkpoints from before poses were learnt have none.
         let poses = take("poses").unwrap_or_default().as_chunks().0.as_chunks().0.to_vec();
-        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, owed, room, .. } = header;
+        let Header { step, total, config, world, origin, learns_offset, grid_steps, has_grid, due, room, .. } = header;
         let mut grids = Vec::new();
         for index in 0..grid_steps.len() {
             let mut part = |part: &str| take(&format!("grid{index}.{part}"));
@@ -365,26 +366,12 @@ impl Checkpoint {
             return Err(fault("sections", "are of different numbers of cameras".to_owned()));
         }
         let cameras = CameraState { clocks, learns_offset, poses, grids, grid_steps, has_grid };
-        Ok(Checkpoint {
-            step,
-            total,
-            config,
-            world,
-            origin,
-            params,
-            first,
-            second,
-            state,
-            cameras,
-            owed,
-            room,
-            average,
-        })
+        Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, due, room, average })
     }
 
-    /// The Gaussians in the capture's own frame, numbered in the file's order; at the end of the run their average, as the run's
-    /// scene has it. Under lazy Adam those that were out of view lately lag: the steps that are owed to them are caught up with only
-    /// on a device, by [`super::Trainer::splats`].
+    /// The Gaussians in the capture's own world, numbered in the file's order; at the end of the run their average, as
+    /// in the run's scene. Under lazy Adam those that were out of view lately lag: only [`super::Trainer::splats`]
+    /// catches up with their steps, on a device.
     pub fn splats(&self) -> Splats {
         if let (Some(mean), true) = (self.average.scene(), self.step == self.total) {
             return self.world.inverse().splats(mean);
@@ -396,8 +383,8 @@ impl Checkpoint {
         self.world.inverse().splats(&splats)
     }
 
-    /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when there
-    /// is no file.
+    /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when
+    /// there is no file.
     ///
     /// # Errors
     /// The newest one's fault, when none can be read; [`Error::Data`] when the folder is there and cannot be listed.
@@ -423,7 +410,7 @@ fn verified(file: &Path, bytes: &[u8]) -> Result<(Header, BTreeMap<String, Vec<f
         return Err(fault("", "is no checkpoint of this version".to_owned()));
     };
     let number = |at: usize| head[at..at + 8].iter().rev().fold(0u64, |n, byte| n << 8 | u64::from(*byte));
-    // As long as it may be: it grows with the cameras, and its hash tells whether it is one.
+    // A header may be long, since it grows with the cameras; its hash shows if it is one.
     let length = usize::try_from(number(8)).ok();
     let Some((header, mut rest)) = length.and_then(|n| rest.split_at_checked(n)) else {
         return Err(fault("header", "is cut".to_owned()));
@@ -446,10 +433,10 @@ fn verified(file: &Path, bytes: &[u8]) -> Result<(Header, BTreeMap<String, Vec<f
     Ok((header, values))
 }
 
-/// A file of a folder of checkpoints, as its name tells.
+/// A checkpoint file, by its name.
 struct Kept {
     step: u64,
-    /// Of a best one.
+    /// PSNR, of a best one.
     psnr: Option<f64>,
     file: PathBuf,
 }

@@ -6,7 +6,7 @@ use super::config::{Config, Density, Round, Strategy};
 use super::schedule::rates;
 use crate::random::Keyed;
 use crate::scene::capture::Extent;
-use crate::stage::{Choice, DensityRound, StepSettings};
+use crate::stage::{Choice, DensityRound, PruneLimits, StepSettings};
 
 /// Purposes of the random numbers of a step.
 const ROUND: u64 = 1;
@@ -46,8 +46,7 @@ pub fn density_round(
         return None;
     }
     let radius = extent.radius as f32;
-    let gradient = density.gradient;
-    let pulled = |prune_scale| Choice::Pulled { gradient, split_above: SPLIT_ABOVE * radius, prune_scale };
+    let pulled = Choice::Pulled { gradient: density.gradient, split_above: SPLIT_ABOVE * radius };
     let grows = due == Some(Round::Growth);
     // None grows twice in a round.
     let most = f64::from(n_trained) / f64::from(n.max(1));
@@ -55,21 +54,23 @@ pub fn density_round(
     let may_leave_holes = grows || resets;
     let (choice, growth) = match density.strategy {
         Strategy::Adc => {
-            let largest = if may_leave_holes { density.prune_scale * radius } else { f32::MAX };
             let least = (LEAST_GROWTH / f64::from(n.max(1))).min(most);
-            (pulled(largest), (density.growth * most).max(least))
+            (pulled, (density.growth * most).max(least))
         }
         Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth),
         // Drawn copies need steps to come apart: late in the run the dead only go.
-        Strategy::Mcmc => (pulled(f32::MAX), 0.0),
+        Strategy::Mcmc => (pulled, 0.0),
     };
     Some(DensityRound {
         choice,
         n_frames,
         center: std::array::from_fn(|k| (extent.center[k] - origin[k]) as f32),
         extent: radius,
-        prune_opacity: density.prune_opacity,
-        prune_veil: if may_leave_holes { density.prune_veil } else { f32::INFINITY },
+        limits: PruneLimits {
+            opacity: density.prune_opacity,
+            log_scale: if is_adc && may_leave_holes { (density.prune_scale * radius).ln() } else { f32::INFINITY },
+            veil: if may_leave_holes { density.prune_veil } else { f32::INFINITY },
+        },
         opacity_ceiling: if resets { (RESET_TO / (1.0 - RESET_TO)).ln() } else { f32::MAX },
         max_gaussians: u32::try_from(config.max_gaussians).unwrap_or(u32::MAX),
         growth: if grows { growth as f32 } else { 0.0 },

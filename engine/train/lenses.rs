@@ -1,43 +1,46 @@
-//! Lenses: views before which density control leaves room, and spaces before them that are kept clear.
+//! Lenses: views before which density control removes floaters, and spaces before them that are kept clear.
 //!
-//! What lies just before a lens veils its picture. In a training camera's own picture that shows, and training mends it. Before a
-//! place where no camera stands nothing does: a wall that the cameras across the room see may bulge into the room there. People look
-//! at a scene from between its cameras, so views between neighbours are lenses too, where a camera looks at their place. Not those of
-//! cameras that move: the places between theirs are of many times, and what moves may rightly be there at another.
+//! A Gaussian just before a lens veils its picture. Training mends that in the pictures of its own cameras, but not
+//! before a place without a camera: a wall that the cameras across the room see may bulge into the room there. People
+//! look at a scene from between its cameras, so views between neighbours are lenses too, if a camera sees their place.
+//! Not with moving cameras: the places between theirs belong to many times, and something may rightly be there at
+//! another.
 
+use crate::recon::evenly_chosen;
 use crate::scene::capture::{Capture, TRAINING_RADIUS};
 use crate::scene::{Clearing, Intrinsics, Pose, View};
 use glam::{DMat3, DVec3};
 use std::collections::BTreeSet;
 
-/// Lenses of cameras, and lenses between them, at most: a round of density control asks each Gaussian about all.
+/// Lenses of cameras, and lenses between them, at most: a round of density control tests each Gaussian against all.
 const MOST: usize = 64;
 const MOST_BETWEEN: usize = 512;
 /// Neighbours of a camera.
 const N_NEIGHBOURS: usize = 6;
-/// Cosine of the angle between the axes of neighbours, at least: who looks elsewhere stands elsewhere, perhaps behind a wall.
+/// Cosine of the angle between the axes of neighbours, at least: a camera that looks elsewhere may stand behind a
+/// wall.
 const LEAST_ALIKE: f64 = 0.5;
 
-/// Points whose depths the spaces before lenses are chosen by, at most.
+/// Points whose depths bound the spaces before lenses, at most.
 const MOST_POINTS: usize = 10_000;
 /// Weight, against that of a neighbour, of a surface through a lens that is flat and at right angles to its axis.
 const FLAT: f64 = 0.01;
 /// Slope, and bend over the distance to a neighbour, of such a surface at most.
 const STEEPEST: f64 = 1.0;
 
-/// Views of every pose of every training camera, and those that somebody named: at most `MOST`, evenly chosen.
+/// Views of every pose of every training camera, and [`Capture::viewpoints`]: at most `MOST`, evenly chosen.
 pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
     evenly_chosen(capture.lens_views(), MOST)
 }
 
-/// Views halfway between a camera and each of its neighbours, and in the middle of it and any two of them, where a camera sees the
-/// place: at most `MOST_BETWEEN`, evenly chosen. None where one of them moves, or in a clip that is no
-/// rig's ([`Capture::is_rig_clip`]): its cameras may be the places of one that moved.
+/// Views halfway between a camera and each of its neighbours, and in the middle of it and any two of them, if a camera
+/// sees the place: at most `MOST_BETWEEN`, evenly chosen. None if one of them moves, or unless the clip is a rig's
+/// ([`Capture::is_rig_clip`]), since its cameras may be places of one that moved.
 pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
     if !stand(capture) {
         return Vec::new();
     }
-    // Those that somebody named come first.
+    // The viewpoints come first.
     let cameras = evenly_chosen(capture.lens_views().split_off(capture.viewpoints.len()), MOST);
     let mut sets = BTreeSet::new();
     for i in 0..cameras.len() {
@@ -63,10 +66,10 @@ fn stand(capture: &Capture) -> bool {
     !moves && (capture.n_frames == 1 || capture.is_rig_clip())
 }
 
-/// The spaces before training cameras, and before views that somebody named, in which no Gaussian may be; none where cameras move. The
-/// capture is in the frame of training. A scene is seen from where its cameras stand, and from between them. Each space lies over the
-/// surface through a lens that is nearest to its neighbours, up to the neighbour after the nearest, and is a twentieth of the rig's
-/// radius deep, but at most half as deep as the nearest points that training cameras see.
+/// The spaces before training cameras and [`Capture::viewpoints`] in which no Gaussian may be; none if cameras move.
+/// The capture is in the frame of training. Each space lies over the surface through a lens that is nearest to its
+/// neighbours, up to the neighbour after the nearest, and is a twentieth of the rig's radius deep, but at most half as
+/// deep as the nearest points that training cameras see.
 pub(super) fn clearings(capture: &Capture) -> Vec<Clearing> {
     if !stand(capture) {
         return Vec::new();
@@ -76,7 +79,7 @@ pub(super) fn clearings(capture: &Capture) -> Vec<Clearing> {
     (0..cameras.len()).map(|i| clearing(&cameras, i, depth)).collect()
 }
 
-/// The depth that all points but one in a hundred are beyond, before the cameras that see them.
+/// All depths of points, before the cameras that see them, are at least this, but for one in a hundred.
 fn nearest(capture: &Capture, cameras: &[View]) -> f64 {
     let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
     let points = || capture.points.iter().step_by(each);
@@ -127,16 +130,10 @@ fn neighbours(cameras: &[View], i: usize) -> Vec<usize> {
     near.into_iter().take(N_NEIGHBOURS).map(|(_, j)| j).collect()
 }
 
-/// The depth of a point that `view` sees, were nothing before it.
+/// The depth of a point in `view`, if it is in the picture.
 pub(super) fn depth(view: &View, point: DVec3) -> Option<f64> {
     let DVec3 { x, y, z } = view.pose.to_camera(point);
     let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
     let Intrinsics { width, height, fx, fy, cx, cy } = view.intrinsics;
     (z > 0.0 && is_within(fx * x / z + cx, width) && is_within(fy * y / z + cy, height)).then_some(z)
-}
-
-/// At most `most` of `views`, every so many.
-pub(super) fn evenly_chosen(views: Vec<View>, most: usize) -> Vec<View> {
-    let each = views.len().div_ceil(most).max(1);
-    views.into_iter().step_by(each).collect()
 }

@@ -1,4 +1,4 @@
-//! What a run needs, before it begins: bytes by class, the most Gaussians that fit, and what bounds them.
+//! The memory plan of a run, before it begins: bytes by class, the most Gaussians that fit, and what bounds them.
 //!
 //! `items` is the one table of the training loop's buffers; a test holds it to what a [`super::Trainer`] allocates.
 
@@ -15,20 +15,20 @@ use crate::vk::DeviceKind;
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// Pairs with tiles that a Gaussian is taken to have, on average over all, in the view that has most of them: 2 to 10 are
-/// seen, fewest where they are small. A run that has more grows its lists.
+/// Assumed pairs with tiles of a Gaussian, on average over all, in the view that has most of them: runs have 2 to 10,
+/// fewest if Gaussians are small. A run that has more grows its lists.
 const INTERSECTIONS_PER_GAUSSIAN: f64 = 4.0;
 
-/// Quarters of the memory that a run with the most Gaussians leaves that pictures may take: its lists may grow longer than
-/// planned, and others use the device too.
+/// Pictures may take so many quarters of the memory that a run with the most Gaussians leaves: its lists may grow
+/// longer than planned, and others use the device too.
 const IMAGE_QUARTERS: u64 = 3;
 
-/// What is to be trained.
+/// The size of a run.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Workload {
     /// Gaussians to begin with.
     pub gaussians: u64,
-    /// Those of them that may move; the fraction is taken to stay.
+    /// Dynamic ones among them; their share is assumed to stay.
     pub dynamic: u64,
     /// Gaussians never exceed this.
     pub max_gaussians: u64,
@@ -48,11 +48,11 @@ pub struct Workload {
     pub image_bytes: u64,
     /// Bytes of them to keep on the device; none for a share of what the rest leaves.
     pub kept_image_bytes: Option<u64>,
-    /// What the terms of the loss take of the capture beside its colours.
+    /// Data of the capture that the terms of the loss use beside its colours.
     pub data: TermData,
-    /// Whether Adam moves the Gaussians out of view too.
+    /// Adam moves the Gaussians out of view, too.
     pub dense: bool,
-    /// Whether cameras' time offsets or poses are learnt.
+    /// Cameras' time offsets or poses are learnt.
     pub learns_cameras: bool,
     /// Cameras that have a bilateral grid.
     pub grids: u64,
@@ -60,7 +60,7 @@ pub struct Workload {
     pub sums: Sums,
     /// Pixel rows of the largest picture.
     pub height: u32,
-    /// Bytes of LPIPS's features, and of the largest of their buffers: of the loss, where that has LPIPS, and of scores.
+    /// Bytes of LPIPS's features, and of the largest of their buffers: of the loss, if it has LPIPS, and of scores.
     pub lpips: [[u64; 2]; 2],
 }
 
@@ -73,7 +73,8 @@ impl Workload {
         capture: &Capture,
         config: &Config,
         setup: &Setup,
-        (n, n_dynamic): (u64, u64),
+        n: u64,
+        n_dynamic: u64,
         gpu: &Gpu,
         memory: ImageMemory,
     ) -> Result<Self> {
@@ -102,7 +103,8 @@ impl Workload {
     }
 }
 
-/// [`Workload::lpips`]: the most over the cameras that are trained on, and those that are scored. None of views that LPIPS cannot take.
+/// [`Workload::lpips`]: the most over the training cameras, and over the test cameras. None for views that LPIPS
+/// cannot take.
 fn lpips_bytes(capture: &Capture, config: &Config, gpu: &Gpu) -> Result<[[u64; 2]; 2]> {
     let Some(file) = &config.loss.lpips_weights else { return Ok([[0; 2]; 2]) };
     let (lpips, most_bytes) = (Lpips::load(gpu, file)?, gpu.caps().max_binding_bytes);
@@ -118,24 +120,25 @@ fn lpips_bytes(capture: &Capture, config: &Config, gpu: &Gpu) -> Result<[[u64; 2
     Ok([if config.loss.has_lpips() { of_loss } else { [0; 2] }, of_scores])
 }
 
-/// What the device has.
+/// Limits of the device.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Limits {
     /// Longest range that one binding can see, bytes.
     pub binding_bytes: u64,
     /// Memory, bytes.
     pub memory_bytes: u64,
-    /// Whether that is the host's memory too: a software driver.
+    /// It is the host's memory: a software driver.
     pub is_host: bool,
 }
 
-/// What the bytes are for.
+/// Classes of buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// The Gaussians, and what culling derives from them.
+    /// The Gaussians, and their bounds for culling.
     Parameters,
-    /// First and second moments of Adam, the state of density control, and gradients with their sums where a step sees several images.
+    /// First and second moments of Adam, the state of density control, and gradients with their sums if a step has
+    /// several images.
     Moments,
     /// Scratch per Gaussian in view: culling, projection, the sort by depth.
     Active,
@@ -164,7 +167,7 @@ impl Class {
     }
 }
 
-/// What the length of a buffer grows with.
+/// The quantity that the length of a buffer grows with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Per {
     Gaussian,
@@ -176,7 +179,7 @@ enum Per {
 }
 
 impl Per {
-    /// How many items `gaussians` of them have.
+    /// The number of items with `gaussians`.
     fn count(self, work: &Workload, gaussians: f64) -> f64 {
         match self {
             Per::Gaussian => gaussians,
@@ -280,7 +283,7 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
     items
 }
 
-/// What LPIPS needs in a step and in scores.
+/// Buffers of LPIPS in a step and in scores.
 fn lpips_items(work: &Workload) -> impl Iterator<Item = Item> {
     let item = |(name, [bytes, bound]): (&'static str, [u64; 2])| {
         let (class, per) = (Class::Pixels, Per::Once);
@@ -289,7 +292,7 @@ fn lpips_items(work: &Workload) -> impl Iterator<Item = Item> {
     ["lpips features", "lpips features of scores"].into_iter().zip(work.lpips).map(item)
 }
 
-/// What steps on several images need beside, of parameters of `each` bytes a static Gaussian.
+/// Additional buffers of steps on several images, for parameters of `each` bytes a static Gaussian.
 fn batch_items(work: &Workload, each: f64) -> Vec<Item> {
     if work.batch == 1 {
         return Vec::new();
@@ -336,13 +339,13 @@ impl Need {
     }
 }
 
-/// What limits the number of Gaussians.
+/// The limit of the number of Gaussians.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BoundBy {
     /// The setting.
     MaxGaussians,
-    /// The longest range of a binding, which the buffer of this name reaches first.
+    /// The longest range of a binding, for the buffer of this name.
     Binding(&'static str),
     /// The device's memory.
     Memory,
@@ -358,16 +361,16 @@ impl fmt::Display for BoundBy {
     }
 }
 
-/// What a run needs and how far it can grow.
+/// The memory of a run, and how far it can grow.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Plan {
     /// At the beginning.
     pub begin: Need,
     /// With the most Gaussians.
     pub full: Need,
-    /// What bounds the most Gaussians.
+    /// The limit of the most Gaussians.
     pub bound_by: BoundBy,
-    /// What the device has.
+    /// Limits of the device.
     pub limits: Limits,
     /// Bytes of decoded pictures, in the host's memory.
     pub cache_bytes: u64,
@@ -385,7 +388,7 @@ pub struct ImageMemory {
 }
 
 impl Plan {
-    /// What a run on `capture` needs that begins with `splats` and has so much memory for pictures.
+    /// The plan of a run on `capture` that begins with `splats` and has so much memory for pictures.
     ///
     /// # Errors
     /// As [`Workload::of`].
@@ -397,8 +400,8 @@ impl Plan {
         gpu: &Gpu,
         memory: ImageMemory,
     ) -> Result<Self> {
-        let (n, n_dynamic) = (splats.len() as u64, splats.motion.len() as u64);
-        let work = Workload::of(capture, config, setup, (n, n_dynamic), gpu, memory)?;
+        let n_dynamic = splats.motion.len() as u64;
+        let work = Workload::of(capture, config, setup, splats.len() as u64, n_dynamic, gpu, memory)?;
         let caps = gpu.caps();
         let is_host = caps.kind == DeviceKind::Cpu;
         Ok(Plan::new(
@@ -407,7 +410,7 @@ impl Plan {
         ))
     }
 
-    /// Plans `work` on a device with `limits`. [`Plan::full`] has no Gaussian where a picture alone is too much.
+    /// Plans `work` on a device with `limits`. [`Plan::full`] has no Gaussian if a picture alone is too much.
     pub fn new(work: &Workload, limits: &Limits) -> Self {
         let binding = limits.binding_bytes as f64;
         // As many Gaussians as one binding sees.
@@ -427,7 +430,7 @@ impl Plan {
         let all = [(work.max_gaussians, BoundBy::MaxGaussians), (by_memory as u64, BoundBy::Memory)].into_iter();
         let (most, bound_by) = all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));
         let full = Need::new(work, most, limits.is_host);
-        // As much again as the run needs is for what scores it meanwhile. Of a software driver the host's cache is memory of the
+        // Scores of the run need as much memory again. A software driver counts the host's cache as memory of the
         // device already.
         let left = if limits.is_host { 0 } else { limits.memory_bytes.saturating_sub(2 * full.bytes()) };
         Plan {

@@ -21,7 +21,7 @@ pub const PRESETS: [(&str, &str); 4] = [
 pub struct Preset {
     /// Which it is.
     pub id: PresetId,
-    /// What it is for.
+    /// Its purpose.
     pub about: String,
     /// Some settings, in the form of [`Config`].
     pub settings: Value,

@@ -2,12 +2,12 @@
 
 use crate::error::Result;
 
-/// What processes say to one another. Each call is one that all of them make, in the same order; it waits for the others.
+/// The exchange between processes. All processes make each call, in the same order; it waits for the others.
 pub trait Ranks: Send + Sync {
     /// This process among them, from 0.
     fn rank(&self) -> usize;
 
-    /// How many there are.
+    /// The number of processes.
     fn size(&self) -> usize;
 
     /// Makes each word the bitwise or over all processes.
@@ -28,14 +28,14 @@ pub trait Ranks: Send + Sync {
     /// As [`Ranks::or`].
     fn gather(&self, own: &[u8]) -> Result<Vec<u8>>;
 
-    /// Waits until all have called it, however long that takes.
+    /// Waits without limit until all have called it.
     fn meet(&self) {}
 
-    /// Leaves the others, once all has been said, and waits for them to do so.
+    /// Leaves the others after the last exchange, and waits for them to do so.
     fn finish(&self) {}
 }
 
-/// Whether any of the processes says so.
+/// True if `own` is true in any of the processes.
 ///
 /// # Errors
 /// As [`Ranks::or`].
@@ -45,7 +45,7 @@ pub fn any(ranks: Option<&dyn Ranks>, own: bool) -> Result<bool> {
     Ok(words[0] != 0)
 }
 
-/// Where the seconds of the steps of several processes went, and what they exchanged, on this one.
+/// The time of shared steps, and the amount of their exchange, on this process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Shared {
     /// Processes.

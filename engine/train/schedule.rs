@@ -21,7 +21,7 @@ pub fn rates(config: &Config, step: u64, total: u64, extent: f64) -> Rates {
     Rates {
         // That of positions falls by itself.
         position: root * lr.pace.at(0.0, images) * lr.position.at(done) * extent,
-        position_size: lr.position_size * extent,
+        reference_size: lr.position_size * extent,
         opacity: pace * lr.opacity.at(done),
         rotation: pace * lr.rotation.at(done),
         scale: pace * lr.scale.at(done),

@@ -23,8 +23,8 @@ pub fn default_of(setting: &Setting) -> Value {
 /// Checks the settings that `settings` holds, which have the form of [`Config`] but may leave out any.
 ///
 /// # Errors
-/// The first name that no setting has, with the nearest that one has; or the first setting that cannot have its value, with
-/// that and what was expected.
+/// The first name that no setting has, with the nearest that one has; or the first setting that cannot have its value,
+/// with that and what was expected.
 pub fn check_settings(settings: &Value) -> Result<(), String> {
     let mut names = Vec::new();
     leaves("", settings, &mut names);
@@ -75,8 +75,8 @@ fn leaves(prefix: &str, settings: &Value, names: &mut Vec<String>) {
 }
 
 impl Config {
-    /// Checks what a run of `total` steps needs beside its capture: the weights of LPIPS, if it is trained on or only scored, and room
-    /// on the device for what `adam=lazy` keeps of every step.
+    /// Checks what a run of `total` steps needs beside its capture: the weights of LPIPS, if it is trained on or only
+    /// scored, and room on the device for what `adam=lazy` keeps of every step.
     ///
     /// # Errors
     /// Those of [`Lpips::load`]; [`Error::OutOfMemory`] where the run has too many steps for `adam=lazy`.

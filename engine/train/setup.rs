@@ -1,33 +1,33 @@
-//! What a trainer needs to know of a capture beside its pictures.
+//! Facts of a capture that a trainer needs beside its pictures.
 
 use super::config::{Config, FlowChoice, PoseKind};
-use super::init::cameras_look_inward;
 use super::lenses;
 use super::terms::{self, TermData};
 use crate::parallel::{in_parallel, threads};
+use crate::recon::cameras_look_inward;
 use crate::scene::capture::{Camera, Capture, Extent, alpha_of, decode_image, has_alpha, read_size};
 use crate::scene::{Clearing, FlowModel, View};
 use glam::DVec3;
 use std::collections::BTreeSet;
 use std::path::Path;
 
-/// Images that are looked at for whether they show the background.
+/// Images that are tested for the background.
 const MOST_LOOKED_AT: usize = 8;
-/// Colours that differ by so many levels of 255 at most are alike.
+/// Colours within so many levels of 255 count as equal.
 const LEVELS_ALIKE: i32 = 2;
-/// Images show the background if more than this share of most of them has its colour. Of the real captures that this was measured on,
-/// 0.06 % of the darkest has.
+/// Images show the background if more than this share of most of them has its colour. Of the real captures that this
+/// was measured on, 0.06 % of the darkest has.
 const MOST_BEHIND: f64 = 0.05;
 
-/// A capture, to a trainer.
+/// What a trainer needs to know of a capture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// Where the cameras are.
     pub extent: Extent,
-    /// Views before which density control keeps room: those of the training cameras, between them, and those that somebody
-    /// named ([`Capture::viewpoints`]).
+    /// Views before which density control removes floaters: those of the training cameras, between them, and
+    /// [`Capture::viewpoints`].
     pub lenses: Vec<View>,
-    /// Spaces before training cameras, and before those that somebody named, that are kept clear of Gaussians.
+    /// Spaces before training cameras and [`Capture::viewpoints`] that are kept clear of Gaussians.
     pub clearings: Vec<Clearing>,
     /// Normalised time between two frames.
     pub dt: f64,
@@ -35,26 +35,26 @@ pub struct Setup {
     pub n_filming: usize,
     /// Index of the first photograph among the cameras: photographs come last.
     pub first_photo: usize,
-    /// By camera, whether its time offset is learnt; empty where none is.
+    /// By camera, whether its time offset is learnt; empty if none is.
     pub learns_offset: Vec<bool>,
-    /// By camera whose pose is learnt, where it is on average over its images, scene units; empty where none is learnt.
+    /// By camera, its mean place in scene units, if its pose is learnt; empty if none is.
     pub learns_pose: Vec<Option<DVec3>>,
-    /// By camera, whether it has a bilateral grid; empty where none has.
+    /// By camera, whether it has a bilateral grid; empty if none has.
     pub has_grid: Vec<bool>,
-    /// Cameras that have a bilateral grid, or are given one during the run, at most.
+    /// The most cameras that have a bilateral grid, or get one during the run.
     pub most_grids: usize,
-    /// What the terms of the loss take of the capture beside its colours.
+    /// Data of the capture that the terms of the loss use beside its colours.
     pub data: TermData,
-    /// What the rendered flow is, to be like the priors'.
+    /// The kind of flow that is rendered, the same as the priors'.
     pub flow_model: FlowModel,
-    /// Whether images show the background: it shows through them, or much of what they show has its colour.
+    /// Images show the background: through transparent pixels, or in its colour.
     pub shows_background: bool,
-    /// Whether each image of a step has a background of its own colour.
+    /// Each image of a step has a random background.
     pub varies_background: bool,
 }
 
 impl Setup {
-    /// A capture of which nothing is used but its pictures.
+    /// A capture of which only the pictures are used.
     pub fn plain(extent: Extent, dt: f64) -> Self {
         Setup {
             extent,
@@ -74,13 +74,13 @@ impl Setup {
         }
     }
 
-    /// What `config` makes of `capture`. Offsets and grids are those of the training cameras, of clips that several cameras
-    /// took; a static scene's cameras have one image each, too few to tell a grid from the scene.
+    /// The setup of `capture` for a run of `config`. Training cameras have offsets and grids in clips of several
+    /// cameras alone; a static scene's cameras have one image each, too few to tell a grid from the scene.
     pub fn new(capture: &Capture, config: &Config) -> Self {
         let trained: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();
         let may_have_grids = config.grids.is_some() && capture.is_rig_clip();
         let n_trained = trained.iter().filter(|trained| **trained).count();
-        // One picture fits any clock: the scene takes up what is off.
+        // One picture fits any clock: the scene absorbs the error.
         let has_pictures = |camera: usize| capture.cameras[camera].shots.len() > 1;
         let observable: Vec<bool> = trained.iter().enumerate().map(|(i, is)| *is && has_pictures(i)).collect();
         let learns_offset = if observable.contains(&true) { observable } else { Vec::new() };
@@ -99,7 +99,7 @@ impl Setup {
                 PoseKind::Learnt => centers(capture),
                 PoseKind::Auto | PoseKind::Given => Vec::new(),
             },
-            // Those that are required come later.
+            // A review decides later which cameras get one.
             has_grid: if may_have_grids && config.required.grids_at == 0.0 { trained } else { Vec::new() },
             most_grids: if may_have_grids { n_trained } else { 0 },
             data: terms::data(config, capture),
@@ -115,8 +115,9 @@ impl Setup {
     }
 }
 
-/// Whether training images of `capture` show the `background`: it shows through some, or much of most has its very colour, as where a
-/// single object was cut out. Some images are looked at, of cameras and times evenly chosen: a clip may fade in from black.
+/// True if training images of `capture` show the `background`: it shows through some, or much of most has exactly its
+/// colour, as around an object that was cut out. Tests some images, of cameras and times evenly chosen, since a clip
+/// may fade in from black.
 fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     let is_used = |(_, camera): &(usize, &Camera)| !camera.is_test && !camera.shots.is_empty();
     let cameras: Vec<(usize, &Camera)> = capture.cameras.iter().enumerate().filter(is_used).collect();
@@ -136,7 +137,7 @@ fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     };
     let some: BTreeSet<(usize, u32)> = (0..MOST_LOOKED_AT).filter_map(chosen).collect();
     let some: Vec<(usize, u32)> = some.into_iter().collect();
-    // The share of an image. One that cannot be read is the run's to tell of.
+    // The share of an image. The run reports one that cannot be read.
     let look = |k: usize| {
         let (camera, frame) = some[k];
         let Ok(picture) = capture.picture(camera, frame) else { return Ok(0.0) };
@@ -148,14 +149,14 @@ fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     shares.get(shares.len().saturating_sub(1) / 2).is_some_and(|share| *share > MOST_BEHIND)
 }
 
-/// Whether anything shows through some pixel of an image; not if that cannot be read, which is the run's to tell of.
+/// True if some pixel of an image is transparent. The run reports an image that cannot be read.
 fn is_transparent(image: &Path) -> bool {
     let decoded = read_size(image).ok().and_then(|(width, height)| decode_image(image, width, height).ok());
     decoded.is_some_and(|image| alpha_of(image).iter().any(|alpha| *alpha < 255))
 }
 
-/// Where the training cameras are, on average over their images; none of a test camera, of a photograph, whose pose no other image could
-/// contradict, or of a camera without images.
+/// The mean places of the training cameras; none for a test camera, for a photograph, whose pose no other image could
+/// contradict, or for a camera without images.
 fn centers(capture: &Capture) -> Vec<Option<DVec3>> {
     let of_camera = |(index, camera): (usize, &Camera)| {
         let frames = camera.shots.iter().map(|shot| shot.frame);

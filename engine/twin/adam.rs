@@ -43,7 +43,7 @@ pub fn position_pace(longest: f64, size: f64) -> f64 {
     if size > 0.0 { (longest / size).clamp(0.25, 16.0) } else { 1.0 }
 }
 
-/// What 16 bits hold of a moment `x`, with `mantissa` bits of mantissa (7 of a first moment, 8 of a second) and the exponents of
+/// The part that 16 bits hold of a moment `x`, with `mantissa` bits of mantissa (7 of a first moment, 8 of a second) and the exponents of
 /// a float, when `draw` of 0 to 1 is drawn for it: the next such number above or below, whose mean over the draws is `x`. Finite
 /// as long as `x` is.
 pub fn rounded_moment(x: f64, mantissa: i32, draw: f64) -> f64 {

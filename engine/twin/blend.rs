@@ -33,11 +33,11 @@ pub struct Outputs<R> {
     pub flow: Vec<[R; 2]>,
     /// Gaussians that were added, `[H][W]`.
     pub n_contributing: Vec<u32>,
-    /// Whether f32 rounding may change which Gaussians are added, or their order, `[H][W]`. See [`render`].
+    /// True if f32 rounding may change which Gaussians are added, or their order, `[H][W]`. See [`render`].
     pub near_discontinuity: Vec<bool>,
 }
 
-/// What one pixel shows.
+/// The outputs of one pixel.
 pub(super) struct Pixel<R> {
     pub(super) color: [R; 3],
     pub(super) transmittance: R,
@@ -172,7 +172,7 @@ fn alpha_error<R: Real>(splat: &Projected<R>, d: [R; 2], camera: &Camera<R>) -> 
     BAND + ROUNDINGS * (focal * lever + pixels) * m_norm * m_d
 }
 
-/// Whether `value` is within the relative `width` of `threshold`.
+/// True if `value` is within the relative `width` of `threshold`.
 fn close<R: Real>(value: R, threshold: R, width: f64) -> bool {
     (value - threshold).to_f64().abs() <= width * threshold.to_f64()
 }

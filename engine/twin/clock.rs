@@ -9,11 +9,11 @@ pub struct Clock {
     pub first: f64,
     /// Second moment.
     pub second: f64,
-    /// Whether the offset is learnt.
+    /// True if the offset is learnt.
     pub is_free: bool,
 }
 
-/// What a step of the clocks needs beside the gradient.
+/// The inputs of a step of the offsets beside the gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClockRule {
     /// Learning rate, frames.

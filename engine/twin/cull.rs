@@ -4,7 +4,7 @@ use super::input::{Camera, Gaussian, Rules};
 use super::math::{add, apply};
 use super::real::Real;
 
-/// Whether `g` can contribute to a pixel centre in the rows `rows = [first, last + 1]` of the image at the shifted time
+/// True if `g` can contribute to a pixel centre in the rows `rows = [first, last + 1]` of the image at the shifted time
 /// t'. May say yes to one that does not, never no to one that does.
 ///
 /// With `L0 = ln(sigmoid(o) / alpha_min)` and r the largest standard deviation: the opacity reaches alpha_min only for

@@ -5,7 +5,7 @@ use super::scan::exclusive_scan;
 use crate::scene::{Cone, Splats};
 use glam::Vec3;
 
-/// What becomes of a Gaussian of the list.
+/// The fate of a Gaussian of the list.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
     /// It stays, with its moments.
@@ -23,7 +23,7 @@ pub enum Kind {
 pub struct Descendant {
     /// Whom it comes from: index in the scene before the round.
     pub from: usize,
-    /// What it is.
+    /// Its fate.
     pub kind: Kind,
 }
 
@@ -55,7 +55,9 @@ pub struct Density<'a> {
     pub extent: f32,
     /// Opacity below which a Gaussian is removed or counts as dead.
     pub prune_opacity: f32,
-    /// What cameras see.
+    /// Standard deviation above which it is.
+    pub prune_scale: f32,
+    /// The cones that cameras see.
     pub lenses: &'a [Cone],
     /// Standard deviation towards a lens that sees it, as a part of its depth before that, above which a Gaussian is removed.
     pub prune_veil: f32,
@@ -69,10 +71,10 @@ pub struct Density<'a> {
 
 impl Density<'_> {
     /// 3DGS: clones and splits the hardest pulled, removes the faint and the huge. `stats` are (sum of gradient norms,
-    /// frames seen); the two scales are standard deviations.
-    pub fn pulled(&self, stats: &[[f32; 2]], gradient: f32, split_above: f32, prune_scale: f32) -> Descent {
+    /// frames seen), `split_above` is a standard deviation.
+    pub fn pulled(&self, stats: &[[f32; 2]], gradient: f32, split_above: f32) -> Descent {
         let n = self.splats.len();
-        let kept: Vec<bool> = (0..n).map(|i| self.is_kept(i, prune_scale)).collect();
+        let kept: Vec<bool> = (0..n).map(|i| self.is_kept(i)).collect();
         let pull = |i: usize| if stats[i][1] > 0.0 { stats[i][0] / stats[i][1] } else { 0.0 };
         let mut growing: Vec<usize> = (0..n).filter(|&i| kept[i] && pull(i) > gradient).collect();
         growing.sort_by(|&a, &b| pull(b).total_cmp(&pull(a)));
@@ -95,7 +97,7 @@ impl Density<'_> {
     /// 3DGS-MCMC: the dead and the new become copies of living ones, drawn with weights 1 + floor(1023 opacity).
     pub fn drawn(&self) -> Descent {
         let n = self.splats.len();
-        let lives: Vec<bool> = (0..n).map(|i| self.is_kept(i, f32::INFINITY)).collect();
+        let lives: Vec<bool> = (0..n).map(|i| self.is_kept(i)).collect();
         let weight = |i: usize| if lives[i] { 1 + (1023.0 * self.opacity(i)) as u32 } else { 0 };
         let before = exclusive_scan(&(0..n).map(weight).collect::<Vec<_>>());
         let mut copies = vec![0; n];
@@ -164,7 +166,7 @@ impl Density<'_> {
         base * (-u * u).exp()
     }
 
-    fn is_kept(&self, i: usize, prune_scale: f32) -> bool {
+    fn is_kept(&self, i: usize) -> bool {
         let splats = self.splats;
         let numbers = splats.position[i].iter().chain(&splats.rotation[i]).chain(&splats.scale[i]);
         let motion = i.checked_sub(splats.n_static).map(|at| splats.motion[at]);
@@ -173,12 +175,12 @@ impl Density<'_> {
             && motion.is_none_or(|m| !m.t_scale.is_nan() && m.t_scale != f32::NEG_INFINITY)
             && splats.rotation[i].iter().any(|x| x.abs() > 1e-37)
             && self.opacity(i) >= self.prune_opacity
-            && self.largest(i) <= prune_scale
+            && self.largest(i) <= self.prune_scale
             && self.largest(i) <= 44f32.exp()
             && !self.lenses.iter().any(|lens| self.floats_before(i, lens))
     }
 
-    /// Whether it is a floater before a camera with this lens.
+    /// True if it is a floater before a camera with this lens.
     fn floats_before(&self, i: usize, lens: &Cone) -> bool {
         let axis = Vec3::from(lens.axis);
         let offset = Vec3::from(self.splats.position[i]) - Vec3::from(lens.tip);

@@ -1,4 +1,4 @@
-//! What a picture says of a Gaussian's parts, in double precision: the truth of `fisher.comp`.
+//! The information of a picture on a Gaussian's parts, in double precision: the truth of `fisher.comp`.
 
 use super::sh::basis;
 use crate::scene::{Splats, View};

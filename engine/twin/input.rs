@@ -1,4 +1,4 @@
-//! What the twin computes from: rules, a camera and raw parameters, all over one kind of number.
+//! The inputs of the twin: rules, a camera and raw parameters, all over one kind of number.
 
 use super::math::scaled;
 use super::real::Real;
@@ -202,7 +202,7 @@ impl<R: Real> Params<R> {
         self.position.len()
     }
 
-    /// Whether there is no Gaussian at all.
+    /// True if there is no Gaussian at all.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
     }

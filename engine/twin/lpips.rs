@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 /// Keeps the norm of dead features above 0; inside the root.
 const EPS: f64 = 1e-10;
-/// What a colour of [-1, 1] is moved and divided by.
+/// Mean and deviation of a colour of [-1, 1].
 const SHIFT: [f64; 3] = [-0.030, -0.088, -0.188];
 const SCALE: [f64; 3] = [0.458, 0.448, 0.450];
 

@@ -17,7 +17,7 @@ pub fn add<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
 }
 
 /// `a - b`.
-pub fn sub<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
+pub(crate) fn sub<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
@@ -37,7 +37,7 @@ pub fn apply<R: Real, const N: usize, const M: usize>(rows: [[R; N]; M], v: [R; 
 }
 
 /// `row` times the 3 x 3 matrix.
-pub fn row_times<R: Real>(row: [R; 3], matrix: [[R; 3]; 3]) -> [R; 3] {
+pub(crate) fn row_times<R: Real>(row: [R; 3], matrix: [[R; 3]; 3]) -> [R; 3] {
     std::array::from_fn(|k| dot(row, [matrix[0][k], matrix[1][k], matrix[2][k]]))
 }
 

@@ -1,4 +1,4 @@
-//! What is learnt of the cameras' poses: how a pose is corrected, and steps of the corrections.
+//! Learnt corrections of the cameras' poses, and their steps.
 
 use crate::scene::Pose;
 use glam::{DMat3, DVec3};
@@ -23,7 +23,7 @@ pub struct PoseMoments {
     pub n: i32,
 }
 
-/// What a step of the poses needs beside the gradient.
+/// The inputs of a step of the poses beside the gradient.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseRule {
     /// Learning rates, radians and scene units.
@@ -46,9 +46,11 @@ fn rotation(turn: DVec3) -> DMat3 {
 /// A step of `camera`, whose loss has the gradient `d_turn`, `d_shift` along the camera's own axes and whose rotation is `seen`.
 /// `centers` are those of the cameras whose poses are learnt, none of the others.
 pub fn pose_step(
-    (poses, all): (&mut [PoseState], &mut PoseMoments),
+    poses: &mut [PoseState],
+    all: &mut PoseMoments,
     centers: &[Option<DVec3>],
-    (camera, seen): (usize, &DMat3),
+    camera: usize,
+    seen: &DMat3,
     [d_turn, d_shift]: [DVec3; 2],
     rule: &PoseRule,
 ) {

@@ -1,4 +1,4 @@
-//! What the probes leave.
+//! The results of the probes.
 
 /// The sum of the eight chains of `probe_fma` after `steps` steps with both factors 1, in thread `local` of its workgroup.
 pub fn fma_sum(local: u32, steps: u32) -> f32 {

@@ -137,7 +137,7 @@ pub fn power<R: Real>(m: [[R; 2]; 2], d: [R; 2]) -> R {
 }
 
 impl<R: Real> Projected<R> {
-    /// Whether every number is finite.
+    /// True if every number is finite.
     fn is_finite(&self) -> bool {
         let flat = [self.xy, self.m[0], self.m[1], self.flow, self.extent];
         flat.iter().flatten().chain(&self.color).chain(&[self.opacity, self.z]).all(|x| x.is_finite())

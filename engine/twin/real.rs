@@ -42,7 +42,7 @@ pub trait Real:
         if self.to_f64() < 0.0 { -self } else { self }
     }
 
-    /// Whether the value is neither infinite nor NaN.
+    /// True if the value is neither infinite nor NaN.
     fn is_finite(self) -> bool {
         self.to_f64().is_finite()
     }

@@ -7,7 +7,7 @@ pub struct Scan {
     pub offsets: Vec<u32>,
     /// The sum of all counts, or `u32::MAX` when it does not fit.
     pub total: u32,
-    /// Whether the sum of all counts exceeds `u32::MAX`.
+    /// True if the sum of all counts exceeds `u32::MAX`.
     pub overflow: bool,
 }
 

@@ -115,7 +115,7 @@ impl Buffer {
     }
 
     /// The bytes of a host-visible buffer, to be written before the submission that reads them.
-    pub fn bytes_mut(&mut self) -> Option<&mut [u8]> {
+    pub(crate) fn bytes_mut(&mut self) -> Option<&mut [u8]> {
         let size = self.size as usize;
         self.allocation.as_mut()?.mapped_slice_mut()?.get_mut(..size)
     }

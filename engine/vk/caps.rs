@@ -1,4 +1,4 @@
-//! What a device can do, as plain data: printed by `ivv devices`, stored beside every measured number.
+//! The capabilities of a device, as plain data: printed by `ivv devices`, stored beside every measured number.
 
 use ash::vk;
 
@@ -35,7 +35,7 @@ pub struct Caps {
     pub subgroup_min: u32,
     /// Largest subgroup the device may choose on its own.
     pub subgroup_max: u32,
-    /// Whether the subgroup size is pinned (`VK_EXT_subgroup_size_control`).
+    /// True if the subgroup size is pinned (`VK_EXT_subgroup_size_control`).
     pub subgroup_pinned: bool,
     /// Largest workgroup, invocations.
     pub max_workgroup: u32,
@@ -49,7 +49,8 @@ pub struct Caps {
     pub max_allocation_bytes: u64,
     /// The largest memory heap on the device itself, bytes.
     pub heap_bytes: u64,
-    /// What of it this process may use when the device is opened (`VK_EXT_memory_budget`), bytes; all where the device does not say.
+    /// The part of it that this process may use when the device is opened (`VK_EXT_memory_budget`), bytes; all where the device does
+    /// not say.
     pub budget_bytes: u64,
     /// Alignment of a storage binding's offset, bytes.
     pub storage_alignment: u64,
@@ -63,7 +64,7 @@ pub struct Caps {
     pub int64_atomics: bool,
     /// Arithmetic in half precision.
     pub float16: bool,
-    /// Whether the driver is a layer over another interface than Vulkan (`VK_KHR_portability_subset`), as MoltenVK is.
+    /// True if the driver is a layer over another interface than Vulkan (`VK_KHR_portability_subset`), as MoltenVK is.
     pub is_portability_subset: bool,
 }
 

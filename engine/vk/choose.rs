@@ -1,4 +1,4 @@
-//! What is chosen of what a device offers: the memory that a plan counts on, the width of subgroups, the bits of its clock.
+//! Choices among what a device offers: the memory that a plan counts on, the width of subgroups, the bits of its clock.
 
 use ash::vk;
 
@@ -40,7 +40,7 @@ const WIDE: u32 = 32;
 /// Storage buffers of the kernel that may have most, as `shaders-glsl/README.md` says.
 const MOST_BUFFERS: u32 = 24;
 
-/// Whether all kernels that run on subgroups of `lanes` lanes fit `limits`.
+/// True if all kernels that run on subgroups of `lanes` lanes fit `limits`.
 ///
 /// # Errors
 /// The first limit that is too small.
@@ -58,10 +58,10 @@ pub(super) fn check_limits(limits: &vk::PhysicalDeviceLimits, lanes: u32) -> Res
     }
 }
 
-/// Whether kernels can run with `lanes` lanes on a device that takes `least` to `most`.
+/// True if kernels can run with `lanes` lanes on a device that takes `least` to `most`.
 ///
 /// # Errors
-/// What was expected.
+/// The expectation.
 pub(super) fn check_size(lanes: u32, least: u32, most: u32) -> Result<(), String> {
     if lanes.is_power_of_two() && (least.max(4)..=most.min(64)).contains(&lanes) {
         Ok(())

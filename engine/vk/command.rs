@@ -42,7 +42,7 @@ pub struct Commands {
 /// Work on its way through the device. Dropping it waits.
 pub struct Submission(Commands);
 
-/// What a finished submission tells.
+/// The report of a finished submission.
 pub struct Done {
     /// Beginning and end of each pass, nanoseconds since the first began; empty when timestamps were not asked for or do
     /// not exist.
@@ -240,7 +240,7 @@ impl Commands {
     }
 
     /// Runs `pipeline` over the workgroups that `args` (three words) holds when the device gets there.
-    pub fn dispatch_indirect(
+    pub(crate) fn dispatch_indirect(
         &mut self,
         pipeline: &Arc<Pipeline>,
         bindings: &[Binding],

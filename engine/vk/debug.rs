@@ -4,7 +4,7 @@ use ash::{ext, vk};
 use std::ffi::{CStr, c_void};
 use std::sync::Mutex;
 
-/// What the validation layer is asked to do, and what it has said.
+/// The task of the validation layer, and its messages.
 #[derive(Debug, Default)]
 pub struct Validation {
     messages: Mutex<Vec<String>>,

@@ -3,7 +3,7 @@
 use super::cache;
 use super::caps::Caps;
 use super::debug::Validation;
-use super::instance::{DeviceChoice, Found, Instance, pick};
+use super::instance::{DeviceChoice, Found, Instance};
 use super::vk_error;
 use crate::error::{Error, Result};
 use ash::{ext, khr, vk};
@@ -36,7 +36,7 @@ pub struct Device {
     pub(super) instance: Arc<Instance>,
 }
 
-/// What a device is opened for.
+/// The use that a device is opened for.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Purpose {
     /// To run kernels.
@@ -119,13 +119,8 @@ impl Device {
     /// [`Error::NoDevice`] when there is no loader, no usable device or none that matches.
     pub fn open(choice: &DeviceChoice) -> Result<(Arc<Self>, String)> {
         let instance = Instance::new(choice)?;
-        let mut devices = instance.devices(choice.subgroup_size)?;
-        let borrowed: Vec<_> = devices.iter().map(|(_, d)| d.as_ref().map(|f| &f.caps)).collect();
-        let (index, why) = pick(&borrowed, (choice.device.as_deref(), choice.nth))?;
-        let (physical, found) = devices.swap_remove(index);
-        let Ok(Found { queue_family, mut caps, pipeline_cache_uuid }) = found else {
-            unreachable!("pick returns usable devices")
-        };
+        let (found, why) = instance.pick(choice)?;
+        let Found { physical, queue_family, mut caps, pipeline_cache_uuid } = found;
         caps.push_descriptors &= !choice.no_push_descriptors;
 
         let purpose = if choice.surface.is_empty() { Purpose::Running } else { Purpose::Showing };
@@ -176,7 +171,7 @@ impl Device {
         &self.caps
     }
 
-    /// What the validation layer has said; silent where it is off.
+    /// The messages of the validation layer; silent where it is off.
     pub fn validation(&self) -> &Validation {
         &self.instance.validation
     }
@@ -194,7 +189,7 @@ impl Device {
     }
 
     /// Writes the pipeline cache to its file in the folder given at opening; a failure costs time, not results, and is logged.
-    pub fn save_pipeline_cache(&self) {
+    pub(crate) fn save_pipeline_cache(&self) {
         let Some(file) = &self.cache_file else { return };
         // SAFETY: the cache belongs to this device.
         let data = match unsafe { self.raw.get_pipeline_cache_data(self.pipeline_cache) } {

@@ -25,6 +25,7 @@ pub struct DeviceChoice {
     /// Let it check synchronisation as well.
     pub sync_validation: bool,
     /// Do without push descriptors even where they exist, to test the other path.
+    #[doc(hidden)]
     pub no_push_descriptors: bool,
     /// Note each pass as it begins, so that [`Error::DeviceLost`](crate::Error::DeviceLost) names the last one. A GPU may wait
     /// between passes for it.
@@ -34,6 +35,7 @@ pub struct DeviceChoice {
     /// Lanes of the subgroups that kernels run with; by default what suits the hardware.
     pub subgroup_size: Option<u32>,
     /// Instance extensions for the surfaces of windows; where there are any, the device can show pictures in them.
+    #[doc(hidden)]
     pub surface: Vec<&'static CStr>,
 }
 
@@ -141,21 +143,24 @@ impl Instance {
     }
 
     /// Usable devices with their capabilities, and the reasons against the others, in the loader's order.
-    pub(super) fn devices(
-        &self,
-        subgroup_size: Option<u32>,
-    ) -> Result<Vec<(vk::PhysicalDevice, std::result::Result<Found, String>)>> {
+    fn devices(&self, subgroup_size: Option<u32>) -> Result<Vec<std::result::Result<Found, String>>> {
         // SAFETY: plain query.
         let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(|e| Error::NoDevice {
             reason: format!("vkEnumeratePhysicalDevices: {e:?}"),
             remedy: "install a Vulkan driver (Debian: mesa-vulkan-drivers)".to_owned(),
         })?;
-        Ok(all.into_iter().map(|physical| (physical, Found::probe(&self.raw, physical, subgroup_size))).collect())
+        Ok(all.into_iter().map(|physical| Found::probe(&self.raw, physical, subgroup_size)).collect())
+    }
+
+    /// The device that `choice` picks, and why.
+    pub(super) fn pick(&self, choice: &DeviceChoice) -> Result<(Found, String)> {
+        pick(self.devices(choice.subgroup_size)?, choice.device.as_deref(), choice.nth)
     }
 }
 
 /// A device that can run the engine.
 pub(super) struct Found {
+    pub(super) physical: vk::PhysicalDevice,
     pub(super) queue_family: u32,
     pub(super) caps: Caps,
     /// Of the device and its driver.
@@ -171,6 +176,7 @@ impl Found {
     ) -> std::result::Result<Self, String> {
         let answers = Answers::of(instance, physical)?;
         Ok(Found {
+            physical,
             queue_family: answers.usable_family(subgroup_size)?,
             caps: answers.caps(subgroup_size)?,
             pipeline_cache_uuid: answers.pipeline_cache_uuid(),
@@ -181,57 +187,46 @@ impl Found {
 /// The devices of this machine: capabilities, or the reason why one cannot run the engine.
 pub fn list_devices() -> Result<Vec<std::result::Result<Caps, String>>> {
     let instance = Instance::new(&DeviceChoice::default())?;
-    Ok(instance.devices(None)?.into_iter().map(|(_, found)| found.map(|f| f.caps)).collect())
+    Ok(instance.devices(None)?.into_iter().map(|found| found.map(|f| f.caps)).collect())
 }
 
-/// Index and reason of the device that `wanted` picks among `devices`.
-pub(super) fn pick(
-    devices: &[std::result::Result<&Caps, &String>],
-    (wanted, nth): (Option<&str>, usize),
-) -> Result<(usize, String)> {
-    let listed = || {
-        devices
-            .iter()
-            .enumerate()
-            .map(|(i, d)| match d {
-                Ok(caps) => format!("{i}: {}", caps.name),
-                Err(why) => format!("{i}: unusable ({why})"),
-            })
-            .collect::<Vec<_>>()
-            .join("; ")
-    };
-    let usable = devices.iter().enumerate().filter_map(|(i, d)| d.ok().map(|caps| (i, caps)));
+/// The device that `wanted` names among `devices`, or else the `nth` of those like the best, and the reason.
+fn pick(devices: Vec<std::result::Result<Found, String>>, wanted: Option<&str>, nth: usize) -> Result<(Found, String)> {
+    let listed = devices.iter().enumerate().map(|(i, device)| match device {
+        Ok(found) => format!("{i}: {}", found.caps.name),
+        Err(why) => format!("{i}: unusable ({why})"),
+    });
+    let (n_devices, listed) = (devices.len(), listed.collect::<Vec<_>>().join("; "));
+    let mut usable: Vec<(usize, Found)> =
+        devices.into_iter().enumerate().filter_map(|(i, device)| Some((i, device.ok()?))).collect();
     if let Some(wanted) = wanted {
-        let found = match wanted.parse::<usize>() {
-            Ok(index) if index < devices.len() => usable.clone().find(|(i, _)| *i == index),
+        let place = match wanted.parse::<usize>() {
+            Ok(index) if index < n_devices => usable.iter().position(|(i, _)| *i == index),
             // Not an index but a word of a name, as in `RTX 4090`. It must be a whole word: else a 4 that asks for a fifth device
             // would find this one.
-            Ok(_) => usable.clone().find(|(_, caps)| caps.name.split_whitespace().any(|word| word == wanted)),
+            Ok(_) => usable.iter().position(|(_, found)| found.caps.name.split_whitespace().any(|word| word == wanted)),
             Err(_) => {
                 let lower = wanted.to_lowercase();
-                usable.clone().find(|(_, caps)| caps.name.to_lowercase().contains(&lower))
+                usable.iter().position(|(_, found)| found.caps.name.to_lowercase().contains(&lower))
             }
         };
-        return found.map(|(i, _)| (i, "asked for".to_owned())).ok_or_else(|| Error::NoDevice {
-            reason: format!("`{wanted}` matches none of: {}", listed()),
+        return place.map(|at| (usable.swap_remove(at).1, "asked for".to_owned())).ok_or_else(|| Error::NoDevice {
+            reason: format!("`{wanted}` matches none of: {listed}"),
             remedy: "give an index or part of a name from `ivv devices`".to_owned(),
         });
     }
-    usable
-        .clone()
-        .min_by_key(|(i, caps)| (caps.kind, *i))
-        .map(|(i, caps)| {
-            let why = if caps.kind == DeviceKind::Cpu { "no GPU was found" } else { "a GPU is preferred" };
-            let like: Vec<usize> = usable.filter(|(_, other)| other.name == caps.name).map(|(i, _)| i).collect();
-            match like.len() {
-                0 | 1 => (i, why.to_owned()),
-                n => (like[nth % n], format!("{why}; number {} of {n}", nth % n)),
-            }
-        })
-        .ok_or_else(|| Error::NoDevice {
-            reason: if devices.is_empty() { "the loader lists none".to_owned() } else { listed() },
+    let Some((_, best)) = usable.iter().min_by_key(|(i, found)| (found.caps.kind, *i)) else {
+        return Err(Error::NoDevice {
+            reason: if n_devices == 0 { "the loader lists none".to_owned() } else { listed },
             remedy: "install a Vulkan 1.2 driver (Debian: mesa-vulkan-drivers)".to_owned(),
-        })
+        });
+    };
+    let why = if best.caps.kind == DeviceKind::Cpu { "no GPU was found" } else { "a GPU is preferred" };
+    let is_like = |at: &usize| usable[*at].1.caps.name == best.caps.name;
+    let like: Vec<usize> = (0..usable.len()).filter(is_like).collect();
+    let number = nth % like.len();
+    let why = if like.len() == 1 { why.to_owned() } else { format!("{why}; number {number} of {}", like.len()) };
+    Ok((usable.swap_remove(like[number]).1, why))
 }
 
 #[cfg(test)]
@@ -265,31 +260,48 @@ mod tests {
         }
     }
 
+    /// Devices with these capabilities, the second unusable.
+    fn devices(caps: [&Caps; 2]) -> Vec<std::result::Result<Found, String>> {
+        let found = |caps: &Caps| Found {
+            physical: vk::PhysicalDevice::null(),
+            queue_family: 0,
+            caps: caps.clone(),
+            pipeline_cache_uuid: [0; vk::UUID_SIZE],
+        };
+        vec![Ok(found(caps[0])), Err("old".to_owned()), Ok(found(caps[1]))]
+    }
+
+    /// Name of the device that is picked of them.
+    fn name_of(devices: Vec<std::result::Result<Found, String>>, wanted: Option<&str>) -> String {
+        pick(devices, wanted, 0).map(|(found, _)| found.caps.name).unwrap()
+    }
+
     #[test]
     fn a_gpu_is_preferred_and_a_cpu_taken_when_named_or_alone() {
         let (cpu, gpu) = (caps("llvmpipe", DeviceKind::Cpu), caps("Radeon", DeviceKind::DiscreteGpu));
-        let bad = "old".to_owned();
-        let devices = [Ok(&cpu), Err(&bad), Ok(&gpu)];
-        assert_eq!(pick(&devices, (None, 0)).unwrap().0, 2);
-        assert_eq!(pick(&devices, (Some("llvm"), 0)).unwrap().0, 0);
-        assert_eq!(pick(&devices, (Some("0"), 0)).unwrap().0, 0);
-        assert_eq!(pick(&devices[..2], (None, 3)).unwrap(), (0, "no GPU was found".to_owned()));
-        for (devices, wanted) in [(&devices[..], Some("1")), (&devices[..], Some("arc")), (&devices[1..2], None)] {
-            let error = pick(devices, (wanted, 0)).unwrap_err();
-            assert_eq!(error.exit_code(), 4, "{error}");
+        let all = || devices([&cpu, &gpu]);
+        let first = |n: usize| all().into_iter().take(n).collect::<Vec<_>>();
+        assert_eq!(
+            [None, Some("llvm"), Some("0")].map(|wanted| name_of(all(), wanted)),
+            ["Radeon", "llvmpipe", "llvmpipe"]
+        );
+        let (alone, why) = pick(first(2), None, 3).unwrap();
+        assert_eq!((&*alone.caps.name, &*why), ("llvmpipe", "no GPU was found"));
+        let unusable = || first(2).split_off(1);
+        for (devices, wanted) in [(all(), Some("1")), (all(), Some("arc")), (unusable(), None)] {
+            assert_eq!(pick(devices, wanted, 0).err().map(|error| error.exit_code()), Some(4), "{wanted:?}");
         }
     }
 
     #[test]
     fn a_number_past_the_last_device_is_a_word_of_a_name() {
         let (cpu, gpu) = (caps("llvmpipe", DeviceKind::Cpu), caps("NVIDIA GeForce RTX 4090", DeviceKind::DiscreteGpu));
-        let bad = "old".to_owned();
-        let devices = [Ok(&cpu), Err(&bad), Ok(&gpu)];
-        assert_eq!(pick(&devices, (Some("4090"), 0)).unwrap().0, 2);
-        assert_eq!(pick(&devices, (Some("0"), 0)).unwrap().0, 0, "an index comes first, though it is in a name too");
+        let all = || devices([&cpu, &gpu]);
+        assert_eq!(name_of(all(), Some("4090")), gpu.name);
+        assert_eq!(name_of(all(), Some("0")), cpu.name, "an index comes first, though it is in a name too");
         // An index of a device that cannot be used, and one of none: not what has that digit in its name.
         for wanted in ["1", "4", "90"] {
-            assert_eq!(pick(&devices, (Some(wanted), 0)).unwrap_err().exit_code(), 4, "{wanted}");
+            assert_eq!(pick(all(), Some(wanted), 0).err().map(|error| error.exit_code()), Some(4), "{wanted}");
         }
     }
 }

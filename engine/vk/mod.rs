@@ -22,14 +22,17 @@ mod swapchain;
 
 pub use buffer::{Buffer, Location};
 pub use caps::{Caps, DeviceKind};
-pub use command::{Binding, Commands, Done, Submission};
-pub use debug::Validation;
+pub(crate) use command::Submission;
+pub use command::{Binding, Commands, Done};
 pub use device::Device;
 pub use instance::{DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};
-pub use statistics::{Compiler, Executable};
+pub use statistics::Compiler;
+pub(crate) use statistics::Executable;
 #[cfg(feature = "play")]
-pub use swapchain::{Swapchain, WindowHandle, surface_extensions};
+pub use swapchain::surface_extensions;
+#[cfg(feature = "play")]
+pub(crate) use swapchain::{Swapchain, WindowHandle};
 
 use crate::error::Error;
 use ash::vk;

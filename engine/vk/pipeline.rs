@@ -17,7 +17,7 @@ pub enum BindingKind {
     Uniform,
 }
 
-/// What a pipeline is made of.
+/// The description of a pipeline.
 pub struct PipelineDesc<'a> {
     /// Shown in messages and by tools.
     pub name: &'a str,
@@ -27,7 +27,7 @@ pub struct PipelineDesc<'a> {
     pub bindings: &'a [BindingKind],
     /// Bytes of push constants.
     pub push_bytes: u32,
-    /// Whether the kernel uses subgroup operations and needs whole subgroups of the pinned size.
+    /// True if the kernel uses subgroup operations and needs whole subgroups of the pinned size.
     pub subgroups: bool,
 }
 

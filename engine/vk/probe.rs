@@ -1,4 +1,4 @@
-//! What Vulkan says of a device, and what of it the engine needs.
+//! Vulkan's description of a device, and the part that the engine needs.
 
 use super::caps::{Caps, kind_of};
 use super::choose;
@@ -124,7 +124,7 @@ impl Answers {
         }
     }
 
-    /// Whether subgroups of one size can be asked for.
+    /// True if subgroups of one size can be asked for.
     fn pins_subgroups(&self) -> bool {
         self.has_size_control()
             && self.size_control.subgroup_size_control == vk::TRUE
@@ -156,7 +156,7 @@ impl Answers {
         Ok(family as u32)
     }
 
-    /// What of it the engine cares about, with subgroups of `wanted` lanes where they are asked for.
+    /// The part that the engine cares about, with subgroups of `wanted` lanes where they are asked for.
     ///
     /// # Errors
     /// The device does not take that many.
@@ -203,7 +203,7 @@ impl Answers {
         })
     }
 
-    /// What tells the pipelines of this device and driver from those of others.
+    /// The identity of pipelines of this device and driver.
     pub(super) fn pipeline_cache_uuid(&self) -> [u8; vk::UUID_SIZE] {
         self.core.pipeline_cache_uuid
     }

@@ -1,7 +1,7 @@
-//! What a driver's compiler tells of a pipeline (`VK_KHR_pipeline_executable_properties`).
+//! The statistics that a driver's compiler has of a pipeline (`VK_KHR_pipeline_executable_properties`).
 
 use super::device::{Purpose, create_device};
-use super::instance::{DeviceChoice, Found, Instance, pick};
+use super::instance::{DeviceChoice, Found, Instance};
 use super::pipeline::{Parts, PipelineDesc};
 use super::{Caps, vk_error};
 use crate::error::{Error, Result};
@@ -34,11 +34,7 @@ impl Compiler {
     /// [`Error::NoDevice`] when there is no such device, or its driver has no statistics.
     pub fn open(choice: &DeviceChoice) -> Result<Self> {
         let instance = Instance::new(choice)?;
-        let mut devices = instance.devices(choice.subgroup_size)?;
-        let borrowed: Vec<_> = devices.iter().map(|(_, d)| d.as_ref().map(|f| &f.caps)).collect();
-        let (index, _) = pick(&borrowed, (choice.device.as_deref(), choice.nth))?;
-        let (physical, found) = devices.swap_remove(index);
-        let Ok(Found { queue_family, caps, .. }) = found else { unreachable!("pick returns usable devices") };
+        let (Found { physical, queue_family, caps, .. }, _) = instance.pick(choice)?;
         let fault = |reason: String, remedy: &str| Error::NoDevice { reason, remedy: remedy.to_owned() };
         // SAFETY: plain queries into structs that live in this function.
         let tells = unsafe {

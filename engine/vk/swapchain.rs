@@ -36,7 +36,7 @@ fn no_handle(fault: HandleError) -> Error {
     no_window(format!("the window has no handle: {fault}"))
 }
 
-/// What pictures go through on their way to a window.
+/// The buffers of pictures on their way to a window.
 pub struct Swapchain {
     device: Arc<Device>,
     surfaces: khr::surface::Instance,
@@ -57,7 +57,7 @@ struct Chain {
     copied: Vec<vk::Semaphore>,
     format: vk::Format,
     extent: vk::Extent2D,
-    /// What was asked for when it was made.
+    /// The size that was asked for when it was made.
     asked: [u32; 2],
 }
 
@@ -125,7 +125,7 @@ impl Swapchain {
         Ok(self.chain.as_ref().map(|chain| [chain.extent.width, chain.extent.height]))
     }
 
-    /// Whether a pixel's bytes are blue, green, red, alpha; else red, green, blue, alpha.
+    /// True if a pixel's bytes are blue, green, red, alpha; else red, green, blue, alpha.
     pub fn is_bgra(&self) -> bool {
         self.chain.as_ref().is_some_and(|chain| is_bgra(chain.format))
     }

@@ -61,7 +61,8 @@ vec4 gradient_of(uvec4 low, uvec4 high) {
         }                                                                                                          \
         const vec4 x = parameter[place];                                                                           \
         READ_MOMENTS(moments, at_moments, m, v)                                                                    \
-        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p, pace);                       \
+        const vec4 rate = plane_rates(adam.position_opacity_rotation_scale,                                        \
+            adam.t_scale_velocity_t_center_sh0, adam.sh1_sh2_sh3, kind, p, pace);                                  \
         const vec4 change = adam_change(adam, rate, g + regulariser(adam, kind, p, x), m, v);                      \
         parameter[place] = moved(adam, kind, p, x, change, residual);                                              \
         WRITE_MOMENTS(moments, at_moments, m, v, key, plane_number(kind, p))                                       \

@@ -6,9 +6,7 @@
 // Grid      one thread per flat index of the group, its gap included.
 // Writes    flags; score: the pull as a key that sorts the hardest first, all ones for who cannot grow; or, where
 //           `weight` is not 0, a number proportional to the opacity, 0 for the dead. Everything by flat index.
-// Numerics  what is not finite, cannot turn, is too large, or reaches too far towards a lens is not kept. How far is the
-//           standard deviation along the line to the lens: a wall that is seen face on is wide and hides nothing.
-//           Comparisons are the f32 twin's own.
+// Numerics  what is not finite or cannot turn is not kept, nor what a rule of pruning marks. Comparisons are the f32 twin's own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require
@@ -23,20 +21,26 @@
 
 layout(local_size_x = 128) in;
 
+// The limits of the rules of pruning, which are functions below.
+struct PruneLimits {
+    float opacity;        // the largest over the training times, below which a Gaussian goes
+    float log_scale;      // log of the largest standard deviation, above which it goes
+    float veil;           // standard deviation towards a lens, in units of its depth before it, above which it goes
+};
+
 layout(push_constant) uniform Push {
     vec4 center;          // w: 1 / extent
     uint n;
     uint first;
     uint n_frames;
     uint weight;          // of opacity 1; 0 asks for pulls
-    float prune_opacity;
-    float largest;        // log of the standard deviation above which a Gaussian is not kept
-    float split_above;    // log of that above which it splits
+    float split_above;    // log of the standard deviation above which a Gaussian splits
     float gradient;
     uint bucket;
     uint n_lenses;
     uint levels;
-    float veil;           // standard deviation towards a lens, in units of its depth before it, above which it is not kept
+    uint is_held;         // 1: no rule prunes
+    PruneLimits limits;
 } pc;
 layout(set = 0, binding = 0) restrict readonly buffer Geometry { vec4 geometry[]; };
 layout(set = 0, binding = 1) restrict readonly buffer State { vec4 state[]; };
@@ -47,9 +51,45 @@ layout(set = 0, binding = 5) restrict writeonly buffer Entries { uint entries[];
 layout(set = 0, binding = 6) restrict writeonly buffer Codes { uint codes[]; };
 layout(set = 0, binding = 7) restrict buffer Counters { uint counters[]; };
 layout(set = 0, binding = 8) restrict readonly buffer Lenses { vec4 lenses[]; };  // two each: place and reach, axis
-#ifdef DYNAMIC
+// One interface for all variants.
 layout(set = 0, binding = 9) restrict readonly buffer Motion { vec4 motion[]; };
-#endif
+
+// What rules of pruning judge.
+struct Gaussian {
+    vec3 mean;
+    vec3 log_scale;
+    mat3 turn;
+    float opacity;  // the largest over the training times
+};
+
+bool is_faint(Gaussian g) { return !(g.opacity >= pc.limits.opacity); }
+
+bool is_large(Gaussian g) { return !(max(max(g.log_scale.x, g.log_scale.y), g.log_scale.z) <= pc.limits.log_scale); }
+
+// Whether it is a floater before a camera: it reaches too far towards a lens, along the line there. A wall that is seen face on is
+// wide and hides nothing.
+bool is_veil(Gaussian g) {
+    // Rows of diag(s) R^T: times a direction, the standard deviations along it.
+    const vec3 sizes = exp(min(g.log_scale, vec3(80.0)));
+    bool veils = false;
+    for (uint k = 0u; k < unfolded(pc.n_lenses); ++k) {
+        precise vec3 offset = g.mean - lenses[2u * k].xyz;
+        precise float depth = dot(offset, lenses[2u * k + 1u].xyz);
+        precise float aside = length(offset - depth * lenses[2u * k + 1u].xyz) - depth * lenses[2u * k].w;
+        precise float towards = length(sizes * (normalize(offset) * g.turn));
+        // Who is beside what the lens sees must be wider to reach into it.
+        veils = veils || (depth > 0.0 && towards > pc.limits.veil * (depth + 2.0 * max(aside, 0.0)));
+    }
+    return veils;
+}
+
+// A Gaussian goes by any rule.
+bool is_pruned(Gaussian g) {
+    bool goes = is_faint(g);
+    goes = is_large(g) || goes;
+    goes = is_veil(g) || goes;
+    return goes;
+}
 
 // The low 8 bits, two apart.
 uint spread(uint x) {
@@ -96,20 +136,10 @@ void main() {
 #else
     code |= morton(mean_opacity.xyz);
 #endif
-    // Rows of diag(s) R^T: times a direction, the standard deviations along it.
     float inverse_length;
-    const vec3 sizes = exp(min(scale_t.xyz, vec3(80.0)));
     const mat3 turn = rotation_of(unit_quaternion(q, inverse_length));
-    bool veils = false;
-    for (uint k = 0u; k < unfolded(pc.n_lenses); ++k) {
-        precise vec3 offset = mean_opacity.xyz - lenses[2u * k].xyz;
-        precise float depth = dot(offset, lenses[2u * k + 1u].xyz);
-        precise float aside = length(offset - depth * lenses[2u * k + 1u].xyz) - depth * lenses[2u * k].w;
-        precise float towards = length(sizes * (normalize(offset) * turn));
-        // Who is beside what the lens sees must be wider to reach into it.
-        veils = veils || (depth > 0.0 && towards > pc.veil * (depth + 2.0 * max(aside, 0.0)));
-    }
-    const bool kept = exists && good && opacity >= pc.prune_opacity && scale <= pc.largest && !veils;
+    const bool pruned = is_pruned(Gaussian(mean_opacity.xyz, scale_t.xyz, turn, opacity)) && unfolded(pc.is_held) == 0u;
+    const bool kept = exists && good && !pruned;
     const float pull = stat.y > 0.0 ? stat.x / stat.y : 0.0;
     uint score = kept && pull > pc.gradient ? ~floatBitsToUint(pull) : 0xffffffffu;
     if (unfolded(pc.weight) != 0u) score = kept ? 1u + uint(float(pc.weight) * opacity) : 0u;

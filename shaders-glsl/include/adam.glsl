@@ -16,7 +16,8 @@ float position_pace(AdamParams a, vec3 s) {
     return a.inverse_size > 0.0 ? clamp(max(s.x, max(s.y, s.z)) * a.inverse_size, 0.25, 16.0) : 1.0;
 }
 
-// The numbers of plane `p` of buffer `kind` among those of all parameters, in the order of AdamParams; those of position times `pace`.
+// The numbers of plane `p` of buffer `kind` among those of all parameters, in the order that AdamParams names; those of position
+// times `pace`.
 vec4 plane_rates(vec4 r0, vec4 r1, vec4 r2, uint kind, uint p, float pace) {
     if (kind == GEOMETRY) {
         if (p == 0u) return vec4(vec3(r0.x * pace), r0.y);

@@ -47,9 +47,9 @@ struct Status {
 
 // One step of Adam: what the host computes in double precision.
 struct AdamParams {
-    vec4 rates0;           // lr / c1 of position at a pace of 1, opacity, rotation, scale
-    vec4 rates1;           // of t_scale, velocity, t_center, constant band
-    vec4 rates2;           // of bands 1 to 3; 0 for a band that is not active yet
+    vec4 position_opacity_rotation_scale;  // lr / c1; that of position at a pace of 1
+    vec4 t_scale_velocity_t_center_sh0;
+    vec4 sh1_sh2_sh3;      // 0 for a band that is not active yet
     float beta1;
     float beta2;
     float inverse_c2;

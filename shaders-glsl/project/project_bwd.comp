@@ -64,7 +64,8 @@ layout(set = 0, binding = 23) uniform Adam { AdamParams adam; };
         const uint at_moments = moments_index(i, planes, p);                               \
         const vec4 x = params[place];                                                      \
         READ_MOMENTS(moments, at_moments, m, v)                                            \
-        const vec4 rate = plane_rates(adam.rates0, adam.rates1, adam.rates2, kind, p, pace); \
+        const vec4 rate = plane_rates(adam.position_opacity_rotation_scale,                \
+            adam.t_scale_velocity_t_center_sh0, adam.sh1_sh2_sh3, kind, p, pace);          \
         const vec4 change = adam_change(adam, rate, g + regulariser(adam, kind, p, x), m, v); \
         params[place] = moved(adam, kind, p, x, change, residual);                         \
         WRITE_MOMENTS(moments, at_moments, m, v, moments_key(uint(adam.step), pc.first + i), plane_number(kind, p)) \

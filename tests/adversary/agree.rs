@@ -5,6 +5,7 @@ use super::numeric::REWRITE;
 use crate::common::device::{gpu, rewritten};
 use crate::common::notes::skip;
 use crate::common::random::{Random, scene, view};
+use crate::common::same::assert_same;
 use crate::common::stages::Fixture;
 use ivv::Constants;
 use ivv::gpu::generated::gather;
@@ -108,7 +109,7 @@ fn products_fuse_unless_they_are_precise_and_denormals_vanish() {
             }
             difference
         });
-        assert_eq!(found, truth, "{name}");
+        assert_same(name, &found, &truth);
     }
     let halves = applied("halved", &[f32::MIN_POSITIVE, 3e-38, 1.0, 0.0], |edit, to, x| {
         let (float, half) = (edit.float(1), edit.float_constant(1, 0.5));

@@ -6,7 +6,6 @@ mod edit;
 mod lanes;
 mod module;
 mod numeric;
-mod operations;
 mod order;
 mod replaced;
 mod uniform;

@@ -3,15 +3,19 @@
 
 use super::edit::{Edit, hash, id_of};
 use crate::common::device::{Watched, opened, options};
+use crate::common::folder::Folder;
 use crate::common::notes::skip;
 use crate::common::random::{scene, view};
+use crate::common::same::{assert_same_frame, assert_same_gradients, assert_same_splats};
 use ivv::Constants;
-use ivv::extremes::adjoint::{bits, cotangents};
+use ivv::extremes::adjoint::cotangents;
 use ivv::gpu::generated::gather;
 use ivv::gpu::kernel::{Access, BindingInfo};
 use ivv::gpu::{Buf, Grid, KernelInfo, Options, Recording, Rewrite};
+use ivv::scene::Frame;
+use ivv::scene::Similarity;
 use ivv::scene::capture::Capture;
-use ivv::stage::{Outputs, Renderer, Sums};
+use ivv::stage::{Gradients, Outputs, Renderer, Sums};
 use ivv::synth::{Options as Synthesis, Preset, write_capture};
 use ivv::train::{Config, Priors, Session, SessionOptions};
 use rspirv::dr::{Instruction, Operand};
@@ -211,40 +215,44 @@ fn a_barrier_that_is_missing_shows() {
     assert_eq!(sum(&reordered(), liar), [0, 0, 0]);
 }
 
-/// The picture of a scene and the bits of its gradient.
-fn gradient(gpu: &Watched, mode: Sums) -> Vec<u64> {
+/// The picture of a scene and its gradient.
+fn gradient(gpu: &Watched, mode: Sums) -> (Frame, Gradients) {
     let (splats, view) = (scene(9, 2000, 1), view());
     let mut renderer = Renderer::new((*gpu).clone(), &splats, Constants::default()).unwrap();
     renderer.accumulate(mode).unwrap();
     let (frame, _) = renderer.render(&view, Outputs::All).unwrap();
     let (found, report) = renderer.vjp(&view, &cotangents(3, &view, |_| false)).unwrap();
     assert!(report.intersections > 2000);
-    let picture = frame.color.as_flattened().iter().chain(&frame.depth).chain(frame.flow.as_flattened());
-    picture.map(|x| x.to_bits().into()).chain(bits(&found)).collect()
+    (frame, found)
 }
 
 #[test]
 fn pictures_and_gradients_have_the_same_bits_in_another_order_where_they_claim_so() {
     for mode in Sums::ALL.into_iter().filter(|mode| mode.check(ordered().caps()).is_ok()) {
         let [usual, other] = [ordered, reordered].map(|device| gradient(&device(), mode));
-        assert!(usual == other, "{mode:?}");
+        assert_same_frame(format_args!("{mode:?}"), &other.0, &usual.0);
+        assert_same_gradients(format_args!("{mode:?}"), &other.1, &usual.1);
     }
 }
 
 #[test]
 fn training_has_the_same_bits_in_another_order() {
-    let folder = std::env::temp_dir().join(format!("ivv-order-{}", std::process::id()));
-    write_capture(&folder, &Synthesis { frames: 4, ..Preset::Tiny.options(7) }, 2, &mut |_, _| {}).unwrap();
-    let capture = Capture::open(&folder).unwrap();
+    let folder = Folder::new("order");
+    write_capture(&folder.0, &Synthesis { frames: 4, ..Preset::Tiny.options(7) }, 2, &mut |_, _| {}).unwrap();
+    let capture = Capture::open(&folder.0).unwrap();
     let train = |device: Watched| {
         let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
-        let options = SessionOptions { total: Some(24), priors: Some(Priors::default()), ..SessionOptions::default() };
+        let options = SessionOptions {
+            total: Some(24),
+            world: Some(Similarity::default()),
+            priors: Some(Priors::default()),
+            ..SessionOptions::default()
+        };
         let mut session = Session::begin((*device).clone(), &capture, config, options).unwrap();
         while session.step().unwrap() {}
         session.finish().unwrap()
     };
     let [usual, other] = [ordered, reordered].map(|device| train(device()));
-    std::fs::remove_dir_all(&folder).unwrap();
     assert!(usual.len() > 300, "none were added");
-    assert!(usual == other);
+    assert_same_splats("training", &other, &usual);
 }

@@ -4,6 +4,7 @@ use ivv::scene::capture::{Capture, CaptureSettings, Point, check_capture};
 
 use super::model::{Model, STEMS, binary, sample, text, write, write_images};
 use super::{Case, Folder, assert_told, told};
+use crate::common::program;
 
 #[test]
 fn every_number_of_a_binary_model_arrives() {
@@ -237,8 +238,8 @@ fn check_prints_every_fault_and_exits_with_3() {
     write(&folder, &sample());
     write_images(&folder);
     let check = |json: bool| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let output = command.arg("check").arg(&folder.0).args(json.then_some("--json")).output().unwrap();
+        let mut command = program::command(&["check", program::text(&folder.0)]);
+        let output = command.args(json.then_some("--json")).output().unwrap();
         (output.status.code().unwrap(), String::from_utf8(output.stdout).unwrap())
     };
     let (code, text) = check(false);

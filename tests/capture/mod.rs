@@ -18,32 +18,15 @@ mod real;
 mod settings;
 pub mod transforms;
 
-use std::fs;
-use std::path::PathBuf;
-
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
+
+pub use crate::common::folder::Folder;
 
 /// A change to something valid and what the fault then says.
 type Case<T> = (fn(&mut T), &'static str);
 
-/// A folder of its own for one test, removed when it is dropped.
-pub struct Folder(pub PathBuf);
-
 impl Folder {
-    pub fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("ivv-capture-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    pub fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.0.join(name);
-        fs::create_dir_all(path.parent().unwrap()).unwrap();
-        fs::write(&path, bytes).unwrap();
-        path
-    }
-
     /// The report of the folder with the default settings.
     fn check(&self) -> Report {
         check_capture(&self.0, &CaptureSettings::default())
@@ -51,12 +34,6 @@ impl Folder {
 
     fn open(&self) -> Capture {
         Capture::open(&self.0).unwrap()
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
     }
 }
 

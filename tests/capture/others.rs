@@ -7,23 +7,10 @@ use serde_json::json;
 
 use super::model::{sample, write};
 use super::{Folder, assert_told, png, told};
+use crate::common::npy_rows;
 
 fn noted(report: &Report, says: &str) {
     assert!(report.notes.iter().any(|note| note.contains(says)), "no note says {says:?}: {:?}", report.notes);
-}
-
-/// A `.npy` of f64 in C order.
-fn npy(rows: usize, columns: usize, values: &[f64]) -> Vec<u8> {
-    let mut header = format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows}, {columns}), }}");
-    while (10 + header.len() + 1) % 64 != 0 {
-        header.push(' ');
-    }
-    header.push('\n');
-    let mut bytes = b"\x93NUMPY\x01\0".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.bytes());
-    bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-    bytes
 }
 
 /// Rows of cameras at these places of the x axis, which look along -z with y up; images of 6 x 4 pixels, focal length 5.
@@ -36,7 +23,7 @@ fn poses(places: &[f64]) -> Vec<u8> {
             .chain([1.0, 9.0])
     };
     let values: Vec<f64> = places.iter().flat_map(|x| row(*x)).collect();
-    npy(places.len(), 17, &values)
+    npy_rows(places.len(), &values)
 }
 
 #[test]

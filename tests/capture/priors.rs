@@ -13,6 +13,7 @@ use ivv::scene::prior::{read_depth, read_flow, write_depth_halves};
 
 use super::model::{Model, binary};
 use super::{Folder, assert_told, png};
+use crate::common::npy;
 
 pub const WIDTH: u32 = 3;
 pub const HEIGHT: u32 = 2;
@@ -28,16 +29,6 @@ fn flo(flow: &[[f32; 2]]) -> Vec<u8> {
     let mut bytes = b"PIEH".to_vec();
     bytes.extend([WIDTH, HEIGHT].into_iter().flat_map(u32::to_le_bytes));
     bytes.extend(floats(flow.as_flattened()));
-    bytes
-}
-
-fn npy(shape: &str, kind: &str, data: &[u8]) -> Vec<u8> {
-    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
-    header.insert_str(header.len() - 1, &" ".repeat((64 - (header.len() + 10) % 64) % 64));
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.into_bytes());
-    bytes.extend(data);
     bytes
 }
 

@@ -1,7 +1,6 @@
 //! COLMAP projects as people have them: several models, odd names, poses in other conventions, masks beside the images.
 
 use std::fs;
-use std::process::Command;
 
 use glam::DVec3;
 use image::ExtendedColorType;
@@ -10,6 +9,7 @@ use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
 
 use super::model::{Model, STEMS, binary, sample, text, write, write_images};
 use super::{Folder, assert_told, encode, png, told};
+use crate::common::program::{self, works};
 
 /// The model in a folder of `sparse`, as binary files.
 fn write_to(folder: &Folder, sparse: &str, model: &Model) {
@@ -76,22 +76,13 @@ fn preparing_reads_the_model_that_is_asked_for_and_leaves_out_cameras() {
     write_images(&folder);
     write_to(&folder, "sparse/0", &small());
     write_to(&folder, "sparse/1", &sample());
-    let out = folder.0.join("out");
+    let (path, out) = (program::text(&folder.0), folder.0.join("out"));
     for (options, n) in [(&["--model", "0"][..], 1), (&["--exclude", "a,b"][..], 1), (&[], 3)] {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        command.arg("prepare").arg(&folder.0).arg("-o").arg(&out).args([
-            "--triangulate",
-            "none",
-            "--force",
-            "--test-every",
-            "0",
-        ]);
-        let output = command.args(options).output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        let prepare = ["prepare", path, "-o", program::text(&out), "--triangulate", "none", "--force"];
+        works(&[&prepare[..], &["--test-every", "0"], options].concat());
         assert_eq!(check_capture(&out, &CaptureSettings::default()).n_cameras, n, "{options:?}");
     }
-    let output = Command::new(env!("CARGO_BIN_EXE_ivv")).arg("check").arg(&folder.0).args(["--exclude", "z"]).output();
-    let output = output.unwrap();
+    let output = program::ivv(&["check", path, "--exclude", "z"]);
     assert_eq!(output.status.code(), Some(3));
     assert!(String::from_utf8_lossy(&output.stdout).contains("--exclude: no camera is named `z`"), "{output:?}");
 }

@@ -4,6 +4,7 @@ use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan, check
 
 use super::{Folder, assert_told, dynamic};
 use crate::common::notes::shared;
+use crate::common::same::assert_same;
 
 #[test]
 fn the_fox_has_its_published_test_views() {
@@ -121,7 +122,7 @@ fn a_jpeg_cut_anywhere_is_a_fault_and_never_a_picture() {
     // Telephones append a video, to which half an image is half an image.
     let pixels = capture.picture(0, 0).unwrap().pixels;
     folder.write("ims/0/000000.jpg", [&whole[..], &[7; 5000]].concat());
-    assert!(folder.open().picture(0, 0).unwrap().pixels == pixels);
+    assert_same("pixels", &folder.open().picture(0, 0).unwrap().pixels, &pixels);
     folder.write("ims/0/000000.jpg", [&whole[..whole.len() / 2], &[7; 5000]].concat());
     assert!(super::told(&folder.check()).contains("is cut off"));
     for n in (0..whole.len() - 64).step_by(307) {

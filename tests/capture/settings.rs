@@ -1,12 +1,13 @@
 //! How a capture is read: folders of smaller images, sizes, alpha, and what a report says of many faults of one kind.
 
-use std::process::{Command, Output};
+use std::process::Output;
 
 use image::ExtendedColorType;
 use ivv::scene::capture::{Alpha, Capture, CaptureSettings, check_capture};
 
 use super::model::{sample, write, write_images};
 use super::{Folder, assert_told, encode, png, told};
+use crate::common::program;
 
 /// A project whose images are in `folders`, of 6 x 4 pixels divided by a number.
 fn project(folder: &Folder, folders: &[(&str, u32)]) {
@@ -19,7 +20,7 @@ fn project(folder: &Folder, folders: &[(&str, u32)]) {
 }
 
 fn ivv(arguments: &[&str]) -> (Option<i32>, String) {
-    let Output { status, stdout, stderr } = Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments).output().unwrap();
+    let Output { status, stdout, stderr } = program::ivv(arguments);
     (status.code(), String::from_utf8(stdout).unwrap() + &String::from_utf8(stderr).unwrap())
 }
 

@@ -18,6 +18,11 @@ pub fn render_with(splats: &Splats, view: &View, constants: Constants) -> (Frame
     Renderer::new(gpu.clone(), splats, constants).unwrap().render(view, Outputs::All).unwrap()
 }
 
+/// PSNR of one frame's colours in the other, dB.
+pub fn psnr(a: &Frame, b: &Frame) -> f64 {
+    -20.0 * rms(a, b).log10()
+}
+
 /// A frame of two pixels and its truth, the second pixel in the band.
 fn pair() -> (Frame, Truth<f64>) {
     let truth = Truth {

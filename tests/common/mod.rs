@@ -1,10 +1,13 @@
 //! What several test folders share.
 
 pub mod device;
+pub mod folder;
 pub mod frames;
 pub mod golden;
 pub mod notes;
+pub mod program;
 pub mod running;
+pub mod same;
 pub mod stages;
 pub mod twins;
 
@@ -27,10 +30,17 @@ pub fn zip(files: &[(String, Vec<u8>)]) -> Vec<u8> {
     archive.finish().unwrap()
 }
 
-/// Where tests that write thousands of files do so: in memory, where there is such a place.
-pub fn quick_folder() -> std::path::PathBuf {
-    let memory = std::path::PathBuf::from("/dev/shm");
-    if memory.is_dir() { memory } else { std::env::temp_dir() }
+/// A `.npy` of a shape and a kind of numbers, as Python spells them.
+pub fn npy(shape: &str, kind: &str, data: &[u8]) -> Vec<u8> {
+    let mut header = format!("{{'descr': '{kind}', 'fortran_order': False, 'shape': {shape}, }}\n");
+    header.insert_str(header.len() - 1, &" ".repeat((64 - (header.len() + 10) % 64) % 64));
+    [b"\x93NUMPY\x01\x00".as_slice(), &(header.len() as u16).to_le_bytes(), header.as_bytes(), data].concat()
+}
+
+/// A `.npy` of rows of f64.
+pub fn npy_rows(rows: usize, values: &[f64]) -> Vec<u8> {
+    let data: Vec<u8> = values.iter().flat_map(|value| value.to_le_bytes()).collect();
+    npy(&format!("({rows}, {})", values.len() / rows), "<f8", &data)
 }
 
 /// A Python that has `module`: `python3`, or that of `tools/setup.sh player`. Where neither has it, a skip is noted.

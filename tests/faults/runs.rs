@@ -1,5 +1,6 @@
 //! Runs of `ivv` under the layer.
 
+use crate::common::folder::Folder;
 use ivv::scene::capture::Capture;
 use ivv::scene::write_views;
 use ivv::synth::{Options, Preset, write_capture};
@@ -55,21 +56,13 @@ impl Ended {
 
 /// A capture, a scene and cameras, and a folder for runs; removed at the end.
 pub struct Bed {
-    folder: PathBuf,
+    folder: Folder,
     layer: PathBuf,
     serial: AtomicUsize,
     settings: Vec<String>,
     /// Further options of its trainings.
     options: Vec<String>,
     undisturbed: OnceLock<Ended>,
-}
-
-impl Drop for Bed {
-    fn drop(&mut self) {
-        if !std::thread::panicking() {
-            let _ = std::fs::remove_dir_all(&self.folder);
-        }
-    }
 }
 
 impl Bed {
@@ -94,24 +87,22 @@ impl Bed {
     /// A new one, with these settings and further options of its trainings.
     pub fn with_options(name: &str, settings: &[&str], options: &[&str]) -> Self {
         let further = options.iter().map(|option| (*option).to_owned()).collect();
-        let folder = crate::common::quick_folder().join(format!("ivv-faults-{name}-{}", std::process::id()));
-        let _ = std::fs::remove_dir_all(&folder);
-        std::fs::create_dir_all(&folder).unwrap();
+        let folder = Folder::quick(&format!("faults-{name}"));
         let options =
             Options { cameras: 3, test_cameras: 1, width: 32, height: 32, frames: 2, ..Preset::Tiny.options(7) };
-        let capture = folder.join("capture");
+        let capture = folder.file("capture");
         write_capture(&capture, &options, 2, &mut |_, _| {}).unwrap();
         let opened = Capture::open(&capture).unwrap();
         let views = [opened.view(0, 0).unwrap(), opened.view(1, 1).unwrap()];
-        write_views(&folder.join("cameras.json"), &views).unwrap();
-        let layer = folder.join("layer");
+        write_views(&folder.file("cameras.json"), &views).unwrap();
+        let layer = folder.file("layer");
         super::built::layer(&layer);
         let settings = settings.iter().map(|set| (*set).to_owned()).collect();
         let serial = AtomicUsize::new(0);
         let bed = Bed { folder, layer, serial, settings, options: further, undisturbed: OnceLock::new() };
         let ended = bed.run(Verb::Train, None);
         assert_eq!(ended.code, Some(0), "{}", ended.told);
-        std::fs::rename(&ended.folder, bed.folder.join("run")).unwrap();
+        std::fs::rename(&ended.folder, bed.folder.file("run")).unwrap();
         bed.undisturbed.get_or_init(|| ended);
         bed
     }
@@ -134,7 +125,7 @@ impl Bed {
     /// As [`Bed::run`], ended after so many seconds.
     pub fn run_within(&self, verb: Verb, fault: Option<&str>, seconds: f64) -> Ended {
         let serial = self.serial.fetch_add(1, Ordering::Relaxed);
-        let folder = self.folder.join(format!("out{serial}"));
+        let folder = self.folder.file(&format!("out{serial}"));
         let counts_file = folder.with_extension("counts");
         let mut command = self.command(verb, &folder);
         command.env("VK_LAYER_PATH", &self.layer).env("VK_INSTANCE_LAYERS", "VK_LAYER_IVV_faults");
@@ -180,7 +171,7 @@ impl Bed {
     }
 
     fn command(&self, verb: Verb, output: &Path) -> Command {
-        let at = |name: &str| self.folder.join(name);
+        let at = |name: &str| self.folder.file(name);
         let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
         match verb {
             Verb::Render => {

@@ -26,17 +26,13 @@ fn answers(call: &str) -> Vec<i32> {
     [own, &MEMORY, &[-13]].concat()
 }
 
-/// The first, the middle and the last call of each entry point, each with another answer.
+/// Of each entry point the first, the middle or the last call, in turn, with answers in turn too. [`many`] has all of them.
 pub fn few(counts: &BTreeMap<String, u64>) -> Vec<(String, u64, i32)> {
-    let mut all = Vec::new();
-    for (call, n) in counts {
-        let mut places = vec![1, n.div_ceil(2), *n];
-        places.dedup();
-        let answers = answers(call);
-        let chosen = places.into_iter().enumerate().map(|(k, n)| (call.clone(), n, answers[k % answers.len()]));
-        all.extend(chosen);
-    }
-    all
+    let one = |(k, (call, n)): (usize, (&String, &u64))| {
+        let (place, answers) = ([1, n.div_ceil(2), *n][k % 3], answers(call));
+        (call.clone(), place, answers[k / 3 % answers.len()])
+    };
+    counts.iter().enumerate().map(one).collect()
 }
 
 /// Calls of each entry point, evenly spread over all, each with every answer.

@@ -167,7 +167,7 @@ impl Bench {
 
 /// Runs so many cases, or cases for this format's part of IVV_FUZZ_SECONDS; or the one of IVV_FUZZ_REPLAY.
 pub fn fuzz(name: &'static str, n: u32, n_formats: usize, seeds: Vec<Seed>) {
-    let folder = crate::common::quick_folder().join(format!("ivv-fuzz-{name}-{}", std::process::id()));
+    let folder = crate::common::folder::in_memory().join(format!("ivv-fuzz-{name}-{}", std::process::id()));
     if let Ok(text) = std::env::var("IVV_FUZZ_REPLAY") {
         let Some((_, case)) = text.split_once(':').filter(|(format, _)| *format == name) else { return };
         let case = case_of(case).expect("IVV_FUZZ_REPLAY is FORMAT:CASE, as a failure tells it");
@@ -280,10 +280,10 @@ fn a_case_is_told_and_given_again() {
 fn a_panic_and_an_allocation_are_found_and_shrunk() {
     let message = |read: fn(&Path) -> bool| {
         let seeds = vec![Seed::of([("a.bin", vec![1u8; 40])], read)];
-        let found = std::panic::catch_unwind(|| fuzz("control", 5000, 1, seeds)).expect_err("it is found");
-        let folder = crate::common::quick_folder().join(format!("ivv-fuzz-control-{}", std::process::id()));
+        let found = quietly(|| fuzz("control", 5000, 1, seeds)).expect_err("it is found");
+        let folder = crate::common::folder::in_memory().join(format!("ivv-fuzz-control-{}", std::process::id()));
         std::fs::remove_dir_all(folder).unwrap();
-        found.downcast_ref::<String>().expect("a message").clone()
+        found
     };
     let panics = message(|folder| {
         let bytes = std::fs::read(folder.join("a.bin")).unwrap();

@@ -13,6 +13,7 @@ mod sounds;
 mod sources;
 mod trainings;
 
+use crate::common::folder::Folder;
 use engine::{Files, fuzz};
 use std::path::Path;
 
@@ -90,10 +91,7 @@ fn files_of(folder: &Path) -> Files {
 
 /// The one file that `write` writes in a folder of its own.
 fn file(name: &str, write: impl FnOnce(&Path) -> ivv::Result<()>) -> Vec<u8> {
-    let folder = std::env::temp_dir().join(format!("ivv-fuzz-seed-{name}-{}", std::process::id()));
-    std::fs::create_dir_all(&folder).unwrap();
-    write(&folder.join(name)).unwrap();
-    let bytes = std::fs::read(folder.join(name)).unwrap();
-    std::fs::remove_dir_all(folder).unwrap();
-    bytes
+    let folder = Folder::new("fuzz-seed");
+    write(&folder.file(name)).unwrap();
+    std::fs::read(folder.file(name)).unwrap()
 }

@@ -3,6 +3,7 @@
 use super::engine::{Files, Seed};
 use super::{files_of, mend};
 use crate::capture::{Folder, dynamic, model, png, told, transforms as documents};
+use crate::common::npy_rows;
 use glam::DVec2;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
@@ -101,7 +102,7 @@ pub fn npz() -> Vec<Seed> {
     let folder = Folder::new("fuzz-npz");
     dynamic::write(&folder, 1);
     let row = |at: f64| [at, 2.0, 3.0, 0.5, 0.0, 1.0, 1.0];
-    let array = crate::prepare::sources::npy(2, &[row(1.0), row(-4.0)].concat());
+    let array = npy_rows(2, &[row(1.0), row(-4.0)].concat());
     let mut parts = files_of(&folder.0);
     parts.insert("init_pt_cld.npz/data.npy".to_owned(), array);
     let seed = Seed { only: vec!["init_pt_cld"], build: mend::archives, ..Seed::of(parts, capture) };
@@ -221,7 +222,7 @@ pub fn llff() -> Vec<Seed> {
         let row: Vec<f64> = (0..3).flat_map(|k| [down[k], right[k], back[k], center[k], hwf[k]]).collect();
         [row, vec![1.0, 100.0]].concat()
     };
-    let array = crate::prepare::sources::npy(2, &[row(1.0), row(0.0)].concat());
+    let array = npy_rows(2, &[row(1.0), row(0.0)].concat());
     let mut seeds = source("poses_bounds.npy", array, ["cam00", "cam01"]);
     seeds.iter_mut().for_each(|seed| seed.only = vec!["source/poses_bounds.npy"]);
     seeds

@@ -8,7 +8,7 @@ use ivv::Constants;
 use ivv::profile::{read_dispatch, write_dispatch};
 use ivv::scene::Similarity;
 use ivv::scene::capture::Capture;
-use ivv::train::{Average, CameraState, Checkpoint, Config, Kind, Log, Owed, PRESETS, Preset, Run, StepRoom};
+use ivv::train::{Average, CameraState, Checkpoint, Config, DueEvents, Kind, Log, PRESETS, Preset, Run, StepRoom};
 use std::path::Path;
 
 pub fn config() -> Vec<Seed> {
@@ -41,7 +41,7 @@ pub fn checkpoint() -> Vec<Seed> {
         average: Average { n: 3, mean: params.clone() },
         params,
         cameras,
-        owed: Owed::default(),
+        due: DueEvents::default(),
         room: StepRoom { intersections: 1 << 14, rounds: 2 },
     };
     let folder = Folder::new("fuzz-checkpoint");

@@ -1,11 +1,12 @@
 //! The ways of adding gradients up.
 
 use super::adjoint::layers;
-use super::check::{bits, cotangents, dot, flat, smooth_cotangents};
+use super::check::{cotangents, dot, flat, smooth_cotangents};
 use crate::adversary::slack;
 use crate::common::device::gpu;
 use crate::common::one::{One, at_pixel, ball, camera, scene_of, with};
 use crate::common::random::{scene, view};
+use crate::common::same::assert_same_gradients;
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::extremes::adjoint::group_error;
@@ -115,10 +116,9 @@ fn slots_and_fixed_point_give_the_same_bits_in_every_run() {
     let splats = scene(9, 400, 0);
     for mode in Sums::ALL {
         let Some(first) = gradients(&splats, mode) else { continue };
-        let first = bits(&first);
-        assert!(first.iter().any(|x| *x != 0));
+        assert!(flat(&first, "position").iter().any(|x| *x != 0.0));
         for _ in 0..3 {
-            assert_eq!(first, bits(&gradients(&splats, mode).unwrap()), "{mode:?}");
+            assert_same_gradients(format_args!("{mode:?}"), &gradients(&splats, mode).unwrap(), &first);
         }
     }
 }
@@ -133,8 +133,8 @@ fn fixed_point_in_one_word_gives_the_bits_of_two() {
         if crate::adversary::rounds_otherwise("two kernels are compared to the bit") {
             return;
         }
-        assert!(bits(&one).iter().any(|x| *x != 0));
-        assert_eq!(bits(&one), bits(&two), "{n} Gaussians");
+        assert!(flat(&one, "position").iter().any(|x| *x != 0.0));
+        assert_same_gradients(format_args!("{n} Gaussians"), &one, &two);
     }
 }
 

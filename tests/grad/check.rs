@@ -3,7 +3,7 @@
 use crate::common::device::{bench, gpu};
 use ivv::Constants;
 use ivv::extremes::adjoint;
-pub use ivv::extremes::adjoint::{bits, cotangents, dot, flat, is_finite};
+pub use ivv::extremes::adjoint::{cotangents, dot, flat, is_finite};
 use ivv::scene::{Frame, Splats, View};
 use ivv::stage::{FrameReport, Gradients, Renderer};
 use ivv::twin::render_f64;

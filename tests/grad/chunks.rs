@@ -1,11 +1,12 @@
 //! Long lists in chunks, as GPUs walk them, whatever the device: pictures and gradients against the truth.
 
 use super::adjoint::layers;
-use super::check::{bits, flat, smooth_cotangents};
+use super::check::{flat, smooth_cotangents};
 use crate::adversary::{rounds_otherwise, slack};
 use crate::common::device::as_gpu;
 use crate::common::frames::{Tolerance, compare, pixels};
 use crate::common::one::camera;
+use crate::common::same::assert_same_gradients;
 use crate::common::twins::tested;
 use ivv::extremes::adjoint::group_error;
 use ivv::gpu::generated::constants::chunk::CHUNK;
@@ -78,7 +79,7 @@ fn gradients_of_long_lists_are_those_of_the_truth_in_all_ways_and_the_same_bits_
             }
             assert!(flat(&found, "opacity").iter().filter(|x| **x != 0.0).count() > 500);
             let again = renderer.vjp(&view, &cotangents).unwrap().0;
-            assert!(bits(&found) == bits(&again), "{n}, {sums:?}: another run has other bits");
+            assert_same_gradients(format_args!("{n}, {sums:?}: another run"), &again, &found);
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
 use crate::common::twins::tested;
+use crate::kernel::assert_same_scene;
 use ivv::Constants;
 use ivv::extremes::fixtures::adam::{Step, cotangents, gradients, half_seen, numbers, rates};
 use ivv::gpu::Recording;
@@ -97,7 +98,7 @@ fn sums_of_three_images_have_the_twins_bits() {
             let cull = Cull::new(&gpu, &buffers, buffers.n, false).unwrap();
             let mut rec = Recording::new();
             cull.record(&mut rec, &buffers, &view, &status);
-            batch.record_add(&mut rec, &buffers, (&cull, &status), &planes);
+            batch.record_add(&mut rec, &buffers, &cull, &status, &planes);
             gpu.run(&rec).unwrap();
             let n_active = gpu.read(&cull.n_active).unwrap()[0] as usize;
             for id in &gpu.read(&cull.active_id).unwrap()[..n_active] {
@@ -255,7 +256,7 @@ fn a_batch_has_the_same_bits_in_any_order_and_statistics_as_single_steps_have() 
     let [a, b] = borrowed(&images);
     let (found, _) = scene.batch_step(&gpu(), &[a, b], &Step::dense(3)).unwrap();
     assert!(found != scene);
-    assert!(found == scene.batch_step(&gpu(), &[b, a], &Step::dense(3)).unwrap().0, "the order has changed the bits");
+    assert_same_scene("another order", &scene.batch_step(&gpu(), &[b, a], &Step::dense(3)).unwrap().0, &found);
     // Pulls and counts are those of the two images alone.
     let of = |image: (&View, &[[f32; 3]])| scene.step(&gpu(), image.0, image.1, &Step::dense(3)).unwrap().0.state;
     let (mut n_seen, mut n_twice) = (0, 0);
@@ -276,7 +277,8 @@ fn a_failed_batch_leaves_all() {
     let images = two(1e-3);
     for failed in [1, 2, 1 << 31] {
         let step = Step { failed, ..Step::dense(1) };
-        assert!(scene.batch_step(&gpu(), &borrowed(&images), &step).unwrap().0 == scene);
+        let found = scene.batch_step(&gpu(), &borrowed(&images), &step).unwrap().0;
+        assert_same_scene(format_args!("failed {failed}"), &found, &scene);
     }
 }
 

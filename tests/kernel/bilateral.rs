@@ -3,10 +3,12 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::extremes::fixtures::grids::{Case, Found, random_grid, step};
 use ivv::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 use ivv::twin::{Adam, BilateralGrid, Dual, centred, pooled};
+use std::fmt::Display;
 
 tested! {
     "bilateral/bilateral_slice.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;
@@ -43,6 +45,13 @@ fn relative_l2(found: &[f32], truth: &[f64]) -> f64 {
     difference.sqrt() / norm
 }
 
+#[track_caller]
+fn assert_same_grid(label: impl Display, found: &GridState, truth: &GridState) {
+    assert_same(format_args!("{label}: grid"), &found.grid, &truth.grid);
+    assert_same(format_args!("{label}: first moments"), &found.first, &truth.first);
+    assert_same(format_args!("{label}: second moments"), &found.second, &truth.second);
+}
+
 #[test]
 fn slices_are_the_twins_to_1e_6_at_any_size() {
     for size in SIZES {
@@ -63,7 +72,7 @@ fn slices_are_the_twins_to_1e_6_at_any_size() {
 fn the_identity_gives_every_colour_its_bits() {
     for size in SIZES {
         let case = Case { state: GridState::identity(), ..Case::random(2, size) };
-        assert!(by_both(&case).iter().all(|found| found.graded == case.image), "{size:?}");
+        by_both(&case).iter().for_each(|found| assert_same(format_args!("{size:?}"), &found.graded, &case.image));
     }
 }
 
@@ -176,7 +185,9 @@ fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
         step(&gpu, &grids, 1, &d_grid, &GridStep { step: 7, is_free: true, is_affine: false, camera_step, rate }, 0)
             .unwrap();
         let found = grids.download(&gpu).unwrap();
-        assert!(found[0] == states[0] && found[2] == states[2], "other cameras moved");
+        for camera in [0, 2] {
+            assert_same_grid("another camera", &found[camera], &states[camera]);
+        }
         let found = &found[1];
         for (i, g) in d_grid.iter().enumerate() {
             let before = [state.grid[i], state.first[i], state.second[i]];
@@ -218,7 +229,9 @@ fn an_affine_step_is_that_of_one_map_in_all_cells() {
     let numbers = GridStep { step: 7, is_free: true, is_affine: true, camera_step: 1, rate };
     step(&gpu, &grids, 1, &d_grid, &numbers, 0).unwrap();
     let found = grids.download(&gpu).unwrap();
-    assert!(found[0] == states[0] && found[2] == states[2], "other cameras moved");
+    for camera in [0, 2] {
+        assert_same_grid("another camera", &found[camera], &states[camera]);
+    }
     let truth = pooled(&wide(&d_grid));
     for (i, (after, d)) in found[1].grid.iter().zip(&truth).enumerate() {
         assert_eq!(after.to_bits(), found[1].grid[i % 12].to_bits(), "number {i}: cells differ");
@@ -333,7 +346,8 @@ fn a_failed_frame_leaves_all_bits() {
     let grids = Grids::upload(&gpu, &states).unwrap();
     for failed in [1, 2, 1 << 31] {
         step(&gpu, &grids, 0, &d_grid, &numbers, failed).unwrap();
-        assert!(grids.download(&gpu).unwrap() == states, "{failed}");
+        let found = grids.download(&gpu).unwrap();
+        found.iter().zip(&states).for_each(|(found, state)| assert_same_grid(failed, found, state));
     }
     step(&gpu, &grids, 0, &d_grid, &numbers, 0).unwrap();
     let after = grids.download(&gpu).unwrap();
@@ -343,14 +357,14 @@ fn a_failed_frame_leaves_all_bits() {
 #[test]
 fn gradients_have_the_same_bits_in_every_run() {
     let case = Case::random(16, [97, 64]);
-    let bits = |found: Found| {
-        let all = [found.d_grid, found.d_image.as_flattened().to_vec(), found.graded.as_flattened().to_vec()];
-        all.map(|numbers| numbers.into_iter().map(f32::to_bits).collect::<Vec<_>>())
-    };
-    let first = by_both(&case).map(bits);
-    assert!(first[0][0].iter().any(|x| *x != 0));
+    let first = by_both(&case);
+    assert!(first[0].d_grid.iter().any(|x| *x != 0.0));
     for _ in 0..3 {
-        assert!(by_both(&case).map(bits) == first);
+        for (found, first) in by_both(&case).iter().zip(&first) {
+            assert_same("gradient of the grid", &found.d_grid, &first.d_grid);
+            assert_same("gradient of the picture", &found.d_image, &first.d_image);
+            assert_same("picture", &found.graded, &first.graded);
+        }
     }
 }
 
@@ -360,7 +374,9 @@ fn states_go_up_and_come_back_and_unsound_ones_are_known() {
     let mut random = Random::new(17);
     let states: Vec<GridState> = (0..3).map(|_| random_grid(&mut random, 0.5)).collect();
     let grids = Grids::upload(&gpu, &states).unwrap();
-    assert_eq!((grids.n_cameras(), grids.download(&gpu).unwrap() == states), (3, true));
+    let found = grids.download(&gpu).unwrap();
+    assert_eq!([grids.n_cameras(), found.len()], [3, 3]);
+    found.iter().zip(&states).for_each(|(found, state)| assert_same_grid("read back", found, state));
     assert_eq!(GridState::identity().identity_deviation(), 0.0);
     let mut shifted = GridState::identity();
     shifted.grid.iter_mut().for_each(|x| *x += 0.25);

@@ -4,6 +4,7 @@ use crate::adversary::slack;
 use crate::common::frames::{Tolerance, compare, pixels, render, render_with};
 use crate::common::one::camera;
 use crate::common::random::{scene, view, wild_scene};
+use crate::common::same::assert_same;
 use crate::common::stages::Fixture;
 use crate::common::twins::tested;
 use ivv::Constants;
@@ -95,10 +96,10 @@ fn strips_of_any_height_show_the_same_bits_as_the_whole() {
                 let strip = Strip { first_row, n_rows: rows.min(view.intrinsics.height - first_row) };
                 let (image0, image1) = fixture.blend(&view, strip);
                 let expected = &whole[(first_row * view.intrinsics.width) as usize..][..image0.len()];
-                for ((a, b), expected) in image0.iter().zip(&image1).zip(expected) {
-                    let found = std::array::from_fn::<f32, 8, _>(|k| if k < 4 { a[k] } else { b[k - 4] });
-                    assert_eq!(found.map(f32::to_bits), expected.map(f32::to_bits), "strip {strip:?}");
-                }
+                let both = image0.iter().zip(&image1);
+                let found: Vec<[f32; 8]> =
+                    both.map(|(a, b)| std::array::from_fn(|k| if k < 4 { a[k] } else { b[k - 4] })).collect();
+                assert_same(format_args!("{strip:?}"), &found, expected);
                 first_row += strip.n_rows;
             }
         }

@@ -2,6 +2,7 @@
 
 use super::density::scene;
 use crate::common::device::gpu;
+use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::gpu::Recording;
@@ -69,10 +70,6 @@ fn run(splats: &Splats, clearings: &[Clearing], failed: u32, holds_static: bool)
     scene.download(&gpu, scene.groups.iter().map(|g| &g.params)).unwrap().position
 }
 
-fn bits(positions: &[[f32; 3]]) -> Vec<u32> {
-    positions.as_flattened().iter().map(|x| x.to_bits()).collect()
-}
-
 /// Puts all but every fifth evenly into a box around the spaces.
 fn spread(splats: &mut Splats) {
     for (i, position) in splats.position.iter_mut().enumerate().filter(|(i, _)| i % 5 != 4) {
@@ -92,7 +89,7 @@ fn who_is_before_a_lens_goes_behind_it_as_in_the_twin() {
         for (before, after) in splats.position.iter().zip(&found) {
             let p = before.map(f64::from);
             if p.iter().any(|x| !x.is_finite() || x.abs() > 1e3) {
-                assert_eq!(bits(&[*before]), bits(&[*after]), "no height is known of {before:?}");
+                assert_same("no height is known", &[*after], &[*before]);
                 continue;
             }
             // At an edge, rounding decides: either is right.
@@ -110,7 +107,7 @@ fn who_is_before_a_lens_goes_behind_it_as_in_the_twin() {
         assert!(n_static + n_dynamic < 200 || (n_moved > 20 && n_close < 5), "{n_moved}, {n_close}");
         // Who was moved stays.
         let once = Splats { position: run(&splats, &CLEARINGS[..1], 0, false), ..splats };
-        assert_eq!(bits(&run(&once, &CLEARINGS[..1], 0, false)), bits(&once.position));
+        assert_same("who was moved", &run(&once, &CLEARINGS[..1], 0, false), &once.position);
     }
 }
 
@@ -118,10 +115,10 @@ fn who_is_before_a_lens_goes_behind_it_as_in_the_twin() {
 fn nobody_moves_after_a_step_that_failed_and_none_that_is_not_trained() {
     let (mut splats, _) = scene(5, 300, 300, 0);
     spread(&mut splats);
-    assert_eq!(bits(&run(&splats, &CLEARINGS, 1, false)), bits(&splats.position));
+    assert_same("a step that failed", &run(&splats, &CLEARINGS, 1, false), &splats.position);
     let held = run(&splats, &CLEARINGS, 0, true);
-    assert_eq!(bits(&held[..300]), bits(&splats.position[..300]));
-    assert_ne!(bits(&held[300..]), bits(&splats.position[300..]));
+    assert_same("static Gaussians", &held[..300], &splats.position[..300]);
+    assert_ne!(held[300..], splats.position[300..]);
 }
 
 #[test]
@@ -130,5 +127,5 @@ fn a_value_that_is_not_finite_moves_nobody() {
     for (i, value) in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY, f32::MAX, 1e30].into_iter().enumerate() {
         splats.position[i] = [value; 3];
     }
-    assert_eq!(bits(&run(&splats, &CLEARINGS, 0, false)[..5]), bits(&splats.position[..5]));
+    assert_same("not finite", &run(&splats, &CLEARINGS, 0, false)[..5], &splats.position[..5]);
 }

@@ -6,7 +6,7 @@ use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::extremes::fixtures::clocks::on_device;
 use ivv::gpu::Recording;
-use ivv::stage::{Clocks, OFFSET_BOUND, Strip, view_params};
+use ivv::stage::{OFFSET_BOUND, Strip, TimeOffsets, view_params};
 use ivv::twin::{Camera, Clock, ClockRule, clock_step};
 
 tested! {
@@ -60,7 +60,7 @@ fn a_clock_shifts_the_view_by_its_offset_in_frames() {
     let gpu = gpu();
     let view = crate::common::random::view();
     let params = view_params(&view, &Constants::default(), [0.0; 3], Strip::whole(&view));
-    let clocks = Clocks::new(&gpu, &[[0.5, 0.0, 0.0, 0.0], [-1.25, 9.0, 9.0, 9.0]], &[true, false]).unwrap();
+    let clocks = TimeOffsets::new(&gpu, &[[0.5, 0.0, 0.0, 0.0], [-1.25, 9.0, 9.0, 9.0]], &[true, false]).unwrap();
     for (camera, offset) in [(0, 0.5), (1, -1.25)] {
         let buffer = gpu.upload("view", &[params]).unwrap();
         let mut rec = Recording::new();

@@ -3,6 +3,7 @@
 use crate::common::device::gpu;
 use crate::common::one::{One, ball, camera, scene_of};
 use crate::common::random::{Random, view, wild_scene};
+use crate::common::same::assert_same;
 use crate::common::stages::Fixture;
 use crate::common::twins::tested;
 use ivv::Constants;
@@ -100,9 +101,9 @@ fn the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order()
             exclusive_scan(&counts).offsets.iter().zip(&counts).map(|(begin, n)| [*begin, begin + n]).collect();
         let (status, ids) = fixture.cull();
         let what = format!("{n_static} static, {n_dynamic} dynamic");
-        assert_eq!(ids, expected, "{what}");
+        assert_same(&what, &ids, &expected);
         assert_eq!((status.failed, status.n_active), (0, expected.len() as u32), "{what}");
-        assert_eq!(fixture.gpu.read(&fixture.cull.ranges).unwrap(), ranges, "{what}");
+        assert_same(format_args!("{what}: ranges"), &fixture.gpu.read(&fixture.cull.ranges).unwrap(), &ranges);
         let kept = fixture.gpu.read(&fixture.cull.active_id).unwrap();
         assert!(kept[expected.len()..].iter().all(|word| *word == GUARD), "{what}: written past the list");
 
@@ -112,7 +113,7 @@ fn the_active_list_of_any_mix_of_sizes_is_the_list_of_the_marked_ones_in_order()
         let blocks = [n_static, n_dynamic].into_iter().filter(|n| *n > 0).map(|n| (n as u32).next_multiple_of(BLOCK));
         let idle = blocks.zip(&ranges).map(|(n, [first, last])| (n - (last - first)).div_ceil(64));
         let args: Vec<[u32; 4]> = grids.into_iter().chain(groups).chain(idle).map(folded).collect();
-        assert_eq!(fixture.gpu.read(&fixture.cull.args).unwrap(), args, "{what}");
+        assert_same(format_args!("{what}: arguments"), &fixture.gpu.read(&fixture.cull.args).unwrap(), &args);
     }
 }
 
@@ -149,8 +150,9 @@ fn many_groups_share_one_list() {
     let fixture = Fixture::with(gpu, scene, &camera(64, 48), n);
     let (status, ids) = fixture.cull();
     assert!(ids.len() > 300);
-    assert_eq!((ids, status.failed), (expected, 0));
-    assert_eq!(fixture.gpu.read(&fixture.cull.ranges).unwrap(), ranges);
+    assert_same("active", &ids, &expected);
+    assert_eq!(status.failed, 0);
+    assert_same("ranges", &fixture.gpu.read(&fixture.cull.ranges).unwrap(), &ranges);
     // The groups keep their order and their parameters in what follows.
     let active = fixture.project();
     assert!(active.splats.iter().all(|s| s[1][3] == 4.0), "every Gaussian in sight has camera depth 4");
@@ -266,7 +268,7 @@ fn blocks_are_listed_that_have_someone_alive_and_no_others() {
                 let (camera, rules) = (Camera::<f64>::new(&view), Rules::<f64>::new(&Constants::default()));
                 let seen = |i: &usize| visible(&params.gaussian(*i), &camera, time, [0.0, 48.0], &rules);
                 let expected: Vec<u32> = (0..n).filter(|i| *i != n / 2 && seen(i)).map(|i| i as u32).collect();
-                assert_eq!(ids, expected, "{what}");
+                assert_same(&what, &ids, &expected);
                 // Lives of f32 end within a hundredth of their length.
                 let alive = |i: usize, wider: f64| {
                     let motion = all[i].motion.unwrap();

@@ -5,11 +5,12 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::{Watched, gpu};
 use crate::common::one::{One, ball, logit, scene_of};
 use crate::common::random::Random;
+use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::gpu::Buf;
 use ivv::scene::{Cone, Motion, Splats};
-use ivv::stage::{Choice, Counts, DensityRound, Grown, Moments, SceneBuffers};
+use ivv::stage::{Choice, Counts, DensityRound, Grown, Moments, PruneLimits, SceneBuffers};
 use ivv::twin::{Density, Descent, Kind};
 
 tested! {
@@ -22,15 +23,15 @@ tested! {
     "density/density_children.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
 }
 
-const PULLED: Choice = Choice::Pulled { gradient: 2e-4, split_above: 0.03, prune_scale: 1.5 };
+const PULLED: Choice = Choice::Pulled { gradient: 2e-4, split_above: 0.03 };
+const LIMITS: PruneLimits = PruneLimits { opacity: 0.005, log_scale: 0.405_465_1, veil: 0.33 }; // ln 1.5
 
 const ROUND: DensityRound = DensityRound {
     choice: PULLED,
     n_frames: 5,
     center: [0.5, -0.25, 1.0],
     extent: 3.0,
-    prune_opacity: 0.005,
-    prune_veil: 0.33,
+    limits: LIMITS,
     opacity_ceiling: f32::MAX,
     max_gaussians: 100_000,
     growth: 0.15,
@@ -43,7 +44,12 @@ const LENSES: [Cone; 2] = [
     Cone { tip: [-0.6, -0.5, 2.0], reach: 0.6, axis: [0.6, 0.0, 0.8], unused: 0.0 },
 ];
 
-pub(super) const DRAWN: DensityRound = DensityRound { choice: Choice::Drawn, growth: 0.05, ..ROUND };
+pub(super) const DRAWN: DensityRound = DensityRound {
+    choice: Choice::Drawn,
+    limits: PruneLimits { log_scale: f32::INFINITY, ..LIMITS },
+    growth: 0.05,
+    ..ROUND
+};
 
 /// A scene with statistics, the moments that training would have, and its place on the device.
 pub(super) struct Case {
@@ -107,9 +113,9 @@ impl Case {
         let flat = self.flat();
         let twin = self.twin_of(round, &flat);
         match round.choice {
-            Choice::Pulled { gradient, split_above, prune_scale } => {
+            Choice::Pulled { gradient, split_above } => {
                 let stats: Vec<[f32; 2]> = self.state.iter().map(|s| [s[0], s[1]]).collect();
-                twin.pulled(&stats, gradient, split_above, prune_scale)
+                twin.pulled(&stats, gradient, split_above)
             }
             Choice::Drawn => twin.drawn(),
         }
@@ -123,9 +129,10 @@ impl Case {
             n_frames: round.n_frames,
             center: round.center,
             extent: round.extent,
-            prune_opacity: round.prune_opacity,
+            prune_opacity: round.limits.opacity,
+            prune_scale: round.limits.log_scale.exp(),
             lenses: &LENSES,
-            prune_veil: round.prune_veil,
+            prune_veil: round.limits.veil,
             max_gaussians: round.max_gaussians as usize,
             growth: round.growth,
             key: round.key,
@@ -313,7 +320,8 @@ fn a_long_clip_is_stored_by_slots_as_long_as_lives() {
     let t_scales = [-3.0, -4.2, -4.9, -5.5, -9.0, f32::NEG_INFINITY];
     splats.motion.iter_mut().zip(t_scales.into_iter().cycle()).for_each(|(motion, t_scale)| motion.t_scale = t_scale);
     let case = Case::new(splats, state, 1 << 20);
-    let (after, _) = case.check(&DensityRound { n_frames: 300, prune_opacity: 0.0, ..ROUND });
+    let (after, _) =
+        case.check(&DensityRound { n_frames: 300, limits: PruneLimits { opacity: 0.0, ..LIMITS }, ..ROUND });
     let motion = &after.splats.motion;
     let shortest: Vec<f32> = motion.iter().filter(|m| m.t_scale < -8.0).map(|m| m.t_center).collect();
     assert!(shortest.len() > 60, "{}", shortest.len());
@@ -336,8 +344,8 @@ fn what_is_wide_before_a_lens_goes_whoever_looks_through_it() {
     let state = vec![[0.0; 4]; all.len()];
     for choice in [PULLED, Choice::Drawn] {
         let case = Case::new(scene_of(&all), state.clone(), 128);
-        let counts = |prune_veil: f32| {
-            let round = DensityRound { choice, prune_veil, growth: 0.0, ..ROUND };
+        let counts = |veil: f32| {
+            let round = DensityRound { choice, limits: PruneLimits { veil, ..LIMITS }, growth: 0.0, ..ROUND };
             let Counts { pruned, relocated, .. } = case.run(&round).unwrap().grown.counts;
             pruned + relocated
         };
@@ -404,7 +412,8 @@ fn two_rounds_on_the_same_scene_give_the_same_bits_and_another_key_does_not() {
             numbers.map(|x| x.to_bits()).collect::<Vec<_>>()
         };
         let first = bits(1);
-        assert!(first == bits(1) && first != bits(2));
+        assert_same("the same key", &bits(1), &first);
+        assert!(first != bits(2));
     }
 }
 

@@ -135,7 +135,7 @@ fn a_report_has_the_sums_of_any_number_of_terms_the_status_and_the_bad_gradients
         let (left, bad) = (gpu.readback::<Status>("left", 1).unwrap(), gpu.readback::<u32>("left", 1).unwrap());
         let to = Report { totals: &totals.of(), status: &left.of(), n_bad: &bad.of() };
         let mut rec = Recording::new();
-        record_report(&mut rec, &terms, (&of_status, &n_bad), &to);
+        record_report(&mut rec, &terms, &of_status, &n_bad, &to);
         gpu.run(&rec).unwrap();
         assert_eq!(gpu.peek::<Status>(&left).unwrap(), [status], "{lengths:?}");
         assert_eq!(gpu.peek::<u32>(&bad).unwrap(), gpu.read(&n_bad).unwrap(), "{lengths:?}");

@@ -22,7 +22,10 @@ mod show;
 mod sort;
 mod tiles;
 
+use crate::common::same::{assert_same, assert_same_splats};
 use crate::common::twins::Tested;
+use ivv::extremes::fixtures::adam::Scene;
+use std::fmt::Display;
 
 /// Every kernel test that has a twin.
 pub const TESTED: &[&[Tested]] = &[
@@ -48,3 +51,12 @@ pub const TESTED: &[&[Tested]] = &[
     sort::TESTED,
     tiles::TESTED,
 ];
+
+/// Demands that two scenes in training are equal to the bit.
+#[track_caller]
+fn assert_same_scene(label: impl Display, found: &Scene, truth: &Scene) {
+    assert_same_splats(&label, &found.params, &truth.params);
+    assert_same_splats(format_args!("{label}: first moments of"), &found.first, &truth.first);
+    assert_same_splats(format_args!("{label}: second moments of"), &found.second, &truth.second);
+    assert_same(format_args!("{label}: state"), &found.state, &truth.state);
+}

@@ -4,7 +4,9 @@
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
+use crate::common::same::{assert_same, assert_same_splats};
 use crate::common::twins::tested;
+use crate::kernel::assert_same_scene;
 use crate::kernel::batch::{borrowed, two};
 use ivv::Constants;
 use ivv::extremes::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
@@ -15,6 +17,7 @@ use ivv::stage::{
     AdamMode, Purpose, Rates, SceneBuffers, StepSettings, adam_params, lazy_sums, moment_word, moments_of,
 };
 use ivv::twin::{random_bits, rounded_moment};
+use std::fmt::Display;
 
 tested! {
     "adam/adam_idle.comp" by rounded_moment in moments_fade_to_the_twins_bits_in_groups_of_any_size;
@@ -76,6 +79,13 @@ fn assert_rounded(packed: &Scene, plain: &Scene, step: u32) -> usize {
     n
 }
 
+/// Demands that all but the moments is equal to the bit.
+#[track_caller]
+fn assert_moved_alike(label: impl Display, found: &Scene, truth: &Scene) {
+    assert_same_splats(&label, &found.params, &truth.params);
+    assert_same(format_args!("{label}: state"), &found.state, &truth.state);
+}
+
 /// `scene` with moments that 16 bits hold, on a device that has 16 and on one that has 32.
 fn both(mut scene: Scene) -> [Scene; 2] {
     scene.moment_bits = 16;
@@ -122,11 +132,11 @@ fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does() {
             let d_color = cotangents(&view, 5, size);
             let step = |scene: &Scene| scene.step(&gpu(), &view, &d_color, &Step::dense(number)).unwrap().0;
             let (found, exact) = (step(&packed), step(&plain));
-            assert!(found.params == exact.params && found.state == exact.state, "degree {degree}, {size:e}");
+            assert_moved_alike(format_args!("degree {degree}, {size:e}"), &found, &exact);
             assert!(exact.params != plain.params, "nothing moved");
             let n = assert_rounded(&found, &exact, number as u32);
             assert!(n > 300, "degree {degree}, {size:e}: {n} moments");
-            assert!(found == step(&packed), "another run has other bits");
+            assert_same_scene("another run", &step(&packed), &found);
         }
     }
 }
@@ -142,7 +152,7 @@ fn a_step_along_a_sum_rounds_what_it_stores_as_the_twin_does() {
         let images = two(1e-3);
         let step = |scene: &Scene| scene.batch_step(&gpu(), &borrowed(&images), &Step::dense(8)).unwrap().0;
         let (found, exact) = (step(&packed), step(&plain));
-        assert!(found.params == exact.params && found.state == exact.state, "degree {degree}");
+        assert_moved_alike(format_args!("degree {degree}"), &found, &exact);
         assert!(assert_rounded(&found, &exact, 8) > 300);
     }
 }
@@ -158,12 +168,13 @@ fn moments_fade_to_the_twins_bits_in_groups_of_any_size() {
         (params.beta1, params.beta2) = (1.0 - 1.0 / 512.0, 1.0 - 1.0 / 1024.0);
         let [packed, plain] = both(warm(n as u64, n, n as u32 % 4));
         let [found, exact] = [packed, plain].map(|scene| scene.unseen_step(&gpu(), &params).unwrap());
-        assert!(found.params == exact.params);
+        assert_same_splats(format_args!("{n} Gaussians"), &found.params, &exact.params);
         assert!(assert_rounded(&found, &exact, 3) >= 28 * n);
         // Another step draws others.
         params.step += 1.0;
         let next = both(warm(n as u64, n, n as u32 % 4))[0].unseen_step(&gpu(), &params).unwrap();
-        assert!(next.params == found.params && next.first != found.first && next.second != found.second);
+        assert_same_splats("another step", &next.params, &found.params);
+        assert!(next.first != found.first && next.second != found.second);
     }
 }
 
@@ -183,11 +194,11 @@ fn lazy_steps_catch_up_and_round_once() {
             gpu.write(&optimiser.params, &[params]).unwrap();
             let status = gpu.upload("status", &[Status::default()]).unwrap();
             let mut rec = Recording::new();
-            optimiser.record_catch_up_all(&mut rec, &buffers, &status, until);
+            optimiser.record_catch_up(&mut rec, &buffers, None, &status, until);
             gpu.run(&rec).unwrap();
             Scene::download(&gpu, &buffers, &optimiser).unwrap()
         });
-        assert!(found.params == exact.params);
+        assert_same_splats(format_args!("{k} steps"), &found.params, &exact.params);
         assert!(assert_rounded(&found, &exact, until as u32) > 5000);
     }
 }

@@ -106,7 +106,7 @@ fn on_device(
         let at = PoseStep { camera: *camera as u32, turn_rate, shift_rate, most_shift: RULE.most[1] };
         let mut rec = Recording::new();
         poses.record_apply(&mut rec, &view, *camera as u32);
-        poses.record_step(&mut rec, (&total, &view), &status, &at);
+        poses.record_step(&mut rec, &total, &view, &status, &at);
         gpu.run(&rec).unwrap();
         let state = gpu.read(&poses.state).unwrap();
         let rows: &[PoseRows] = state.as_chunks().0;
@@ -133,7 +133,7 @@ fn poses_are_the_twins_for_any_number_of_cameras() {
         let (mut poses, mut all) = (vec![PoseState::default(); n], PoseMoments::default());
         for (i, (camera, gradient)) in steps.iter().enumerate() {
             let seen = corrected(&views[*camera].pose, poses[*camera].value);
-            pose_step((&mut poses, &mut all), &centers, (*camera, &seen.rotation), *gradient, &RULE);
+            pose_step(&mut poses, &mut all, &centers, *camera, &seen.rotation, *gradient, &RULE);
             for (k, (found, truth)) in found[i].iter().zip(&poses).enumerate() {
                 for (part, (found, truth)) in found.iter().zip(truth.value).enumerate() {
                     let off = (*found - truth).length();

@@ -2,6 +2,7 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::gpu::generated::Status;
 use ivv::gpu::{Grid, Recording};
@@ -40,7 +41,7 @@ fn scan_on_device(values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, u32) {
             let emit_args = &gpu.alloc("emit args", 1).unwrap();
             let frame_status = &gpu.upload("status", &[Status::default()]).unwrap();
             let grids = PairGrids { blocks, args, emit_args, frame_status, capacity: u32::MAX };
-            scan.record_gathered(&mut rec, &count, [&index, &table], (&sums, &total), grids);
+            scan.record_gathered(&mut rec, &count, [&index, &table], &sums, &total, grids);
             sums
         }
     };
@@ -58,13 +59,15 @@ fn the_prefix_sum_of_any_length_is_the_twins() {
         let twin = exclusive_scan(&values);
         assert!(n < 2 || twin.total > 0);
         let (offsets, total) = scan_on_device(&values, None);
-        assert_eq!((offsets == twin.offsets, total), (true, twin.total), "{n} values");
+        assert_same(format_args!("{n} values"), &offsets, &twin.offsets);
+        assert_eq!(total, twin.total, "{n} values");
 
         // Half as many, each from anywhere.
         let index: Vec<u32> = (0..n / 2).map(|_| (random.bits() % n as u64) as u32).collect();
         let named: Vec<u32> = index.iter().map(|i| values[*i as usize]).collect();
         let twin = exclusive_scan(&named);
         let (offsets, total) = scan_on_device(&values, Some(&index));
-        assert_eq!((offsets == twin.offsets, total), (true, twin.total), "{} of {n} values", n / 2);
+        assert_same(format_args!("{} of {n} values", n / 2), &offsets, &twin.offsets);
+        assert_eq!(total, twin.total, "{} of {n} values", n / 2);
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::gpu::{Grid, Recording};
 use ivv::stage::{Carried, Sort, Unsorted};
@@ -55,10 +56,15 @@ fn the_sort_of_any_length_is_the_twins_and_stable() {
         let keys: Vec<u32> = (0..n).map(|_| (random.bits() as u32) & 0x0F03_0F0F).collect();
         let places: Vec<u32> = (0..n as u32).collect();
         let values: Vec<u32> = places.iter().map(|place| place ^ 0x55).collect();
+        let assert_sorted = |what: &str, found: (Vec<u32>, Vec<u32>), truth: (Vec<u32>, Vec<u32>)| {
+            let what = format!("{n} {what} by {n_bits} bits");
+            assert_same(format_args!("{what}: keys"), &found.0, &truth.0);
+            assert_same(what, &found.1, &truth.1);
+        };
         let found = sort_on_device(&keys, Some(&values), n_bits);
-        assert!(found == radix_sort(&keys, &values, n_bits, 2048), "{n} keys, {n_bits} bits");
+        assert_sorted("values", found, radix_sort(&keys, &values, n_bits, 2048));
         let found = sort_on_device(&keys, None, n_bits);
-        assert!(found == radix_sort(&keys, &places, n_bits, 2048), "{n} places, {n_bits} bits");
+        assert_sorted("places", found, radix_sort(&keys, &places, n_bits, 2048));
     }
 }
 
@@ -68,7 +74,7 @@ fn equal_keys_keep_their_order_through_every_pass() {
     // The largest key too, which what lies past the end is taken for.
     for key in [0, 7, u32::MAX] {
         let keys = vec![key; values.len()];
-        assert_eq!(sort_on_device(&keys, Some(&values), 32).1, values);
-        assert!(sort_on_device(&keys, None, 32).1.into_iter().eq(0..10_000));
+        assert_same(format_args!("values of {key}"), &sort_on_device(&keys, Some(&values), 32).1, &values);
+        assert_same(format_args!("places of {key}"), &sort_on_device(&keys, None, 32).1, &Vec::from_iter(0..10_000));
     }
 }

@@ -9,10 +9,11 @@ use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
 use ivv::scene::{SeenPoint, write_points};
 use serde_json::json;
 
-use super::sources::{IDENTITY, npy, sequence};
+use super::sources::{IDENTITY, sequence};
 use super::{done, every, open, rate, run, settings};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told, dynamic, encode, png};
+use crate::common::npy_rows;
 
 /// The project's own folder whose lens distorts: what was estimated from the pictures is undistorted with them.
 #[test]
@@ -288,7 +289,7 @@ fn numbers_of_images_are_frames() {
     let folder = Folder::new("prepare-gap");
     let row = [[0.0, 1.0, 0.0, 0.0, 48.0], [1.0, 0.0, 0.0, 0.0, 64.0], [0.0, 0.0, -1.0, 0.0, 50.0]].concat();
     let row = [row, vec![1.0, 100.0]].concat();
-    folder.write("source/poses_bounds.npy", npy(2, &[row.clone(), row].concat()));
+    folder.write("source/poses_bounds.npy", npy_rows(2, &[row.clone(), row].concat()));
     sequence(&folder, "cam00", 6);
     for (k, time) in [1_000, 1_033, 1_066, 1_101, 1_133, 1_166].iter().enumerate() {
         folder.write(&format!("source/cam01/{time}.png"), png(64, 48, 10 * k as u8));

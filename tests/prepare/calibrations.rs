@@ -3,9 +3,10 @@
 use ivv::prepare::{PrepareSettings, recognise};
 use ivv::scene::capture::Capture;
 
-use super::sources::{npy, sequence};
+use super::sources::sequence;
 use super::{done, rate, run, settings};
 use crate::capture::{Folder, assert_told};
+use crate::common::npy_rows;
 
 /// A row of `poses_bounds.npy` of a camera at x that looks along z.
 fn row(x: f64) -> Vec<f64> {
@@ -23,7 +24,7 @@ fn xs(capture: &Capture) -> Vec<(String, f64)> {
 fn rows_of_poses_go_to_cameras_in_the_order_of_their_numbers() {
     let folder = Folder::new("prepare-numbers");
     let rows: Vec<f64> = (0..12).flat_map(|k| row(f64::from(k))).collect();
-    folder.write("source/poses_bounds.npy", npy(12, &rows));
+    folder.write("source/poses_bounds.npy", npy_rows(12, &rows));
     (0..12).for_each(|k| sequence(&folder, &format!("cam_{k}"), 1));
     let settings = PrepareSettings { capture: rate(30.0), ..settings(&folder) };
     let prepared = done(&settings);

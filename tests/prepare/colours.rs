@@ -9,6 +9,7 @@ use super::coded::{ffmpeg, rig};
 use super::{done, settings};
 use crate::capture::Folder;
 use crate::common::notes::has_program;
+use crate::common::same::assert_same;
 
 /// Colours of every hue and lightness, smooth, so that codecs change little.
 const PICTURE: &str = "nullsrc=s=64x48:r=10:d=1,format=gbrp,geq=r='X*4':g='Y*5':b='(X+Y)*2'";
@@ -115,5 +116,5 @@ fn fields_of_two_moments_become_whole_pictures() {
     let part = PrepareSettings { frames: "3:5".parse().unwrap(), output: folder.0.join("part"), ..settings.clone() };
     done(&part);
     let part = Capture::open(&part.output).unwrap();
-    assert!(part.picture(1, 0).unwrap().pixels == capture.picture(1, 3).unwrap().pixels);
+    assert_same("pixels", &part.picture(1, 0).unwrap().pixels, &capture.picture(1, 3).unwrap().pixels);
 }

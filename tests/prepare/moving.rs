@@ -188,6 +188,7 @@ fn can_film() -> bool {
 }
 
 #[test]
+#[ignore = "slow: COLMAP on a clip of 7 frames; prepare::tracking has what is asked of it and done with it"]
 fn colmap_follows_a_moving_rig() {
     if !can_film() {
         return;

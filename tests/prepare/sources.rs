@@ -8,6 +8,7 @@ use serde_json::json;
 use super::{done, every, open, rate, run, settings};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told, dynamic, encode, png};
+use crate::common::npy_rows;
 
 pub(super) const IDENTITY: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 
@@ -24,20 +25,6 @@ fn close(found: &[[f64; 4]; 4], expected: [[f64; 4]; 3]) {
     }
 }
 
-pub fn npy(rows: usize, values: &[f64]) -> Vec<u8> {
-    let mut header =
-        format!("{{'descr': '<f8', 'fortran_order': False, 'shape': ({rows}, {}), }}", values.len() / rows);
-    while (header.len() + 11) % 64 != 0 {
-        header.push(' ');
-    }
-    header.push('\n');
-    let mut bytes = b"\x93NUMPY\x01\x00".to_vec();
-    bytes.extend((header.len() as u16).to_le_bytes());
-    bytes.extend(header.bytes());
-    bytes.extend(values.iter().flat_map(|v| v.to_le_bytes()));
-    bytes
-}
-
 #[test]
 fn n3v_arrives() {
     let folder = Folder::new("prepare-n3v");
@@ -50,7 +37,7 @@ fn n3v_arrives() {
         row
     };
     let rows = [row([1.0, 2.0, 3.0]), row([0.0; 3])].concat();
-    folder.write("source/poses_bounds.npy", npy(2, &rows));
+    folder.write("source/poses_bounds.npy", npy_rows(2, &rows));
     sequence(&folder, "cam00", 5);
     sequence(&folder, "cam07/images", 4);
     // What macOS leaves on foreign drives is neither a picture nor a video.
@@ -86,7 +73,7 @@ fn n3v_arrives() {
     close(&first.world_to_camera.rows(), [[0.0, -1.0, 0.0, 2.0], [0.0, 0.0, -1.0, 3.0], [1.0, 0.0, 0.0, -1.0]]);
     assert_eq!(capture.picture(0, 1).unwrap().pixels[0].to_le_bytes(), [30, 0, 7, 255]);
 
-    folder.write("source/poses_bounds.npy", npy(3, &[rows, row([0.0; 3])].concat()));
+    folder.write("source/poses_bounds.npy", npy_rows(3, &[rows, row([0.0; 3])].concat()));
     let (prepared, _) = run(&settings).unwrap();
     assert_told(&prepared.report, &["describes 3 cameras, there are 2: cam00, cam07"]);
     folder.write("source/poses_bounds.npy", b"no array");

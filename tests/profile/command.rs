@@ -1,26 +1,9 @@
 //! `ivv profile` as a command.
 
 use super::Folder;
+use crate::common::program::{ivv, works};
 use crate::common::random;
 use serde_json::Value;
-use std::process::{Command, Output};
-
-fn ivv(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(arguments);
-    if let (Ok(device), false) =
-        (std::env::var("IVV_TEST_DEVICE"), arguments.iter().any(|a| ["--disassemble", "--list"].contains(a)))
-    {
-        command.args(["--device", &device]);
-    }
-    command.output().unwrap()
-}
-
-fn works(arguments: &[&str]) -> String {
-    let output = ivv(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
 
 #[test]
 fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_dumped() {

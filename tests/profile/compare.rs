@@ -1,6 +1,7 @@
 //! Two profiles side by side.
 
-use super::Folder;
+use crate::common::folder::Folder;
+use crate::common::program::json as read_json;
 use ivv::profile::{Change, Comparison, Recorded};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
@@ -9,7 +10,7 @@ use std::process::{Command, Output};
 /// The profile that the project ships; it is older than the counts of samples by pass.
 fn shipped() -> Value {
     let file = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/profile/profile.json");
-    serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap()
+    read_json(&file)
 }
 
 fn line(label: &str, samples: u64, median_ms: f64, p95_ms: f64) -> Value {

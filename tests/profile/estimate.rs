@@ -3,32 +3,17 @@
 use super::Folder;
 use crate::common::device::gpu;
 use crate::common::notes::stale;
+use crate::common::program::{ivv, json, told, works};
 use ivv::gpu::generated::gather;
 use ivv::gpu::{Grid, Recording, shaders_hash};
 use ivv::profile::{Budgets, Card, Estimate, Figure};
 use ivv::stage::Counters;
 use serde_json::Value;
 use std::path::Path;
-use std::process::{Command, Output};
 
 const PAGE: &str = "assets/gpu/estimate.md";
 /// Makes the page's tables anew; the page says so.
 const MEND: &str = "IVV_BLESS=1 cargo test --locked --test it -- profile::estimate";
-
-fn ivv(arguments: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.arg("profile").args(arguments);
-    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    command.output().unwrap()
-}
-
-fn works(arguments: &[&str]) -> String {
-    let output = ivv(arguments);
-    assert!(output.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&output.stderr));
-    String::from_utf8(output.stdout).unwrap()
-}
 
 /// One thread a number, 12 bytes each, 100 instructions a subgroup, after one another.
 #[test]
@@ -77,7 +62,7 @@ fn a_pass_takes_its_longest_resource_and_its_barrier() {
 fn a_step_is_estimated_for_each_card_from_its_own_recording() {
     let small = ["--gaussians", "2000", "--size", "128x96", "--json"];
     let told = |cards: &[&str], pairs: &str| -> Vec<Value> {
-        let all = [&["--estimate"], cards, &["--pairs", pairs], &small[..]].concat();
+        let all = [&["profile", "--estimate"], cards, &["--pairs", pairs], &small[..]].concat();
         serde_json::from_str(&works(&all)).unwrap()
     };
     let both = told(&["h200", "a770"], "20000");
@@ -113,19 +98,19 @@ fn a_step_is_estimated_for_each_card_from_its_own_recording() {
 #[test]
 fn the_work_may_be_that_of_a_profile_and_what_is_no_work_is_refused() {
     let shipped = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/profile/profile.json");
-    let text = works(&["--estimate", "RTX4090", "--work", shipped.to_str().unwrap()]);
+    let text = works(&["profile", "--estimate", "RTX4090", "--work", shipped.to_str().unwrap()]);
     for holds in ["RTX4090", "3495 of 20000 Gaussians", "blend bwd", "sum", "white paper"] {
         assert!(text.contains(holds), "{holds}: {text}");
     }
     let folder = Folder::new("estimate");
-    let mut profile: Value = serde_json::from_slice(&std::fs::read(&shipped).unwrap()).unwrap();
+    let mut profile: Value = json(&shipped);
     profile["counters"]["gaussians"] = 1e18.into();
     let vast = folder.file("profile.json");
     std::fs::write(&vast, profile.to_string()).unwrap();
     let empty = folder.file("empty");
     std::fs::create_dir_all(&empty).unwrap();
     let [vast, empty] = [&vast, &empty].map(|path| path.to_str().unwrap());
-    for (arguments, told) in [
+    for (arguments, says) in [
         (vec!["--estimate", "GTX480"], "H200, RTX4090, RX7900XTX, A770"),
         (vec!["--estimate", "H200", "--size", "0x5"], "WIDTHxHEIGHT"),
         (vec!["--estimate", "H200", "--gaussians", "0"], "gaussians"),
@@ -133,9 +118,9 @@ fn the_work_may_be_that_of_a_profile_and_what_is_no_work_is_refused() {
         (vec!["--estimate", "H200", "--compiled", empty], "tools/gpu/statistics.sh"),
         (vec!["--work", vast], "--estimate"),
     ] {
-        let refused = ivv(&arguments);
-        let fault = String::from_utf8_lossy(&refused.stderr);
-        assert!(!refused.status.success() && fault.contains(told), "{arguments:?}: {fault}");
+        let refused = ivv(&[&["profile"], &arguments[..]].concat());
+        let fault = told(&refused);
+        assert!(!refused.status.success() && fault.contains(says), "{arguments:?}: {fault}");
     }
 }
 
@@ -148,7 +133,7 @@ fn the_page_of_estimates_says_how_it_is_made_and_of_which_kernels_it_is() {
         let (begin, end) = ("<!-- estimate -->\n", "<!-- end -->");
         let (before, rest) = text.split_once(begin).expect("the marker");
         let (_, after) = rest.split_once(end).expect("the end");
-        let made = works(&["--estimate", "all", "--markdown"]);
+        let made = works(&["profile", "--estimate", "all", "--markdown"]);
         std::fs::write(&file, format!("{before}{begin}{made}{end}{after}")).unwrap();
     }
     let text = std::fs::read_to_string(&file).unwrap();

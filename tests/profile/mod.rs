@@ -7,13 +7,14 @@ mod sweep;
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
+pub use crate::common::folder::Folder;
 use crate::common::random;
 use ivv::gpu::table::{Cost, Count, KERNELS};
 use ivv::gpu::{Dispatch, PassTime, kernel_named};
 use ivv::profile::{Bound, Difference, Lately, Moment, Peaks, Replay, read_dispatch, trace, write_dispatch};
 use ivv::stage::{FrameReport, Outputs, Renderer};
 use ivv::{Constants, Error};
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 #[test]
 fn of_the_last_frames_it_knows_the_rate_the_quantiles_and_the_slowest_passes() {
@@ -132,27 +133,6 @@ fn the_pass_that_ends_last_ends_with_the_host_though_another_was_recorded_behind
     let expected = [1000.0, 1000.0, 300.0];
     assert!(ends.iter().zip(expected).all(|(end, expected)| (end - expected).abs() < 1e-6), "{ends:?}");
     assert_eq!(ends.len(), 3);
-}
-
-/// A folder that is removed at the end.
-pub struct Folder(pub PathBuf);
-
-impl Folder {
-    pub fn new(name: &str) -> Self {
-        let folder = std::env::temp_dir().join(format!("ivv-profile-{name}-{}", std::process::id()));
-        std::fs::create_dir_all(&folder).unwrap();
-        Folder(folder)
-    }
-
-    pub fn file(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_dir_all(&self.0);
-    }
 }
 
 /// The blend of a random scene, dumped.

@@ -1,9 +1,10 @@
 //! How times grow, on tiny sizes.
 
 use crate::common::device::gpu;
+use crate::common::folder::Folder;
+use crate::common::program::{fails, text, works};
 use ivv::profile::{Grows, Sweep, SweepOptions};
 use ivv::stage::AdamMode;
-use std::process::Command;
 
 #[test]
 fn a_sweep_has_one_thing_grow_at_a_time_and_says_what_it_left_out() {
@@ -41,19 +42,12 @@ fn a_sweep_has_one_thing_grow_at_a_time_and_says_what_it_left_out() {
 
 #[test]
 fn the_command_writes_a_table_numbers_and_a_picture() {
-    let folder = std::env::temp_dir().join(format!("ivv-sweep-{}", std::process::id()));
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(["profile", "--sweep", "3000", "--seconds", "0.5", "-o", folder.to_str().unwrap()]);
-    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    let output = command.output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let read = |file: &str| std::fs::read_to_string(folder.join(file)).unwrap();
+    let folder = Folder::new("sweep");
+    works(&["profile", "--sweep", "3000", "--seconds", "0.5", "-o", text(&folder.0)]);
+    let read = |file: &str| std::fs::read_to_string(folder.file(file)).unwrap();
     let sweep: serde_json::Value = serde_json::from_str(&read("sweep.json")).unwrap();
     assert_eq!(sweep["courses"].as_array().unwrap().len(), 4);
     assert!(read("sweep.md").contains("## Left out") && read("sweep.svg").starts_with("<svg"));
-    std::fs::remove_dir_all(&folder).unwrap();
-    let refused = Command::new(env!("CARGO_BIN_EXE_ivv")).args(["profile", "--sweep", "capture"]).output().unwrap();
-    assert_eq!(refused.status.code(), Some(2), "a sweep takes no subject");
+    // A sweep takes no subject.
+    fails(&["profile", "--sweep", "capture"], 2);
 }

@@ -2,9 +2,10 @@
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
-use crate::common::frames::{bits, render};
+use crate::common::frames::render;
 use crate::common::one::with;
 use crate::common::random::{scene, view};
+use crate::common::same::{assert_same, assert_same_frame};
 use ivv::Constants;
 use ivv::scene::Frame;
 use ivv::stage::{Outputs, Renderer};
@@ -24,8 +25,8 @@ fn twenty_renders_have_the_same_bits_with_one_renderer_and_with_fresh_ones() {
     assert_busy(&first);
     for run in 0..10 {
         let (again, _) = kept.render(&view, Outputs::All).unwrap();
-        assert!(bits(&again) == bits(&first), "render {run} of the same renderer differs");
-        assert!(bits(&render(&splats, &view).0) == bits(&first), "fresh renderer {run} differs");
+        assert_same_frame(format_args!("render {run} of the same renderer"), &again, &first);
+        assert_same_frame(format_args!("fresh renderer {run}"), &render(&splats, &view).0, &first);
     }
 }
 
@@ -41,7 +42,7 @@ fn a_renderer_that_has_drawn_other_views_draws_the_same_bits() {
     frame(&large, Outputs::All);
     frame(&small, Outputs::Color);
     assert_busy(&first);
-    assert!(bits(&frame(&small, Outputs::All)) == bits(&first), "the frame depends on what was drawn before");
+    assert_same_frame("after other views", &frame(&small, Outputs::All), &first);
 }
 
 #[test]
@@ -56,10 +57,8 @@ fn colour_alone_is_the_colour_of_all_outputs_bit_for_bit() {
         assert_busy(&all);
         let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
         let (color, _) = renderer.render(&view(), Outputs::Color).unwrap();
-        let words = |frame: &Frame| -> Vec<u32> {
-            frame.color.as_flattened().iter().chain(&frame.alpha).map(|x| x.to_bits()).collect()
-        };
-        assert!(words(&all) == words(&color), "seed {seed}");
+        assert_same(format_args!("colour of seed {seed}"), &color.color, &all.color);
+        assert_same(format_args!("alpha of seed {seed}"), &color.alpha, &all.alpha);
         assert!(color.depth.is_empty() && color.inverse_depth.is_empty() && color.flow.is_empty());
     }
 }

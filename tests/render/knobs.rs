@@ -1,9 +1,10 @@
 //! What may be traded for time: exact knobs change no bit, the others what they say and no more.
 
 use crate::common::device::{as_gpu, gpu};
-use crate::common::frames::{bits, pixels, render, render_with};
+use crate::common::frames::{pixels, render, render_with};
 use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::{scene, view, wild_scene};
+use crate::common::same::assert_same_frame;
 use ivv::scene::{Frame, Splats, View};
 use ivv::stage::{Outputs, Renderer, constants_on};
 use ivv::twin::render_f64;
@@ -31,11 +32,11 @@ fn no_bound_of_tiles_or_blocks_changes_a_bit_or_who_is_seen() {
                 let culls = Culls { tile_bound, block_cull, ..Culls::default() };
                 let knobs = Knobs { culls, ..Knobs::default() };
                 let (frame, report) = turned(&splats, &view(), knobs);
-                assert!(bits(&frame) == bits(&exact), "{name}: {knobs:?}");
+                assert_same_frame(format_args!("{name}: {knobs:?}"), &frame, &exact);
                 assert_eq!((report.active, report.visible), (own.active, own.visible), "{name}: {knobs:?}");
                 let culls = Culls { time_cull: false, ..culls };
                 let (frame, at_all_times) = turned(&splats, &view(), Knobs { culls, ..knobs });
-                assert!(bits(&frame) == bits(&exact), "{name}: {knobs:?} at all times");
+                assert_same_frame(format_args!("{name}: {knobs:?} at all times"), &frame, &exact);
                 assert_eq!(at_all_times.visible, own.visible, "{name}: {knobs:?}");
                 assert!(at_all_times.active > own.active + 10, "{name}: {} of {}", at_all_times.active, own.active);
                 let listed = at_all_times.intersections > report.intersections;
@@ -62,7 +63,7 @@ fn short_depth_keys_tell_apart_what_they_say() {
     };
     for (depth_bits, told) in [(32, 1), (24, 16), (16, 2048)] {
         let right = picture(told, 32);
-        assert!(bits(&picture(told, depth_bits)) == bits(&right), "{depth_bits} bits");
+        assert_same_frame(format_args!("{depth_bits} bits"), &picture(told, depth_bits), &right);
         let swapped = difference(&picture(told - 1, depth_bits), &right);
         assert!(swapped > 0.1, "{depth_bits} bits tell {} steps apart: {swapped}", told - 1);
     }
@@ -107,11 +108,11 @@ fn depth_keys_have_by_default_the_bits_of_the_device() {
     let both = scene_of(&[back, front]);
     let picture = |depth_bits| {
         let knobs = Knobs { depth_bits, ..Knobs::default() };
-        bits(&turned(&both, &camera(48, 32), knobs).0)
+        turned(&both, &camera(48, 32), knobs).0
     };
-    assert!(picture(24) != picture(32));
+    assert!(difference(&picture(24), &picture(32)) > 0.0);
     let kind = gpu().caps().kind;
-    assert!(picture(0) == picture(of(kind, 0)), "{kind:?}");
+    assert_same_frame(format_args!("{kind:?}"), &picture(0), &picture(of(kind, 0)));
 }
 
 #[test]
@@ -146,11 +147,11 @@ fn a_cut_of_alpha_is_a_higher_alpha_min() {
     let alpha_cut = 4.0 / 255.0;
     let (frame, report) = turned(&splats, &view(), Knobs { alpha_cut, ..Knobs::default() });
     let (raised, _) = render_with(&splats, &view(), Constants { alpha_min: alpha_cut, ..Constants::default() });
-    assert!(bits(&frame) == bits(&raised));
+    assert_same_frame("a higher alpha_min", &frame, &raised);
     let (exact, own) = render(&splats, &view());
     assert!(report.intersections < own.intersections && difference(&frame, &exact) > 1e-3);
     let (below, _) = turned(&splats, &view(), Knobs { alpha_cut: 1e-3, ..Knobs::default() });
-    assert!(bits(&below) == bits(&exact), "a cut below alpha_min cuts nothing");
+    assert_same_frame("a cut below alpha_min cuts nothing", &below, &exact);
 }
 
 #[test]
@@ -195,5 +196,5 @@ fn a_temporal_cut_leaves_out_those_that_are_faint_then_and_no_others() {
     let wrong = (0..n).filter(|i| (truth.alpha[*i] - f64::from(frame.alpha[*i])).abs() > 1e-4).count();
     assert!(20 * wrong < n, "{wrong} of {n} pixels are not those of the scene without them");
     let (below, _) = turned(&splats, &view(), Knobs { temporal_cut: 1e-3, ..Knobs::default() });
-    assert!(bits(&below) == bits(&exact), "a cut below alpha_min cuts nothing");
+    assert_same_frame("a cut below alpha_min cuts nothing", &below, &exact);
 }

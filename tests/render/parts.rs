@@ -1,7 +1,9 @@
 //! Clips of which one part at a time is in memory: pictures, files, and what a damaged file says.
 
-use super::clip::{at, bits, clip};
+use super::clip::{at, clip};
 use crate::common::device::gpu;
+use crate::common::program::{command, done};
+use crate::common::same::assert_same_frame;
 use crate::scene::{Folder, fault};
 use ivv::formats::{
     Clock, Contents, Encoded, FourDgs, FourDgsParts, Grades, Own, PlyParts, Sounds, read_ply, read_scene, write_parts,
@@ -120,7 +122,7 @@ fn shows(parts: Box<dyn Parts>, whole: &Splats) {
     let mut found = Renderer::of_parts(gpu().clone(), parts, constants).unwrap();
     for time in TIMES {
         let [expected, found] = [&mut expected, &mut found].map(|r| r.render(&at(time), Outputs::All).unwrap());
-        assert!(bits(&found.0) == bits(&expected.0), "at {time}");
+        assert_same_frame(format_args!("at {time}"), &found.0, &expected.0);
         assert_eq!((found.1.active, found.1.visible), (expected.1.active, expected.1.visible), "at {time}");
     }
     let (cotangents, report) = found.render(&at(0.5), Outputs::All).unwrap();
@@ -277,11 +279,8 @@ fn an_export_in_parts_tells_how_many_gaussians_it_wrote() {
     told.moving[1].opacity[7] = f32::NAN;
     write_parts(&folder.file("a.ply"), &mut told, &Own::new()).unwrap();
     let export = |more: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let command = command.current_dir(folder.file("")).args(["export", "a.ply", "-o", "a.4dgs", "--seconds", "5"]);
-        let done = command.args(more).output().unwrap();
-        assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
+        let export = ["export", "a.ply", "-o", "a.4dgs", "--seconds", "5"];
+        done(command(&[&export[..], more].concat()).current_dir(&folder.0))
     };
     let text = export(&[]);
     assert!(text.contains("1998 of 2000 Gaussians, 1499 of them dynamic"), "{text}");

@@ -1,22 +1,15 @@
 //! Where a camera is, and what is in front of what.
 
 use crate::common::device::gpu;
-use crate::common::frames::render;
+use crate::common::frames::{psnr, render};
 use crate::common::notes::shared;
 use crate::common::one::{One, ball, scene_of};
 use crate::common::random::{scene, view};
 use glam::{DMat3, DQuat, DVec3};
 use ivv::Constants;
 use ivv::formats::read_scene;
-use ivv::scene::{Frame, Motion, Pose, View, read_views};
+use ivv::scene::{Motion, Pose, View, read_views};
 use ivv::stage::{Outputs, Renderer};
-
-/// Peak signal-to-noise ratio of a picture against another, dB.
-fn psnr(a: &Frame, b: &Frame) -> f64 {
-    let pairs = a.color.as_flattened().iter().zip(b.color.as_flattened());
-    let sum: f64 = pairs.map(|(a, b)| f64::from(a - b).powi(2)).sum();
-    -10.0 * (sum / a.color.as_flattened().len() as f64).max(1e-20).log10()
-}
 
 #[test]
 fn a_camera_is_where_its_numbers_put_it_however_far_away_the_world_begins() {

@@ -8,7 +8,6 @@ mod hazards;
 mod kernels;
 mod manual;
 mod screen;
-mod sizes;
 mod supply;
 
 use std::path::{Path, PathBuf};

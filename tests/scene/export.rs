@@ -2,9 +2,13 @@
 
 use super::{Folder, fault, sample};
 use crate::common::device::gpu;
+use crate::common::program::{command, done};
 use crate::common::random;
 use ivv::Constants;
-use ivv::formats::{SpzVersion, read_ply, read_scene, write_ply, write_splat, write_spz};
+use ivv::formats::{
+    Clip, Clock, Contents, Encoded, Grades, Scene, Sound, Sounds, SpzVersion, WriteOptions, read, read_ply, read_scene,
+    write, write_ply, write_splat, write_spz,
+};
 use ivv::scene::{Motion, Splats, demo};
 use ivv::stage::{Outputs, Renderer};
 use serde_json::Value;
@@ -130,12 +134,7 @@ fn what_a_format_cannot_hold_is_refused_or_left_out() {
 
 /// What the program tells of an export of `from`, with and without --json.
 fn told(from: &Path, to: &Path, more: &[&str]) -> (Value, String) {
-    let export = |last: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let done = command.arg("export").arg(from).arg("-o").arg(to).args(more).args(last).output().unwrap();
-        assert!(done.status.success(), "{}: {}", to.display(), String::from_utf8_lossy(&done.stderr));
-        String::from_utf8(done.stdout).unwrap()
-    };
+    let export = |last: &[&str]| done(command(&["export"]).arg(from).arg("-o").arg(to).args(more).args(last));
     (serde_json::from_str(&export(&["--json"])).unwrap(), export(&[]))
 }
 
@@ -187,13 +186,7 @@ fn an_export_removes_what_killed_ones_left_and_nothing_that_is_being_written() {
     write_ply(&folder.file("scene.ply"), &demo().0).unwrap();
     std::fs::create_dir(folder.file("web")).unwrap();
     let export = |to: &str| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let done = command
-            .current_dir(folder.file(""))
-            .args(["export", "scene.ply", "--seconds", "1", "-o", to])
-            .output()
-            .unwrap();
-        assert!(done.status.success(), "{to}: {}", String::from_utf8_lossy(&done.stderr));
+        done(command(&["export", "scene.ply", "--seconds", "1", "-o", to]).current_dir(&folder.0));
     };
     for (to, within) in [("s.4dgs", ""), ("./s.html", ""), ("web/", "web/")] {
         let left = folder.write(&format!("{within}.s.ply.1-0.tmp"), "half");
@@ -269,4 +262,55 @@ fn a_snapshot_renders_as_the_scene_does_at_its_time() {
     assert!(largest < 1.0 / 200.0, "{largest}");
     let mean = moving.as_flattened().iter().zip(still.as_flattened()).map(|(a, b)| (a - b).abs()).sum::<f32>();
     assert!(mean / (3 * moving.len()) as f32 <= 1e-6, "{}", mean / (3 * moving.len()) as f32);
+}
+
+#[test]
+fn one_call_writes_what_each_format_writes_and_says_what_is_lost() {
+    let folder = Folder::new("write-any");
+    let mut splats = exportable(0, 5);
+    splats.sh.iter_mut().for_each(|c| *c = c.map(|c| 0.6 * c));
+    let clip = Clip { constants: Constants { near: 0.375, ..Constants::default() }, ..Clip::default() };
+    let scene = Scene { splats: splats.clone(), clip, notes: Vec::new() };
+    let bytes = |name: &str| std::fs::read(folder.file(name)).unwrap();
+    let any = |name: &str, scene: &Scene| write(folder.file(name), scene, &WriteOptions::default()).unwrap();
+    let lost = "the format spz has no place for near 0.375; viewers use theirs";
+    assert_eq!(any("a.spz", &scene).notes, [lost]);
+    write_spz(&folder.file("b.spz"), &splats, SpzVersion::V3, None).unwrap();
+    assert_eq!(bytes("a.spz"), bytes("b.spz"));
+    assert!(any("a.PLY", &scene).notes.is_empty());
+    let back = read(folder.file("a.PLY")).unwrap();
+    assert_eq!((back.clip.constants.near, back.splats.len()), (0.375, 5));
+
+    // A .4dgs holds all of the clip, and other formats say that they have no place for sound.
+    let sound =
+        Sound { name: "a".into(), wav: vec![1], gain: 1.0, start: 0.0, seconds: 1.0, places: vec![(0.0, [0.0; 3])] };
+    let sounds = Sounds::new([0.0; 3], 0.2, vec![sound]);
+    let clock = Clock { fps: 10.0, frames: 20 };
+    let scene = Scene { clip: Clip { clock: Some(clock), sounds, ..scene.clip }, ..scene };
+    let written = any("a.4dgs", &scene);
+    assert_eq!((written.n, written.n_dynamic, written.bytes), (5, 0, bytes("a.4dgs").len() as u64));
+    let contents = Contents {
+        clock,
+        views: &[],
+        own: ivv::formats::own(&scene.clip.constants, [0.0; 3]),
+        sounds: &scene.clip.sounds,
+        world: None,
+        cutoff: None,
+        is_quick: false,
+    };
+    let path = folder.file("b.4dgs");
+    assert_eq!(bytes("a.4dgs"), Encoded::new(&splats, clock).bytes(&path, &contents, Grades::default()).unwrap());
+    let back = read(folder.file("a.4dgs")).unwrap();
+    assert_eq!((back.clip.clock, back.clip.sounds.len(), back.clip.constants.near), (Some(clock), 1, 0.375));
+    assert_eq!(any("c.splat", &scene).notes[1], "the format splat has no place for sound");
+
+    // A clip without a clock, and an ending that no format has.
+    let moving = Scene::from(sample(0, 3, 2));
+    let refused = |name: &str| {
+        let path = folder.file(name);
+        fault(write(&path, &moving, &WriteOptions::default()), &path)
+    };
+    assert!(refused("d.4dgs").contains("expected the clock of the clip"));
+    assert!(refused("d.obj").contains(".4dgs, .ply, .ftgs.ply, .splatv, .spz, .glb, .splat"));
+    write(folder.file("d.4dgs"), &moving, &WriteOptions { clamp_colors: true, ..WriteOptions::at(0.5) }).unwrap();
 }

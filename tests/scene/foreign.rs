@@ -4,9 +4,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ivv::formats::{FourDgs, Imported, Own, import_scene, ply_own, read_scene, write_ply, write_ply_with};
+use ivv::formats::{FourDgs, Own, Scene, ply_own, read, read_scene, write_ply, write_ply_with};
 use serde_json::Value;
 
+use crate::common::same::assert_same;
 use crate::sound::clip::run_of_some_frames;
 
 use super::formats::{compressed, gzip, raw_spz};
@@ -26,7 +27,7 @@ fn ply(folder: &Folder, without: &[&str], more: &[&str], value: f64) -> PathBuf 
 }
 
 fn notes(path: &Path) -> Vec<String> {
-    import_scene(path).unwrap().notes
+    read(path).unwrap().notes
 }
 
 fn numbered(name: &str, n: usize) -> Vec<String> {
@@ -105,13 +106,13 @@ fn the_full_model_of_spacetime_gaussians_is_refused_and_so_is_motion_of_higher_o
 fn properties_and_elements_that_change_no_picture_are_said_once_by_name_and_number() {
     let folder = Folder::new("foreign-harmless");
     let plain = read_scene(&ply(&folder, &[], &[], 0.0)).unwrap();
-    assert_eq!(import_scene(&folder.file("a.ply")).unwrap(), Imported { splats: plain.clone(), ..Imported::default() });
+    assert_eq!(read(&folder.file("a.ply")).unwrap(), Scene::from(plain.clone()));
     assert_eq!(notes(&ply(&folder, &[], &["nx", "ny", "nz", "red", "green", "blue"], 9.0)), [""; 0]);
     let labels: Vec<String> = [numbered("semantic", 16), numbered("obj_dc", 2)].concat();
     let more: Vec<&str> =
         labels.iter().map(String::as_str).chain(["label", "confidence", "language_feature", "extra"]).collect();
     let path = ply(&folder, &[], &more, 9.0);
-    let read = import_scene(&path).unwrap();
+    let read = read(&path).unwrap();
     assert_eq!(read.splats, plain);
     let listed = "`confidence`, `extra`, `label`, `language_feature`, `obj_dc_*` (2), `semantic_*` (16)";
     assert_eq!(read.notes, [format!("22 properties of its Gaussians are not read: {listed}")]);
@@ -138,7 +139,7 @@ fn harmonics_of_degree_4_are_cut_and_counted() {
     // The second has nothing in the last band: coefficients 16 to 24 of each channel.
     (0..72).filter(|k| k % 24 >= 15).for_each(|k| rows[1][14 + k] = 0.0);
     let path = folder.write("a.ply", by_hand("binary_little_endian", &names, &["float"; 86], &rows));
-    let Imported { splats, notes, .. } = import_scene(&path).unwrap();
+    let Scene { splats, notes, .. } = read(&path).unwrap();
     splats.check().unwrap();
     assert_eq!((splats.sh_degree, splats.sh.len()), (3, 48));
     for k in 0..15 {
@@ -148,7 +149,7 @@ fn harmonics_of_degree_4_are_cut_and_counted() {
 
     let rest: Vec<u8> = (0..72).map(|k| 56 + k).collect();
     let of = |degree: u8, rest: &[u8]| folder.write("a.spz", gzip(&raw_spz(degree, 3 << 30, rest)));
-    let cut = import_scene(&of(4, &rest)).unwrap();
+    let cut = read(&of(4, &rest)).unwrap();
     assert_eq!(cut.notes, ["harmonics of degree 4 are cut to degree 3, of 1 of 1 Gaussians"]);
     assert_eq!(cut.splats, read_scene(&of(3, &rest[..45])).unwrap());
     let path = of(5, &[0; 105]);
@@ -174,7 +175,7 @@ fn the_3d_filter_of_mip_splatting_is_worked_in_as_its_own_fused_export_does() {
     }
     let names: Vec<&str> = NAMES.iter().copied().chain(["filter_3D"]).collect();
     let path = folder.write("a.ply", by_hand("binary_little_endian", &names, &["float"; 15], &rows));
-    let Imported { splats, notes, .. } = import_scene(&path).unwrap();
+    let Scene { splats, notes, .. } = read(&path).unwrap();
     for (i, row) in rows.iter().enumerate() {
         let squares: Vec<f64> = row[7..10].iter().map(|s| s.exp().powi(2)).collect();
         let filtered: Vec<f64> = squares.iter().map(|s| s + row[14] * row[14]).collect();
@@ -192,7 +193,7 @@ fn the_3d_filter_of_mip_splatting_is_worked_in_as_its_own_fused_export_does() {
 fn the_flat_discs_of_2dgs_are_thin_gaussians() {
     let folder = Folder::new("foreign-flat");
     let path = ply(&folder, &["scale_2"], &[], 0.0);
-    let Imported { splats, notes, .. } = import_scene(&path).unwrap();
+    let Scene { splats, notes, .. } = read(&path).unwrap();
     for [a, b, c] in &splats.scale {
         assert!((c - (a.min(*b) + 0.001_f32.ln())).abs() < 1e-6, "{c}");
     }
@@ -210,7 +211,7 @@ fn colours_of_bytes_are_read_where_there_are_no_harmonics() {
     let row = [vec![0.5; 11], vec![0.0, 51.0, 102.0]].concat();
     let rows = [row];
     let path = folder.write("a.ply", by_hand("binary_little_endian", &names, &types("uchar"), &rows));
-    let Imported { splats, notes, .. } = import_scene(&path).unwrap();
+    let Scene { splats, notes, .. } = read(&path).unwrap();
     let color = splats.sh[0].map(|dc| 0.5 + 0.282_094_79 * dc);
     assert!(color.iter().zip([0.0, 0.2, 0.4]).all(|(a, b)| (a - b).abs() < 1e-6), "{color:?}");
     assert!(notes.len() == 1 && notes[0].contains("`red`"), "{notes:?}");
@@ -339,12 +340,14 @@ fn how_a_scene_is_rendered_travels_in_a_ply_and_leaves_the_usual_one_as_it_was()
     scene.sh.fill([0.2; 3]);
     write_ply(&usual, &scene).unwrap();
     write_ply_with(&path, &scene, &Own::new()).unwrap();
-    assert_eq!(fs::read(&usual).unwrap(), fs::read(&path).unwrap());
+    assert_same("bytes", &fs::read(&path).unwrap(), &fs::read(&usual).unwrap());
     assert_eq!(ply_own(&path).unwrap(), None);
     let near = own(&[("near", "0.375"), ("background", "1 0.5 0")]);
     write_ply_with(&path, &scene, &near).unwrap();
     assert_eq!(ply_own(&path).unwrap(), Some(near.clone()));
-    assert_eq!(import_scene(&path).unwrap(), Imported { splats: scene, notes: Vec::new(), own: Some(near) });
+    let scene_read = read(&path).unwrap();
+    assert_eq!((scene_read.clip.constants.near, scene_read.clip.background), (0.375, Some([1.0, 0.5, 0.0])));
+    assert_eq!((scene_read.splats, scene_read.notes), (scene, vec![]));
     let told = folder.write("a.splat", [0; 32]);
     assert_eq!(ply_own(&told).unwrap(), None);
 

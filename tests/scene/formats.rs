@@ -238,8 +238,8 @@ fn vendor_records_are_left_alone_where_they_change_nothing_and_refused_where_the
     }
 }
 
-/// Reads `bytes` cut at every length, then with every byte changed: errors or whole scenes, never a panic.
-fn survives_damage(folder: &Folder, name: &str, bytes: &[u8], read: fn(&Path) -> ivv::Result<Splats>) {
+/// Reads `bytes` cut at every length: an error each time. `fuzz` changes bytes.
+fn survives_cuts(folder: &Folder, name: &str, bytes: &[u8], read: fn(&Path) -> ivv::Result<Splats>) {
     read(&folder.write(name, bytes)).unwrap().check().unwrap();
     for n in 0..bytes.len() {
         let path = folder.write(name, &bytes[..n]);
@@ -251,31 +251,18 @@ fn survives_damage(folder: &Folder, name: &str, bytes: &[u8], read: fn(&Path) ->
             }
         }
     }
-    for at in 0..bytes.len() {
-        for flip in [0x01, 0x04, 0x40, 0xff] {
-            let mut damaged = bytes.to_vec();
-            damaged[at] ^= flip;
-            let path = folder.write(name, &damaged);
-            match read(&path) {
-                Ok(scene) => scene.check().unwrap(),
-                outcome => {
-                    fault(outcome, &path);
-                }
-            }
-        }
-    }
 }
 
 #[test]
-fn damaged_files_of_every_format_give_errors_and_never_a_panic() {
+fn files_of_every_format_that_are_cut_give_errors_and_never_a_panic() {
     let folder = Folder::new("damage");
-    survives_damage(&folder, "one.spz", &spz(1, 3 << 30, &[130; 9]), read_spz);
-    survives_damage(&folder, "a.compressed.ply", &compressed(3, true), read_scene);
+    survives_cuts(&folder, "one.spz", &spz(1, 3 << 30, &[130; 9]), read_spz);
+    survives_cuts(&folder, "a.compressed.ply", &compressed(3, true), read_scene);
     let Some(fixtures) = shared("data/splat_fixtures") else { return };
     for name in ["minimal-raw.spz", "minimal-v2.spz", "minimal-v3.spz", "minimal-v4.spz"] {
-        survives_damage(&folder, name, &fs::read(fixtures.join(name)).unwrap(), read_spz);
+        survives_cuts(&folder, name, &fs::read(fixtures.join(name)).unwrap(), read_spz);
     }
-    survives_damage(&folder, "minimal.splat", &fs::read(fixtures.join("minimal.splat")).unwrap(), read_splat);
+    survives_cuts(&folder, "minimal.splat", &fs::read(fixtures.join("minimal.splat")).unwrap(), read_splat);
 }
 
 #[test]

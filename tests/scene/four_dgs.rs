@@ -2,6 +2,7 @@
 
 use super::{Folder, fault};
 use crate::common::notes::shared;
+use crate::common::program::{fails, text, works};
 use crate::common::random;
 use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World, read_scene};
 use ivv::scene::Splats;
@@ -341,9 +342,7 @@ fn a_cutoff_that_shows_is_kept_instead_of_a_window_for_each_gaussian() {
     cut.span[100][1] = cut.motion[100].t_center;
     assert_eq!([&read, &cut].map(|splats| n_windows(&write(splats, file.cutoff()))), [1, 2]);
 
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-    let done = command.arg("export").arg(&from).arg("-o").arg(&to).args(["--seconds", "2"]).output().unwrap();
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    works(&["export", text(&from), "-o", text(&to), "--seconds", "2"]);
     let again = FourDgs::read(&to).unwrap();
     assert_eq!((again.cutoff(), n_windows(&std::fs::read(&to).unwrap())), (Some(0.05), 1));
     let again = again.splats().unwrap();
@@ -358,10 +357,8 @@ fn a_cutoff_that_shows_is_kept_instead_of_a_window_for_each_gaussian() {
 /// What the program says to an export of `file` to another `.4dgs`, which it must refuse.
 fn refused_export(folder: &Folder, file: &Path) -> String {
     let copy = folder.file("copy.4dgs");
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-    let done = command.arg("export").arg(file).arg("-o").arg(&copy).output().unwrap();
-    let told = String::from_utf8(done.stderr).unwrap();
-    assert!(done.status.code() == Some(3) && !copy.exists(), "{told}");
+    let told = fails(&["export", text(file), "-o", text(&copy)], 3);
+    assert!(!copy.exists(), "{told}");
     told
 }
 

@@ -17,38 +17,12 @@ pub mod sog;
 mod summary;
 mod views;
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use ivv::Error;
 use ivv::scene::{Motion, Splats};
 
-/// A folder of its own for one test, removed when it is dropped.
-pub(crate) struct Folder(PathBuf);
-
-impl Folder {
-    pub(crate) fn new(test: &str) -> Self {
-        let path = std::env::temp_dir().join(format!("ivv-scene-{test}-{}", std::process::id()));
-        fs::create_dir_all(&path).unwrap();
-        Folder(path)
-    }
-
-    pub(crate) fn file(&self, name: &str) -> PathBuf {
-        self.0.join(name)
-    }
-
-    pub(crate) fn write(&self, name: &str, bytes: impl AsRef<[u8]>) -> PathBuf {
-        let path = self.file(name);
-        fs::write(&path, bytes).unwrap();
-        path
-    }
-}
-
-impl Drop for Folder {
-    fn drop(&mut self) {
-        let _ = fs::remove_dir_all(&self.0);
-    }
-}
+pub(crate) use crate::common::folder::Folder;
 
 /// The (place, reason, remedy) of a data error that names `path`, all of them told.
 pub(crate) fn fault<T: std::fmt::Debug>(outcome: ivv::Result<T>, path: &Path) -> String {

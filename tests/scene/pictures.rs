@@ -9,6 +9,7 @@ use ivv::scene::Frame;
 
 use super::{Folder, fault};
 use crate::common::golden::{self, CASES};
+use crate::common::same::assert_same;
 
 /// Every value different, some outside [0, 1], one NaN.
 fn frame() -> Frame {
@@ -105,7 +106,7 @@ fn safetensors_hold_every_output_in_its_shape() {
     assert_eq!(tensors, expected);
     let first = fs::read(&path).unwrap();
     frame.write_safetensors(&path).unwrap();
-    assert_eq!(first, fs::read(&path).unwrap());
+    assert_same("written again", &fs::read(&path).unwrap(), &first);
 }
 
 #[test]

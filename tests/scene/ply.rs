@@ -8,6 +8,7 @@ use ivv::scene::Splats;
 
 use super::{Folder, fault, sample};
 use crate::common::golden::{self, CASES};
+use crate::common::same::assert_same;
 
 /// A plain PLY in the given encoding, written property by property independently of the project's writer.
 pub fn by_hand(encoding: &str, names: &[&str], types: &[&str], rows: &[Vec<f64>]) -> Vec<u8> {
@@ -74,7 +75,7 @@ fn every_degree_and_population_is_read_back_equal_and_written_again_byte_for_byt
             write_ply(&second, &read).unwrap();
             let bytes = fs::read(&first).unwrap();
             assert!(bytes.starts_with(b"ply\nformat binary_little_endian 1.0\nelement vertex "));
-            assert_eq!(bytes, fs::read(&second).unwrap());
+            assert_same("written again", &fs::read(&second).unwrap(), &bytes);
         }
     }
 }
@@ -336,6 +337,6 @@ fn the_golden_scenes_are_written_again_byte_for_byte() {
         assert_eq!(scene.len(), n, "{case}");
         let again = folder.file("again.ply");
         write_ply(&again, &scene).unwrap();
-        assert!(fs::read(&path).unwrap() == fs::read(&again).unwrap(), "{case} differs");
+        assert_same(case, &fs::read(&again).unwrap(), &fs::read(&path).unwrap());
     }
 }

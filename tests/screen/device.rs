@@ -1,6 +1,7 @@
 //! The device that a verb works on: the width of its subgroups, the bits of its depth keys, and where its pipelines are kept.
 
 use super::{Folder, ivv};
+use crate::common::program::done;
 use std::path::PathBuf;
 
 /// The pipelines in a folder of caches, in the order of their names.
@@ -9,6 +10,16 @@ fn pipelines(cache: &str) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = files.map(|file| file.unwrap().path()).collect();
     files.sort();
     files
+}
+
+/// The demo's scene, and a view of 16 x 16 pixels of it.
+fn small(folder: &Folder) -> (String, String) {
+    let (splats, views) = ivv::scene::demo();
+    let mut view = views[0].clone();
+    (view.intrinsics.width, view.intrinsics.height) = (16, 16);
+    ivv::formats::write_ply(&folder.file("scene.ply"), &splats).unwrap();
+    ivv::scene::write_views(&folder.file("cameras.json"), &[view]).unwrap();
+    (folder.path("scene.ply"), folder.path("cameras.json"))
 }
 
 #[test]
@@ -25,12 +36,7 @@ fn a_width_that_the_device_does_not_take_is_refused() {
 #[test]
 fn depth_keys_that_do_not_reach_far_from_the_near_plane_are_warned_of() {
     let folder = Folder::new("keys");
-    let (splats, views) = ivv::scene::demo();
-    let mut view = views[0].clone();
-    (view.intrinsics.width, view.intrinsics.height) = (16, 16);
-    let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
-    ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
-    ivv::scene::write_views(&folder.0.join("cameras.json"), &[view]).unwrap();
+    let ((scene, cameras), out) = (small(&folder), folder.path("out"));
     let told = |more: &[&str]| {
         let render = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &out];
         let output = ivv(&[&render, more].concat()).output().unwrap();
@@ -48,20 +54,20 @@ fn depth_keys_that_do_not_reach_far_from_the_near_plane_are_warned_of() {
 #[test]
 fn pipelines_are_kept_in_a_file_of_their_device_and_a_damaged_one_is_made_anew() {
     let folder = Folder::new("pipelines");
-    let (capture, cache) = (folder.capture(), folder.path("cache"));
-    let train = |run: &str| {
-        let arguments = ["train", &capture, "-o", &folder.path(run), "--steps", "2", "--quiet"];
-        let output = ivv(&arguments).env("XDG_CACHE_HOME", &cache).output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let (scene, cameras) = small(&folder);
+    let cache = folder.path("cache");
+    let render = |to: &str| {
+        let arguments = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &folder.path(to)];
+        done(ivv(&arguments).env("XDG_CACHE_HOME", &cache));
     };
-    train("first");
+    render("first");
     let files = pipelines(&cache);
     let [file] = &files[..] else { panic!("{files:?}") };
     let name = file.file_name().unwrap().to_str().unwrap();
     let digits = name.strip_prefix("pipelines-").and_then(|rest| rest.strip_suffix(".bin"));
     assert!(digits.is_some_and(|digits| digits.len() == 32 && u128::from_str_radix(digits, 16).is_ok()), "{name}");
     std::fs::write(file, b"no pipelines").unwrap();
-    train("second");
+    render("second");
     assert_eq!(pipelines(&cache), files);
     assert_ne!(std::fs::read(file).unwrap(), b"no pipelines", "it was made anew");
 }

@@ -1,13 +1,7 @@
 //! Completions and manual pages know every command and its options.
 
 use super::{Folder, ivv};
-use std::process::Output;
-
-fn works(arguments: &[&str]) -> String {
-    let Output { status, stdout, stderr } = ivv(arguments).output().unwrap();
-    assert!(status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&stderr));
-    String::from_utf8(stdout).unwrap()
-}
+use crate::common::program::works;
 
 /// The commands that the help lists.
 fn verbs() -> Vec<String> {

@@ -1,5 +1,6 @@
 //! `ivv serve`: the player and a scene over HTTP, nothing else, whatever is asked.
 
+use crate::common::program::ivv;
 use crate::common::random;
 use crate::scene::Folder;
 use ivv::formats::{FourDgs, write_ply};
@@ -7,14 +8,10 @@ use ivv::scene::{demo, write_views};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, Command, Stdio};
 use std::time::Duration;
 
 const IVV: &str = env!("CARGO_BIN_EXE_ivv");
-
-fn ivv(arguments: &[&str]) -> Output {
-    Command::new(IVV).args(arguments).output().unwrap()
-}
 
 /// The server, ended with the test.
 struct Server {

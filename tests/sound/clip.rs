@@ -1,6 +1,7 @@
 //! Sources of sound in a file with a clock: what a player that knows the law of distance makes of them is what is rendered here.
 
 use super::{head, horizon, noise, scene, track};
+use crate::common::program::{command, done};
 use crate::common::random;
 use crate::scene::Folder;
 use fourdgs::ReadOptions;
@@ -21,7 +22,6 @@ use ivv::sound::wav::{Depth, read, write};
 use ivv::train::{CaptureSummary, Config, Run};
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::process::Command;
 
 /// The sources of a file of so many frames at 30 a second, and the law of distance that it states: the microphone's place, the
 /// least distance.
@@ -169,9 +169,7 @@ fn what_a_run_of_some_frames_shows_is_heard_as_it_was_then() {
     scene.write(&folder.file("scene.json")).unwrap();
     run_of_some_frames(&folder, Constants::default());
     let ivv = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let done = command.current_dir(folder.file("")).args(arguments).output().unwrap();
-        assert!(done.status.success(), "{arguments:?}: {}", String::from_utf8_lossy(&done.stderr));
+        done(command(arguments).current_dir(&folder.0));
     };
     ivv(&["export", "run", "-o", "run.4dgs", "--sound", "scene.json"]);
     let expected = sounds(&SoundScene::read(&folder.file("scene.json")).unwrap(), 0.5, 0.4).unwrap();
@@ -188,9 +186,7 @@ fn what_a_run_of_some_frames_shows_is_heard_as_it_was_then() {
     let turn = "-0.70710678 0 0 0.70710678";
     folder.write("path.txt", format!("0 -0.3 0 0 {turn}\n0.3 0.3 0 0 {turn}\n"));
     let film = ["render", "run", "--path", "path.txt", "-o", "film.y4m", "--sound", "scene.json"];
-    let device = std::env::var("IVV_TEST_DEVICE").ok();
-    let device: Vec<&str> = device.iter().flat_map(|device| ["--device", device.as_str()]).collect();
-    ivv(&[&film[..], &["--size", "32x24", "--fps", "10"], &device[..]].concat());
+    ivv(&[&film[..], &["--size", "32x24", "--fps", "10"]].concat());
     let heard = read(&folder.file("film.wav")).unwrap();
     assert_eq!(heard.channels[0].len(), 19_200);
     let loudest = |from: f64, to: f64| {
@@ -211,8 +207,7 @@ fn an_export_takes_sound_along_and_keeps_what_a_file_has() {
     write_ply(&folder.file("demo.ply"), &splats).unwrap();
     write_views(&folder.file("cameras.json"), &views).unwrap();
     let export = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let done = command.current_dir(folder.file("")).arg("export").args(arguments).output().unwrap();
+        let done = command(&[&["export"], arguments].concat()).current_dir(&folder.0).output().unwrap();
         (done.status.code(), String::from_utf8(done.stderr).unwrap())
     };
     let (code, said) =

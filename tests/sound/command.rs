@@ -2,8 +2,9 @@
 
 use std::fs;
 use std::path::Path;
-use std::process::Command;
 
+use crate::common::folder::Folder;
+use crate::common::program::{ivv, json};
 use ivv::sound::sphere::Sphere;
 use ivv::sound::wav::{Depth, read, write};
 
@@ -11,7 +12,7 @@ use super::simulate::{Motion, Simulated, simulate};
 use super::sphere;
 
 fn run(args: &[&str]) -> (i32, String, String) {
-    let output = Command::new(env!("CARGO_BIN_EXE_ivv")).args(args).output().unwrap();
+    let output = ivv(args);
     let text = |bytes: Vec<u8>| String::from_utf8(bytes).unwrap();
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
@@ -24,21 +25,21 @@ fn ears(folder: &Path) {
         let (az, el) = ivv::sound::geometry::angles(*to);
         let frames: Vec<[f32; 2]> = left.iter().zip(right).map(|(l, r)| [0.2 * l, 0.2 * r]).collect();
         let name = format!("azi_{:.4}_ele_{:.4}.wav", az.to_degrees(), el.to_degrees());
-        write(&folder.join(name), &frames, Depth::Float32).unwrap();
+        write(folder.join(name), &frames, Depth::Float32).unwrap();
     }
 }
 
 #[test]
 fn a_scene_is_rendered() {
-    let folder = std::env::temp_dir().join(format!("ivv-sound-verbs-{}", std::process::id()));
-    let name = |file: &str| folder.join(file).to_str().unwrap().to_owned();
-    ears(&folder.join("ears"));
+    let folder = Folder::new("sound-verbs");
+    let name = |file: &str| folder.path(file);
+    ears(&folder.file("ears"));
     let hrtf = name("ears");
     let Simulated { mut scene, recording, .. } = simulate(Motion::Still, 0.4, 1, sphere());
-    scene.mic.wav = folder.join("mic.wav");
+    scene.mic.wav = folder.file("mic.wav");
     write(&scene.mic.wav, &recording.iter().map(|x| [*x]).collect::<Vec<_>>(), Depth::Int24).unwrap();
-    scene.write(&folder.join("scene.json")).unwrap();
-    fs::write(folder.join("path.csv"), "t,x,y,z,qx,qy,qz,qw\n0,0.4,1,0,0,0,0.7071,0.7071\n").unwrap();
+    scene.write(&folder.file("scene.json")).unwrap();
+    fs::write(folder.file("path.csv"), "t,x,y,z,qx,qy,qz,qw\n0,0.4,1,0,0,0,0.7071,0.7071\n").unwrap();
     for mode in ["paper3d", "physical"] {
         let (scene, path, out, more) = (name("scene.json"), name("path.csv"), name("out.wav"), name("ambix.wav"));
         let report = name("report.json");
@@ -50,12 +51,12 @@ fn a_scene_is_rendered() {
         assert!(said.contains("licence: not stated") && said.contains("sha256"), "{said}");
         let heard = read(Path::new(&out)).unwrap();
         assert_eq!((heard.channels.len(), heard.channels[0].len(), heard.fs), (2, 19_200, 48_000));
-        let report: serde_json::Value = serde_json::from_slice(&fs::read(report).unwrap()).unwrap();
+        let report = json(Path::new(&report));
         assert_eq!((report["mode"].as_str(), report["seconds"].as_f64()), (Some(mode), Some(0.4)));
     }
     assert_eq!(read(Path::new(&name("ambix.wav"))).unwrap().channels.len(), 4);
     // A source that is far too loud is lowered in both, and clips in none.
-    let mut scene: serde_json::Value = serde_json::from_slice(&fs::read(name("scene.json")).unwrap()).unwrap();
+    let mut scene = json(&folder.file("scene.json"));
     scene["sources"][0]["gain_db"] = 40.0.into();
     fs::write(name("loud.json"), scene.to_string()).unwrap();
     let arguments = [&name("loud.json"), "--path", &name("path.csv"), "-o", &name("loud.wav"), "--hrtf", &hrtf];
@@ -73,5 +74,4 @@ fn a_scene_is_rendered() {
     let (code, _, error) = wrong("--hrtf", &mic);
     assert!(code == 3 && error.contains("mic.wav"), "{error}");
     assert_eq!(wrong("--mode", "loud").0, 2);
-    fs::remove_dir_all(folder).unwrap();
 }

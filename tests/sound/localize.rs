@@ -1,7 +1,5 @@
 //! From keypoints to tracks as a whole.
 
-use std::process::Command;
-
 use glam::DVec3;
 use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
 use ivv::sound::localize::{LocalizeSettings, Localized, localize};
@@ -12,6 +10,7 @@ use ivv::synth::{Noise, Options, Preset, write_capture};
 
 use super::rigs::{mouths, rig};
 use crate::capture::Folder;
+use crate::common::program::{ivv, json, text, told};
 
 /// Root mean square distance of a track from the truth at its frames, where it is seen.
 fn error(found: &Localized, track: usize, truth: impl Fn(f64) -> DVec3) -> f64 {
@@ -122,8 +121,7 @@ fn the_synthetic_speaker_is_found() {
     };
     let seen: Vec<Mouths> = rig.cameras.iter().map(read).collect();
     let found = localize(&rig, &seen, &LocalizeSettings { metres_per_unit: Some(1.0), hold: false });
-    let truth: serde_json::Value =
-        serde_json::from_slice(&std::fs::read(folder.0.join("truth.json")).unwrap()).unwrap();
+    let truth = json(&folder.file("truth.json"));
     let truth = |time: f64| {
         let at: Vec<f64> = serde_json::from_value(truth["source"]["position"][time.round() as usize].clone()).unwrap();
         DVec3::from_slice(&at)
@@ -133,10 +131,8 @@ fn the_synthetic_speaker_is_found() {
     // The middle of the lips lies behind the point between them.
     assert!(error < 0.02, "{error}");
     let output = folder.0.join("out");
-    let run = |arguments: &[&str]| {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        command.args(["sound", "localize"]).arg(&folder.0).arg("-o").arg(&output).args(arguments).output().unwrap()
-    };
+    let run =
+        |arguments: &[&str]| ivv(&[&["sound", "localize", text(&folder.0), "-o", text(&output)], arguments].concat());
     let done = run(&["--metres-per-unit", "1", "--microphone", "cam02", "--json"]);
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
     let scene = SoundScene::read(&output.join("scene.json")).unwrap();
@@ -149,8 +145,7 @@ fn the_synthetic_speaker_is_found() {
     let mic = scene.mic.pose.at(0.3);
     assert!((mic.p - pose.center()).length() < 1e-9 && (mic.forward() - pose.forward()).length() < 1e-9);
     assert!(scene.up.dot(DVec3::NEG_Y) > 0.9);
-    let failed = run(&["--keypoints", folder.0.to_str().unwrap()]);
-    let told = String::from_utf8_lossy(&failed.stderr).into_owned();
-    assert!(failed.status.code() == Some(3) && told.contains("keypoints of 0 cameras"), "{told}");
+    let failed = run(&["--keypoints", text(&folder.0)]);
+    assert!(failed.status.code() == Some(3) && told(&failed).contains("keypoints of 0 cameras"), "{}", told(&failed));
     assert_eq!(run(&["--microphone", "cam77"]).status.code(), Some(2));
 }

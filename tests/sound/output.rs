@@ -11,18 +11,14 @@ use ivv::sound::render::{RenderConfig, SPEED_OF_SOUND, render_ambix, render_sign
 use ivv::sound::scene_file::{SoundScene, Source};
 use ivv::sound::wav::{Channel, Depth, integer, read, read_channel, write};
 
-use super::{head, noise, scene, sphere, tone, track};
+use crate::common::folder::Folder;
 
-fn folder(name: &str) -> std::path::PathBuf {
-    let folder = std::env::temp_dir().join(format!("ivv-sound-{name}-{}", std::process::id()));
-    fs::create_dir_all(&folder).unwrap();
-    folder
-}
+use super::{head, noise, scene, sphere, tone, track};
 
 #[test]
 fn t39_files_hold_the_rounded_samples() {
-    let folder = folder("wav");
-    let path = folder.join("a.wav");
+    let folder = Folder::new("wav");
+    let path = folder.file("a.wav");
     let mut frames: Vec<[f32; 2]> = noise(600, 39).chunks(2).map(|pair| [pair[0], pair[1]]).collect();
     frames.extend([[1.5, -1.5], [1.0, -1.0], [0.5 / 8_388_608.0, -0.4 / 8_388_608.0]]);
     write(&path, &frames, Depth::Int24).unwrap();
@@ -44,13 +40,12 @@ fn t39_files_hold_the_rounded_samples() {
     frames[3][1] = f32::NAN;
     assert!(matches!(write(&path, &frames, Depth::Int24), Err(Error::NonFinite { count: 1, .. })));
     assert!(read(&path).is_ok());
-    fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
 fn recordings_are_read_by_channel_rate_and_offset() {
-    let folder = folder("read");
-    let path = folder.join("a.wav");
+    let folder = Folder::new("read");
+    let path = folder.file("a.wav");
     let spec = hound::WavSpec {
         channels: 2,
         sample_rate: 16_000,
@@ -74,11 +69,10 @@ fn recordings_are_read_by_channel_rate_and_offset() {
     let mid = read_channel(&path, Channel::Mid, 0.01).unwrap();
     assert!((mid[1500] - 0.5 * left[1500]).abs() < 1e-6);
     for bytes in [&b""[..], b"RIFF", &fs::read(&path).unwrap()[..60], &fs::read(&path).unwrap()[..44]] {
-        fs::write(folder.join("bad.wav"), bytes).unwrap();
-        assert!(matches!(read(&folder.join("bad.wav")), Err(Error::Data { .. })), "{} bytes were taken", bytes.len());
+        fs::write(folder.file("bad.wav"), bytes).unwrap();
+        assert!(matches!(read(&folder.file("bad.wav")), Err(Error::Data { .. })), "{} bytes were taken", bytes.len());
     }
-    assert!(read(&folder.join("absent.wav")).is_err());
-    fs::remove_dir_all(folder).unwrap();
+    assert!(read(&folder.file("absent.wav")).is_err());
 }
 
 #[test]
@@ -163,7 +157,7 @@ fn t41_ambisonics_are_as_late_as_the_way_is_longer() {
 
 #[test]
 fn t41_the_same_input_gives_the_same_bytes() {
-    let folder = folder("twice");
+    let folder = Folder::new("twice");
     let source = track("a", &[(0.0, DVec3::new(-1.0, 2.0, 0.3)), (0.2, DVec3::new(1.0, 2.0, 0.3))]);
     for mode in [Mode::Paper2d, Mode::Paper3d, Mode::Physical] {
         let config = RenderConfig { mode, ..RenderConfig::default() };
@@ -171,12 +165,11 @@ fn t41_the_same_input_gives_the_same_bytes() {
             let rendered =
                 render_signals(&scene(source.clone()), &[noise(6000, 4)], &head(DVec3::ZERO, 10.0), sphere(), &config)
                     .unwrap();
-            write(&folder.join(name), &rendered.samples, Depth::Int24).unwrap();
-            fs::read(folder.join(name)).unwrap()
+            write(&folder.file(name), &rendered.samples, Depth::Int24).unwrap();
+            fs::read(folder.file(name)).unwrap()
         };
         assert_eq!(bytes("a.wav"), bytes("b.wav"));
     }
-    fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
@@ -204,16 +197,16 @@ fn gates_let_one_source_through_at_a_time() {
 
 #[test]
 fn a_scene_file_is_read_back() {
-    let folder = folder("scene");
+    let folder = Folder::new("scene");
     let mut written = scene(track("speaker", &[(0.0, DVec3::X), (0.5, DVec3::Y)]));
-    written.mic.wav = folder.join("audio/a.wav");
+    written.mic.wav = folder.file("audio/a.wav");
     written.mic.offset_s = 0.125;
     written.mic.channel = Channel::Mid;
     written.sources[0].gates = vec![(0.0, 0.25)];
-    written.write(&folder.join("scene.json")).unwrap();
-    let text = fs::read_to_string(folder.join("scene.json")).unwrap();
+    written.write(&folder.file("scene.json")).unwrap();
+    let text = fs::read_to_string(folder.file("scene.json")).unwrap();
     assert!(text.contains("\"audio/a.wav\"") && text.contains("\"speaker.csv\""), "{text}");
-    let found = SoundScene::read(&folder.join("scene.json")).unwrap();
+    let found = SoundScene::read(&folder.file("scene.json")).unwrap();
     assert_eq!((found.up, found.metres_per_unit, found.mic.offset_s), (DVec3::Z, Some(1.0), 0.125));
     assert_eq!((found.mic.wav, found.mic.channel), (written.mic.wav.clone(), Channel::Mid));
     assert_eq!(found.sources[0].track.samples, written.sources[0].track.samples);
@@ -225,10 +218,9 @@ fn a_scene_file_is_read_back() {
         ("speaker.csv", "absent.csv"),
     ] {
         assert!(text.contains(from), "{text}");
-        fs::write(folder.join("bad.json"), text.replace(from, to)).unwrap();
-        assert!(matches!(SoundScene::read(&folder.join("bad.json")), Err(Error::Data { .. })), "{to} was taken");
+        fs::write(folder.file("bad.json"), text.replace(from, to)).unwrap();
+        assert!(matches!(SoundScene::read(&folder.file("bad.json")), Err(Error::Data { .. })), "{to} was taken");
     }
-    fs::remove_dir_all(folder).unwrap();
 }
 
 #[test]
@@ -253,8 +245,8 @@ fn two_samples(fs: u32) -> Vec<u8> {
 /// Weights of a change of rate are kept by phase, so that 268,468,411 Hz would need 40 GB of them and 1 Hz 38 GB.
 #[test]
 fn sample_rates_that_no_sound_has_are_refused_by_the_name_of_the_field() {
-    let folder = folder("rates");
-    let path = folder.join("a.wav");
+    let folder = Folder::new("rates");
+    let path = folder.file("a.wav");
     for fs in [0, 1, 7_999, 400_001, 999_983, 268_468_411] {
         fs::write(&path, two_samples(fs)).unwrap();
         let error = read_channel(&path, Channel::Left, 0.0).unwrap_err();
@@ -266,5 +258,4 @@ fn sample_rates_that_no_sound_has_are_refused_by_the_name_of_the_field() {
         fs::write(&path, two_samples(fs)).unwrap();
         assert_eq!(read(&path).unwrap().fs, fs);
     }
-    fs::remove_dir_all(folder).unwrap();
 }

@@ -15,6 +15,7 @@ use realfft::RealFftPlanner;
 
 use super::measure::{ild_db, itd, lsd_db};
 use super::{head, noise, scene, sphere, track};
+use crate::common::folder::Folder;
 use crate::common::notes::shared;
 
 /// A sphere with its ears at the sides and sources far away, as the closed formulas have it.
@@ -272,21 +273,18 @@ fn t17_damaged_sofa_files_are_refused() {
 fn t17_a_cut_sofa_file_is_refused() {
     let Some(path) = shared("data/hrtf_sofa/tests/Pulse.sofa") else { return };
     let bytes = fs::read(path).unwrap();
-    let folder = std::env::temp_dir().join(format!("ivv-sofa-{}", std::process::id()));
-    fs::create_dir_all(&folder).unwrap();
+    let folder = Folder::new("sofa");
     for part in [0, 1, 100, bytes.len() / 2, bytes.len() - 1] {
-        let cut = folder.join("cut.sofa");
-        fs::write(&cut, &bytes[..part]).unwrap();
+        let cut = folder.write("cut.sofa", &bytes[..part]);
         assert!(HrtfSet::open(&cut).is_err(), "{part} bytes were taken");
     }
-    assert!(HrtfSet::open(&folder.join("absent.sofa")).is_err());
-    fs::remove_dir_all(folder).unwrap();
+    assert!(HrtfSet::open(&folder.file("absent.sofa")).is_err());
 }
 
 /// Lists of lists of lists: the parser of HDF5 calls itself for each.
 #[test]
 fn t17_a_sofa_file_of_deeply_nested_types_is_refused() {
-    let file = std::env::temp_dir().join(format!("ivv-nested-{}.sofa", std::process::id()));
+    let folder = Folder::new("nested");
     for (n, told) in [(5000, "it is no HDF5 file that can be read"), (100_000, "may be nested")] {
         // The superblock, whose root follows it: an object with one message, a type.
         let header = [b"OHDR\x02\x02".as_slice(), &1000u32.to_le_bytes(), &[3], &900u16.to_le_bytes(), &[0]].concat();
@@ -294,18 +292,17 @@ fn t17_a_sofa_file_of_deeply_nested_types_is_refused() {
         let length = (48 + header.len() + types.len()) as u64;
         let addresses = [[0; 8], [0xff; 8], length.to_le_bytes(), 48u64.to_le_bytes()].concat();
         let start = [b"\x89HDF\r\n\x1a\n\x02\x08\x08\x00".as_slice(), &addresses, &[0; 4]].concat();
-        fs::write(&file, [start, header, types].concat()).unwrap();
+        let file = folder.write("nested.sofa", [start, header, types].concat());
         let error = HrtfSet::open(&file).err().expect("it is no set of responses");
         assert!(matches!(error, Error::Data { .. }) && error.to_string().contains(told), "{error}");
     }
-    fs::remove_file(file).unwrap();
 }
 
 #[test]
 fn a_folder_of_wav_files_is_read_by_their_names() {
-    let folder = std::env::temp_dir().join(format!("ivv-sadie-{}", std::process::id()));
-    fs::create_dir_all(folder.join("deep")).unwrap();
-    fs::write(folder.join("LICENSE"), "\n\nFree of all\nterms").unwrap();
+    let folder = Folder::new("sadie");
+    fs::create_dir_all(folder.file("deep")).unwrap();
+    folder.write("LICENSE", "\n\nFree of all\nterms");
     let model = measured();
     for (index, (to, ears)) in model.directions.iter().zip(&model.irs).enumerate() {
         let (az, el) = ivv::sound::geometry::angles(*to);
@@ -317,13 +314,12 @@ fn a_folder_of_wav_files_is_read_by_their_names() {
             format!("azi_{}_ele_{}.wav", az.replace('.', ","), el.replace('.', ","))
         };
         let frames: Vec<[f32; 2]> = ears[0].iter().zip(&ears[1]).map(|(l, r)| [0.1 * l, 0.1 * r]).collect();
-        write(&folder.join("deep").join(name), &frames, Depth::Float32).unwrap();
+        write(&folder.file("deep").join(name), &frames, Depth::Float32).unwrap();
     }
-    let set = HrtfSet::open(&folder.join("deep")).unwrap();
+    let set = HrtfSet::open(&folder.file("deep")).unwrap();
     assert_eq!(set.directions().len(), model.directions.len());
     assert_eq!((set.meta.licence.as_str(), set.meta.sha256.len()), ("Free of all", 64));
     let left = set.filter(DVec3::Y, Lookup::Aligned);
     assert!(left.delays[0] < left.delays[1] && ild_db(&left.responses[0], &left.responses[1]) > 3.0);
-    assert!(HrtfSet::open(&folder).is_err(), "the folder above holds no responses");
-    fs::remove_dir_all(folder).unwrap();
+    assert!(HrtfSet::open(&folder.0).is_err(), "the folder above holds no responses");
 }

@@ -13,6 +13,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use crate::common::program::json;
 use glam::{DMat3, DVec3};
 use ivv::synth::{Options, Preset, write_capture};
 use serde_json::Value;
@@ -39,10 +40,6 @@ fn make(name: &str, options: &Options, threads: usize) -> PathBuf {
 fn shared() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| make("shared", &options(), 2))
-}
-
-pub fn json(path: &Path) -> Value {
-    serde_json::from_slice(&fs::read(path).unwrap()).unwrap()
 }
 
 /// Every file below a folder, by its path from there.

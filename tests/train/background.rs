@@ -1,14 +1,14 @@
 //! What lies behind a scene: a background that varies while it is trained, and a backdrop where no training camera looks.
 
-use super::run::{ivv, json, works};
-use super::{Tiny, train};
+use super::{Tiny, as_it_is, train};
 use crate::common::device::gpu;
+use crate::common::program::{ivv, json, works};
 use image::{DynamicImage, Rgb, RgbImage};
 use ivv::Constants;
 use ivv::scene::capture::Capture;
 use ivv::scene::{Splats, View};
 use ivv::stage::{Outputs, Renderer};
-use ivv::synth::{Options, Preset, Rig, write_capture};
+use ivv::synth::{Options, Preset, Rig};
 use ivv::train::{Config, Event, Kind, Log, Run, Session, SessionOptions, Setup, initialise};
 
 /// Gives every image of the capture another form.
@@ -88,11 +88,7 @@ fn a_background_does_not_vary_where_cameras_look_outward() {
 }
 
 fn outward(name: &str) -> Tiny {
-    let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
-    let options = Options { frames: 2, rig: Rig::Outward, ..Preset::Tiny.options(7) };
-    write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
-    let capture = Capture::open(&folder).unwrap();
-    Tiny { folder, capture }
+    Tiny::of(name, &Options { frames: 2, rig: Rig::Outward, ..Preset::Tiny.options(7) })
 }
 
 /// Views of the training cameras, or of those for testing, at the first frame.
@@ -166,7 +162,7 @@ fn a_backdrop_that_would_be_too_much_is_left_out_and_told_of() {
     let first = initialise(&capture, &Config::default(), &mut |_, _| {}).unwrap().splats;
     let session = |max_gaussians: usize| {
         let config = Config { max_gaussians, steps: 60, ..Config::default() };
-        let options = SessionOptions { first: Some(first.clone()), ..SessionOptions::default() };
+        let options = SessionOptions { first: Some(first.clone()), ..as_it_is() };
         Session::begin(gpu().clone(), &capture, config, options).unwrap()
     };
     let told = |session: &mut Session| {
@@ -179,8 +175,8 @@ fn a_backdrop_that_would_be_too_much_is_left_out_and_told_of() {
     let n = finished.len() - scene.len();
     assert!(n > 100 && told(&mut trained) == [(n, true)], "{n}");
     let (mut enough, mut less) = (session(finished.len()), session(finished.len() - 1));
-    assert_eq!((enough.with_backdrop(scene.clone()).unwrap(), told(&mut enough)), (finished, vec![(n, true)]));
-    assert_eq!((less.with_backdrop(scene.clone()).unwrap(), told(&mut less)), (scene, vec![(n, false)]));
+    assert_eq!((enough.finish_with(scene.clone()).unwrap(), told(&mut enough)), (finished, vec![(n, true)]));
+    assert_eq!((less.finish_with(scene.clone()).unwrap(), told(&mut less)), (scene, vec![(n, false)]));
 }
 
 #[test]

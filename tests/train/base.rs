@@ -1,8 +1,8 @@
 //! Runs on top of another: what rests and what was learnt of the cameras is taken over.
 
 use super::Tiny;
-use super::run::{fails, ivv, json, works};
 use crate::common::device::gpu;
+use crate::common::program::{fails, ivv, json, text, works};
 use ivv::formats::read_ply;
 use ivv::scene::Splats;
 use ivv::scene::capture::{Calibration, Capture};
@@ -12,10 +12,6 @@ use std::path::Path;
 
 const SHORT: [&str; 8] =
     ["--sh-degree", "1", "--set", "init_points=200", "--set", "lr.offset=0.05", "--eval-every", "0"];
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
 
 /// Bits of the static Gaussians of a scene file, in any order.
 fn at_rest(scene: &Splats) -> Vec<Vec<u32>> {
@@ -110,6 +106,7 @@ fn a_calibration_corrects_poses_and_times() {
 
 /// Where the colours of what rests are held, what all cameras have in common is no longer free: the maps follow the light.
 #[test]
+#[ignore = "slow: two trainings of 520 steps"]
 fn maps_follow_the_light_of_a_part() {
     let _device = gpu();
     let tiny = Tiny::new("base-light");

@@ -1,7 +1,7 @@
 //! `ivv bench`: a study on captures, finished runs side by side, and a history of them.
 
 use super::Tiny;
-use super::run::{fails, json, works};
+use crate::common::program::{fails, json, works};
 use ivv::study::{Bench, RunResult};
 use std::path::Path;
 

@@ -1,8 +1,8 @@
 //! The cases of `../shared/cases/numerics` that bring files; skipped where the folder is absent.
 
-use super::run::{json, works};
 use crate::common::frames::render;
 use crate::common::notes::shared;
+use crate::common::program::{json, works};
 use ivv::formats::read_ply;
 use ivv::scene::read_views;
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! What a run says of a capture that is not what it was, and of test images that it trains on.
 
 use super::Tiny;
-use super::run::{fails, ivv, json, works};
+use crate::common::program::{fails, ivv, json, works};
 use serde_json::Value;
 use std::path::Path;
 

@@ -1,11 +1,11 @@
 //! Density control in a run: when rounds are due, and what training with either strategy leaves.
 
-use super::{Tiny, nothing_moves, steady};
+use super::{Tiny, as_it_is, nothing_moves, steady};
 use crate::common::device::gpu;
 use ivv::Constants;
 use ivv::scene::Splats;
 use ivv::scene::capture::{Capture, Extent, PriorPlan};
-use ivv::stage::{AdamMode, Choice};
+use ivv::stage::{AdamMode, Choice, PruneLimits};
 use ivv::train::{
     Checkpoint, Config, Density, Event, Init, LearningRates, Pace, Rate, Required, Round, Session, SessionOptions,
     Setup, StepReport, Strategy, Trainer, density_round, from_points, noise, regularisers,
@@ -27,7 +27,7 @@ fn a_run_that_begins_with_all_it_finds_still_grows() {
         let rounds = reports.filter_map(|event| if let Event::Step(report) = event { report.density } else { None });
         (first, room.unwrap(), rounds.map(|counts| counts.cloned + counts.split).sum::<u32>())
     };
-    let (first, room, added) = grown(&config, SessionOptions::default());
+    let (first, room, added) = grown(&config, as_it_is());
     assert!(
         first < config.max_gaussians && room > 0 && added > 0,
         "{first} of {n} at first, {room} more, {added} added"
@@ -35,7 +35,7 @@ fn a_run_that_begins_with_all_it_finds_still_grows() {
     // What somebody begins with is kept, and the run can say that nothing will be added.
     let all = from_points(&tiny.capture.points, &tiny.capture, &config);
     let full = Config { max_gaussians: n, ..config.clone() };
-    let options = SessionOptions { first: Some(all), ..SessionOptions::default() };
+    let options = SessionOptions { first: Some(all), ..as_it_is() };
     assert_eq!(grown(&full, options), (n, 0, 0));
     // Drawn copies take the place of others.
     let density = Density { strategy: Strategy::Mcmc, ..Density::default() };
@@ -51,7 +51,8 @@ fn the_settings_of_density_control_make_its_rounds() {
     let adc = Config::default();
     assert_eq!(round(&adc, 550), None);
     let first = round(&adc, 600).unwrap();
-    assert_eq!(first.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: 2.0 });
+    assert_eq!(first.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04 });
+    assert_eq!(first.limits, PruneLimits { opacity: 0.005, log_scale: 2f32.ln(), veil: 0.33 });
     assert_eq!((first.center, first.extent, first.n_frames, first.growth), ([10.0, 2.0, 3.0], 4.0, 7, 0.05));
     assert_ne!(first.key, round(&adc, 700).unwrap().key);
     // Opacity 0.05 from the reset on step 3000; MCMC has none.
@@ -70,13 +71,13 @@ fn the_settings_of_density_control_make_its_rounds() {
     assert_eq!(round(&adc, 9_100), None);
     assert!(round(&Config { average: 0.0, ..adc.clone() }, 10_000).is_some());
     assert_eq!((round(&adc, 5000).unwrap().growth, late.growth, last.growth), (0.05, 0.0, 0.0));
-    assert_eq!((late.prune_veil, late.opacity_ceiling), (f32::INFINITY, f32::MAX));
+    assert_eq!((late.limits.veil, late.opacity_ceiling), (f32::INFINITY, f32::MAX));
     assert_eq!(
-        [round(&adc, 600), round(&often, 650), round(&mcmc, 600)].map(|round| round.unwrap().prune_veil),
+        [round(&adc, 600), round(&often, 650), round(&mcmc, 600)].map(|round| round.unwrap().limits.veil),
         [0.33; 3]
     );
     // What is large, or wide before a lens, goes only as long as others are added: later a wall would be left with a hole.
-    assert_eq!(late.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04, prune_scale: f32::MAX });
+    assert_eq!((late.choice, late.limits.log_scale), (first.choice, f32::INFINITY));
     // Few Gaussians grow by more than their share, by all of them at most.
     let few = |n| density_round(&adc, (600, 10_000), (n, n), &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;
     assert_eq!([few(500), few(4000), few(70_000)], [1.0, 0.25, 0.05]);
@@ -85,7 +86,8 @@ fn the_settings_of_density_control_make_its_rounds() {
         |trained| density_round(&adc, (600, 10_000), (90_000, trained), &extent, [90.0, 0.0, 0.0], 7).unwrap().growth;
     assert_eq!([some(45_000), some(900)], [0.025, 0.01]);
     let late = round(&mcmc, 5100).unwrap();
-    assert!(matches!(late.choice, Choice::Pulled { prune_scale: f32::MAX, .. }) && late.growth == 0.0);
+    assert!(matches!(late.choice, Choice::Pulled { .. }) && late.growth == 0.0);
+    assert_eq!([drawn, late].map(|round| round.limits.log_scale), [f32::INFINITY; 2]);
     let never = Config { density: Density { stop: 0.0, ..Density::default() }, ..Config::default() };
     assert!((1..=10_000).all(|step| round(&never, step).is_none()));
 

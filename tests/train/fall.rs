@@ -1,7 +1,7 @@
 //! Test scores that fall while a run goes on.
 
 use super::Tiny;
-use super::run::{ivv, json};
+use crate::common::program::{ivv, json};
 use ivv::train::{Config, Density, Fall, Kind, Log, Strategy};
 use serde_json::{Value, json};
 use std::path::Path;

@@ -1,7 +1,7 @@
 //! Nothing of a test camera reaches training: a capture without them, their files deleted, trains to the same bits.
 
 use super::Tiny;
-use super::run::{json, works};
+use crate::common::program::{json, works};
 use std::fs;
 use std::path::Path;
 

@@ -1,12 +1,13 @@
 //! A training that is watched in a browser.
 
 use super::Tiny;
+use crate::common::program::{command, works};
 use ivv::formats::FourDgs;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;
-use std::process::{Child, Command, Stdio};
+use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
 /// A process that serves, ended with the test.
@@ -18,12 +19,7 @@ struct Serving {
 impl Serving {
     /// Begins it, and waits until it says where it is.
     fn new(arguments: &[&str]) -> Self {
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        command.args(arguments).stdout(Stdio::piped()).stderr(Stdio::piped());
-        if let (Ok(device), "train") = (std::env::var("IVV_TEST_DEVICE"), arguments[0]) {
-            command.args(["--device", &device]);
-        }
-        let mut child = command.spawn().unwrap();
+        let mut child = command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let (out, mut err) = (child.stdout.take().unwrap(), BufReader::new(child.stderr.take().unwrap()));
         let mut said = String::new();
         let find = |said: &str| Some(said.split_once("http://")?.1.split_once('/')?.0.to_owned());
@@ -163,12 +159,7 @@ fn a_run_that_goes_on_after_its_end_is_served_with_its_new_length_and_scene() {
     let path = run.to_str().unwrap();
     let train = |more: &[&str]| {
         let quick = ["train", "-o", path, "--eval-every", "0", "--checkpoint-every", "10", "-q"];
-        let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-        command.args(quick).args(more).stdout(Stdio::null());
-        if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-            command.args(["--device", &device]);
-        }
-        assert!(command.status().unwrap().success());
+        works(&[&quick[..], more].concat());
     };
     // Served from before its end on.
     let ply = (run.join("scene.ply"), tiny.folder.join("kept.ply"));

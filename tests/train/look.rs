@@ -1,17 +1,14 @@
 //! Runs that are looked at: rendered from their own cameras, and before they have ended.
 
 use super::Tiny;
-use super::run::{fails, ivv, json, works};
+use crate::common::program::{command, fails, ivv, json, text, works};
+use crate::common::same::assert_same;
 use ivv::scene::capture::{Capture, CaptureSettings, Frames};
 use ivv::scene::{View, read_views, write_views};
 use ivv::sound::rig::Rig;
 use ivv::train::{Run, spread};
 use serde_json::Value;
 use std::path::Path;
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
 
 /// Trains so shortly in `tiny.folder/run` that little is learnt; the near plane cuts away much of what is there.
 fn short_run(tiny: &Tiny) -> std::path::PathBuf {
@@ -96,7 +93,8 @@ fn a_run_that_has_not_ended_is_looked_at_by_its_newest_checkpoint() {
     let output = ivv(&["export", text(&run), "-o", text(&exported)]);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success() && told.contains("has not ended") && told.contains("step 12 of 12"), "{told}");
-    assert!(std::fs::read(&exported).unwrap() == ended, "the last checkpoint holds the scene that the run ended with");
+    // The last checkpoint holds the scene that the run ended with.
+    assert_same("the checkpoint", &std::fs::read(&exported).unwrap(), &ended);
 
     let inspected: Value = serde_json::from_str(&works(&["inspect", text(&run), "--json"])).unwrap();
     assert_eq!((&inspected["checkpoint_step"], &inspected["n"]), (&Value::from(12), &scores["gaussians"]));
@@ -273,13 +271,9 @@ fn stills_are_shown_at_the_time_that_is_asked_for_within_the_clip() {
 fn a_run_under_way_shows_test_views_and_its_report() {
     let tiny = Tiny::new("progress");
     let run = tiny.folder.join("run");
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(["train", text(&tiny.folder), "-o", text(&run), "--steps", "100000", "--sh-degree", "0"]);
-    command.args(["--eval-at", "3", "--eval-every", "0", "--eval-images", "5", "--checkpoint-every", "2", "--quiet"]);
-    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    let mut child = command.spawn().unwrap();
+    let train = ["train", text(&tiny.folder), "-o", text(&run), "--steps", "100000", "--sh-degree", "0", "--quiet"];
+    let often = ["--eval-at", "3", "--eval-every", "0", "--eval-images", "5", "--checkpoint-every", "2"];
+    let mut child = command(&[&train[..], &often].concat()).spawn().unwrap();
     // They are written at once, each as a whole.
     let (report, strip) = (run.join("report.html"), run.join("renders/progress/00000003.png"));
     let begun = std::time::Instant::now();

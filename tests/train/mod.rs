@@ -36,9 +36,10 @@ mod terms;
 mod worlds;
 
 use crate::common::device::gpu;
+use crate::common::same::assert_same_splats;
 use ivv::Constants;
 use ivv::scene::capture::{Capture, PriorPlan};
-use ivv::scene::{Motion, Splats};
+use ivv::scene::{Motion, Similarity, Splats};
 use ivv::stage::{AdamMode, Outputs, Renderer};
 use ivv::synth::{Options, Preset, write_capture};
 use ivv::train::{
@@ -108,9 +109,12 @@ impl Tiny {
     }
 
     fn of_frames(name: &str, frames: u32) -> Self {
+        Self::of(name, &Options { frames, ..Preset::Tiny.options(7) })
+    }
+
+    fn of(name: &str, options: &Options) -> Self {
         let folder = std::env::temp_dir().join(format!("ivv-train-{name}-{}", std::process::id()));
-        let options = Options { frames, ..Preset::Tiny.options(7) };
-        write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
+        write_capture(&folder, options, 2, &mut |_, _| {}).unwrap();
         let capture = Capture::open(&folder).unwrap();
         Tiny { folder, capture }
     }
@@ -135,6 +139,11 @@ impl Drop for Tiny {
     }
 }
 
+/// Of a session that computes in the world of its capture.
+fn as_it_is<'a>() -> SessionOptions<'a> {
+    SessionOptions { world: Some(Similarity::default()), ..SessionOptions::default() }
+}
+
 /// Trains `steps` steps; returns the Gaussians and the mean loss of the first and the last ten steps.
 fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Splats, f64, f64) {
     let gpu = gpu();
@@ -142,7 +151,7 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
         total: Some(steps),
         first: Some(splats.clone()),
         priors: Some(Priors::default()),
-        ..SessionOptions::default()
+        ..as_it_is()
     };
     let mut session = Session::begin(gpu.clone(), capture, config.clone(), options).unwrap();
     while session.step().unwrap() {}
@@ -159,14 +168,6 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
     }
     let mean = |part: &[f64]| part.iter().sum::<f64>() / part.len() as f64;
     (splats, mean(&losses[..10]), mean(&losses[losses.len() - 10..]))
-}
-
-/// All bits of a scene.
-fn bits(splats: &Splats) -> Vec<u32> {
-    let motion: &[f32] = bytemuck::cast_slice(&splats.motion);
-    let all = splats.position.as_flattened().iter().chain(splats.rotation.as_flattened());
-    let all = all.chain(splats.scale.as_flattened()).chain(&splats.opacity).chain(splats.sh.as_flattened());
-    all.chain(motion).map(|x| x.to_bits()).collect()
 }
 
 #[test]
@@ -190,10 +191,10 @@ fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
     let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
     let begin = from_points(&random_points(&tiny.capture, &config), &tiny.capture, &config);
     assert_eq!(begin.len(), 300);
-    let run = |seed| bits(&train(&tiny.capture, &Config { seed, ..config.clone() }, &begin, 60).0);
+    let run = |seed| train(&tiny.capture, &Config { seed, ..config.clone() }, &begin, 60).0;
     let first = run(1);
-    assert!(!first.is_empty() && first == run(1), "the same seed gives other bits");
-    assert_ne!(first, run(2));
+    assert_same_splats("the same seed", &run(1), &first);
+    assert!(!first.is_empty() && first != run(2));
 }
 
 #[test]
@@ -242,7 +243,7 @@ fn rates_decay_exponentially_and_bands_join_one_by_one() {
     for total in [30_000, 300_000] {
         let (begin, end) = ends(total);
         assert!((begin.position - 3.2e-4).abs() < 1e-12 && (end.position - 3.2e-6).abs() < 1e-12);
-        assert_eq!([begin.position_size, end.position_size], [2.0 * config.lr.position_size; 2]);
+        assert_eq!([begin.reference_size, end.reference_size], [2.0 * config.lr.position_size; 2]);
         assert_eq!([begin.scale, end.scale, begin.opacity, end.sh[0]], [5e-3, 5e-3, 2.5e-2, 2.5e-3]);
     }
     let (begin, end) = ends(1000);
@@ -316,7 +317,7 @@ fn resumes_to_the_same_bits(name: &str, config: &Config) {
     let mut second_half = Trainer::resume(gpu.clone(), &checkpoint, Constants::default(), setup.clone()).unwrap();
     drive(&mut second_half, &tiny.capture, config.seed, 60);
     assert!(whole.n_gaussians() as usize > begin.len());
-    assert_eq!(bits(&whole.splats().unwrap()), bits(&second_half.splats().unwrap()));
+    assert_same_splats("resumed", &second_half.splats().unwrap(), &whole.splats().unwrap());
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Runs in the folder of another run.
 
 use super::Tiny;
-use super::run::{fails, json, works};
+use crate::common::program::{fails, json, works};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 

@@ -1,18 +1,13 @@
 //! Photographs teach what rests, and a run on top of another, which leaves that alone, does without them.
 
-use super::run::{ivv, json, works};
 use crate::capture::photos::clip;
 use crate::common::device::gpu;
 use crate::common::frames::render;
+use crate::common::program::{ivv, json, text, works};
 use ivv::formats::read_ply;
 use ivv::scene::Splats;
 use ivv::scene::capture::Capture;
 use ivv::train::{Config, Setup};
-use std::path::Path;
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
 
 #[test]
 fn a_photograph_shows_and_teaches_what_rests_alone() {

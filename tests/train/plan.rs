@@ -2,6 +2,7 @@
 
 use super::{Tiny, drive};
 use crate::common::device::gpu;
+use crate::common::program::{fails, text, works};
 use ivv::Constants;
 use ivv::stage::{Accumulation, Sums};
 use ivv::train::{
@@ -163,10 +164,8 @@ fn a_plan_of_a_training_tells_what_its_files_and_steps_are() {
     let _device = gpu();
     let tiny = Tiny::new("outline");
     let ivv = |args: &[&str]| {
-        let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-        let output = command.arg("train").arg(&tiny.folder).args(args).args(["--quiet", "--json"]).output().unwrap();
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        serde_json::from_slice::<serde_json::Value>(&output.stdout).unwrap()
+        let train = ["train", text(&tiny.folder), "--quiet", "--json"];
+        serde_json::from_str::<serde_json::Value>(&works(&[&train[..], args].concat())).unwrap()
     };
     let run = tiny.folder.join("run");
     let output = ["-o", run.to_str().unwrap()];
@@ -195,7 +194,7 @@ fn a_plan_of_a_training_tells_what_its_files_and_steps_are() {
         "pictures stay on a card, and not on a driver whose memory is the host's"
     );
     let unknown = ["train", tiny.folder.to_str().unwrap(), "-o", run.to_str().unwrap(), "--plan", "--card", "GTX 480"];
-    assert!(super::run::fails(&unknown, 2).contains("H200, RTX4090"));
+    assert!(fails(&unknown, 2).contains("H200, RTX4090"));
     // The newest checkpoint of a run with as many Gaussians, all of which move in the worst case.
     let ran = ivv(&[
         &output[..],

@@ -1,9 +1,11 @@
 //! Steps on several images, by one process or by several that share them.
 
-use super::{Tiny, bits};
+use super::Tiny;
 use crate::common::device::{gpu, options};
+use crate::common::same::assert_same_splats;
 use ivv::error::{Error, Result};
 use ivv::gpu::{Gpu, Options};
+use ivv::scene::Splats;
 use ivv::stage::AdamMode;
 use ivv::train::{Checkpoint, Config, Event, GridKind, PoseKind, Ranks, Session, SessionOptions, StepReport};
 use ivv::vk::DeviceChoice;
@@ -117,7 +119,7 @@ fn config() -> Config {
 
 /// What a run leaves: the scene, the state of all that is learnt, and its reports.
 struct End {
-    splats: Vec<u32>,
+    splats: Splats,
     checkpoint: Checkpoint,
     reports: Vec<StepReport>,
 }
@@ -137,7 +139,7 @@ impl PartialEq for End {
 fn end(mut session: Session) -> End {
     while session.step().unwrap() {}
     let checkpoint = session.checkpoint().unwrap();
-    let splats = bits(&session.finish().unwrap());
+    let splats = session.finish().unwrap();
     let report = |event| if let Event::Step(report) = event { Some(report) } else { None };
     End { splats, checkpoint, reports: session.take_events().into_iter().filter_map(report).collect() }
 }
@@ -170,8 +172,7 @@ fn shared(tiny: &Tiny, config: &Config, size: usize, checkpoint: Option<&Checkpo
 #[test]
 fn one_two_and_four_processes_leave_the_same_bits_and_each_goes_on_where_others_were() {
     let device = gpu();
-    let mut tiny = Tiny::new("ranks");
-    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let tiny = Tiny::new("ranks");
     let config = config();
     let begin = || Session::begin(device.clone(), &tiny.capture, config.clone(), SessionOptions::default()).unwrap();
     let alone = end(begin());
@@ -190,7 +191,7 @@ fn one_two_and_four_processes_leave_the_same_bits_and_each_goes_on_where_others_
     let checkpoint = first.checkpoint().unwrap();
     drop(first);
     for end in shared(&tiny, &config, 2, Some(&checkpoint)) {
-        assert!(end.splats == alone.splats, "resumed by two");
+        assert_same_splats("resumed by two", &end.splats, &alone.splats);
     }
 }
 
@@ -224,8 +225,7 @@ impl Ranks for Alone {
 #[test]
 fn a_process_that_loses_the_others_leaves_its_last_step() {
     let device = gpu();
-    let mut tiny = Tiny::new("ranks-lost");
-    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let tiny = Tiny::new("ranks-lost");
     let begin = |ranks: Option<Arc<dyn Ranks>>| {
         let options = SessionOptions { ranks, ..SessionOptions::default() };
         Session::begin(device.clone(), &tiny.capture, config(), options).unwrap()
@@ -244,15 +244,15 @@ fn a_process_that_loses_the_others_leaves_its_last_step() {
         assert_eq!(rescued.step, u64::from(at));
         let resumed = Session::resume(device.clone(), &tiny.capture, &rescued, SessionOptions::default()).unwrap();
         let resumed = end(resumed);
-        assert!(resumed.splats == whole.splats && resumed.checkpoint == whole.checkpoint, "after {at} steps");
+        assert_same_splats(format_args!("after {at} steps"), &resumed.splats, &whole.splats);
+        assert!(resumed.checkpoint == whole.checkpoint, "after {at} steps");
     }
 }
 
 #[test]
 fn a_batch_learns_and_lists_that_overflow_leave_no_trace() {
     let gpu = gpu();
-    let mut tiny = Tiny::new("batch");
-    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let tiny = Tiny::new("batch");
     let config = config();
     let begin = || Session::begin(gpu.clone(), &tiny.capture, config.clone(), SessionOptions::default()).unwrap();
     let whole = end(begin());

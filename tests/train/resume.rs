@@ -1,9 +1,10 @@
 //! Runs that were killed, extended, or started twice: nothing is lost, and nothing else is trained than was asked for.
 
-use super::run::{fails, ivv, json, works};
-use super::{Tiny, bits};
+use super::Tiny;
 use crate::common::device::gpu;
+use crate::common::program::{fails, ivv, json, works};
 use crate::common::running::Running;
+use crate::common::same::{assert_same, assert_same_splats};
 use ivv::Constants;
 use ivv::scene::Splats;
 use ivv::stage::{AdamMode, GRID_NUMBERS};
@@ -133,7 +134,7 @@ fn a_resumed_run_needs_no_capture_and_finds_one_that_moved() {
     works(&[&resume[..], &[elsewhere.to_str().unwrap()]].concat());
     // It is found from now on.
     works(&resume);
-    assert!(std::fs::read(run.join("scene.ply")).unwrap() == scene);
+    assert_same("scene.ply", &std::fs::read(run.join("scene.ply")).unwrap(), &scene);
     std::fs::rename(&elsewhere, &case.tiny.folder).unwrap();
 }
 
@@ -327,13 +328,13 @@ fn an_extended_trainer_owes_nothing_of_the_schedule_that_it_leaves() {
         };
         let mut trainer = new(6);
         drive(&mut trainer, 6);
-        let before = bits(&trainer.splats().unwrap());
+        let before = trainer.splats().unwrap();
         trainer.extend(Config { steps: 9, ..config.clone() }, 9).unwrap();
-        assert!(bits(&trainer.splats().unwrap()) == before, "{adam:?}: the scene stays as it was");
+        assert_same_splats(format_args!("{adam:?}: extended"), &trainer.splats().unwrap(), &before);
         let checkpoint = trainer.checkpoint().unwrap();
         assert_eq!((checkpoint.step, checkpoint.total, checkpoint.config.steps), (6, 9, 9));
         drive(&mut trainer, 9);
-        assert!(bits(&trainer.splats().unwrap()) != before);
+        assert!(trainer.splats().unwrap() != before);
         // To the length that it has: the run that it is.
         if adam == AdamMode::Dense {
             let (mut whole, mut same) = (new(9), new(9));
@@ -341,7 +342,7 @@ fn an_extended_trainer_owes_nothing_of_the_schedule_that_it_leaves() {
             drive(&mut same, 5);
             same.extend(Config { steps: 9, ..config.clone() }, 9).unwrap();
             drive(&mut same, 9);
-            assert!(bits(&whole.splats().unwrap()) == bits(&same.splats().unwrap()));
+            assert_same_splats("extended to its length", &same.splats().unwrap(), &whole.splats().unwrap());
         }
     }
 }

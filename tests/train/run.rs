@@ -2,40 +2,11 @@
 
 use super::Tiny;
 use super::report::{assert_self_contained, assert_well_formed, plot};
+use crate::common::program::{fails, json, works};
 use ivv::formats::{read_ply, read_scene};
 use ivv::train::{Config, initialise};
 use serde_json::Value;
 use std::path::Path;
-use std::process::Output;
-
-/// Runs `ivv` on the device of this lane.
-pub(super) fn ivv(arguments: &[&str]) -> Output {
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(arguments);
-    if let (Ok(device), true) = (std::env::var("IVV_TEST_DEVICE"), ["train", "eval", "bench"].contains(&arguments[0])) {
-        command.args(["--device", &device]);
-    }
-    command.output().unwrap()
-}
-
-pub(super) fn works(arguments: &[&str]) -> String {
-    let output = ivv(arguments);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{arguments:?}: {told}");
-    String::from_utf8(output.stdout).unwrap()
-}
-
-/// What is told on standard error by a command that ends with `code`.
-pub(super) fn fails(arguments: &[&str], code: i32) -> String {
-    let output = ivv(arguments);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(code), "{arguments:?}: {told}");
-    told
-}
-
-pub(super) fn json(file: &Path) -> Value {
-    serde_json::from_slice(&std::fs::read(file).unwrap()).unwrap()
-}
 
 fn lines(folder: &Path, kind: &str) -> Vec<Value> {
     let text = std::fs::read_to_string(folder.join("train.jsonl")).unwrap();

@@ -1,18 +1,13 @@
 //! A clip in segments: planned, trained job by job, joined, and scored as one scene.
 
 use super::Tiny;
-use super::run::{fails, ivv, json, works};
 use crate::common::device::gpu;
+use crate::common::program::{fails, ivv, json, text, works};
 #[cfg(unix)]
 use crate::common::running::Running;
 use ivv::formats::read_ply;
 use ivv::scene::{ALWAYS, Splats};
 use serde_json::Value;
-use std::path::Path;
-
-fn text(path: &Path) -> &str {
-    path.to_str().unwrap()
-}
 
 /// That the means of the frames at seams, and of the others, are those of the views.
 fn assert_scored_at_seams(scores: &Value, seam: std::ops::RangeInclusive<u64>) {

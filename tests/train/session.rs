@@ -1,17 +1,18 @@
 //! A run as the library has it.
 
-use super::{Tiny, bits};
+use super::{Tiny, as_it_is};
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
+use crate::common::program::{text, works};
+use crate::common::same::assert_same_splats;
 use ivv::scene::{Similarity, Splats};
 use ivv::train::{
-    Average, Checkpoint, Config, Event, GridKind, Init, Notice, Owed, Phase, PoseKind, Required, Session,
+    Average, Checkpoint, Config, DueEvents, Event, GridKind, Init, Notice, Phase, PoseKind, Required, Session,
     SessionOptions, training_order,
 };
 use ivv::vk::DeviceKind;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
-use std::process::Command;
 
 const STEPS: u64 = 60;
 
@@ -25,7 +26,7 @@ fn steps(event: &Event) -> Option<u64> {
     if let Event::Step(report) = event { Some(report.step) } else { None }
 }
 
-fn begin<'a>(tiny: &'a Tiny, options: SessionOptions<'a>) -> Session<'a> {
+fn begin<'a>(tiny: &Tiny, options: SessionOptions<'a>) -> Session<'a> {
     Session::begin(gpu().clone(), &tiny.capture, config(), options).unwrap()
 }
 
@@ -39,8 +40,7 @@ fn end(mut session: Session) -> (Splats, Vec<Event>) {
 #[test]
 fn a_session_does_what_is_due_wherever_it_is_resumed() {
     let _device = gpu();
-    let mut tiny = Tiny::new("session");
-    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let tiny = Tiny::new("session");
     let noticed = RefCell::new(BTreeSet::new());
     let watch = |notice: Notice| {
         noticed.borrow_mut().insert(match notice {
@@ -68,14 +68,14 @@ fn a_session_does_what_is_due_wherever_it_is_resumed() {
             first.step().unwrap();
         }
         let checkpoint = first.rescue().unwrap();
-        let Owed { review, offsets, poses, .. } = checkpoint.owed;
+        let DueEvents { review, offsets, poses, .. } = checkpoint.due;
         assert_eq!((checkpoint.step, review, offsets, poses), (at, at == 18, at == 30, at == 18));
         drop(first);
         let folder = tiny.folder.join(format!("checkpoints-{at}"));
         checkpoint.write(&folder).unwrap();
         let checkpoint = Checkpoint::newest(&folder).unwrap().unwrap();
         let resumed = Session::resume(gpu().clone(), &tiny.capture, &checkpoint, SessionOptions::default()).unwrap();
-        assert_eq!(bits(&end(resumed).0), bits(&whole), "resumed at {at}");
+        assert_same_splats(format_args!("resumed at {at}"), &end(resumed).0, &whole);
     }
 }
 
@@ -89,19 +89,14 @@ fn a_session_gives_the_scene_that_the_command_line_writes() {
     let (path, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let file = tiny.folder.join("settings.json");
     std::fs::write(&file, serde_json::to_string(&config()).unwrap()).unwrap();
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(["train", path, "-o", run.to_str().unwrap(), "--config", file.to_str().unwrap(), "-q"]);
-    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    let done = command.output().unwrap();
-    assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
+    works(&["train", path, "-o", text(&run), "--config", text(&file), "-q"]);
     let written = Checkpoint::newest(&run.join("checkpoints")).unwrap().unwrap();
     let run = ivv::train::Run::read(&run).unwrap();
     let capture = run.open_capture(None).unwrap();
     let options = SessionOptions { constants: run.constants, ..SessionOptions::default() };
     let session = Session::begin(gpu().clone(), &capture, config(), options).unwrap();
-    assert_eq!(bits(&end(session).0), bits(written.average.scene().expect("the mean of the last scenes")));
+    assert!(written.average.scene().is_some(), "the mean of the last scenes");
+    assert_same_splats("the command line", &end(session).0, &written.splats());
 }
 
 #[test]
@@ -123,8 +118,7 @@ fn images_follow_one_another_by_epochs_from_any_step() {
 #[test]
 fn a_run_lists_few_of_its_images_at_a_time_and_has_the_same_bits() {
     let gpu = gpu();
-    let mut tiny = Tiny::new("listed");
-    tiny.capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
+    let tiny = Tiny::new("listed");
     let config = Config { sh_degree: 0, steps: 26, max_gaussians: 300, init: Init::Points, ..Config::default() };
     let begin = |listed_images: u64, total: u64, batch: u32| {
         let config = Config { batch, ..config.clone() };
@@ -138,7 +132,7 @@ fn a_run_lists_few_of_its_images_at_a_time_and_has_the_same_bits() {
             while session.step().unwrap() {
                 steps += 1;
             }
-            (steps, bits(&session.finish().unwrap()))
+            (steps, session.finish().unwrap())
         };
         let all = run(u64::MAX);
         assert_eq!(all.0, 26);
@@ -155,7 +149,7 @@ fn a_run_ends_with_the_mean_of_its_last_scenes() {
     let _device = gpu();
     let tiny = Tiny::new("mean");
     let config = Config { sh_degree: 1, steps: 40, max_gaussians: 2_000, average: 0.25, ..Config::default() };
-    let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), SessionOptions::default()).unwrap();
+    let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), as_it_is()).unwrap();
     let (mut truth, mut last) = (Average::default(), None);
     while session.step().unwrap() {
         if session.steps() > 30 {
@@ -165,18 +159,19 @@ fn a_run_ends_with_the_mean_of_its_last_scenes() {
         }
     }
     let (found, last) = (session.finish().unwrap(), last.unwrap());
-    assert_eq!((truth.n, bits(&found)), (10, bits(truth.scene().unwrap())));
-    assert_ne!(bits(&found), bits(&last));
+    assert_eq!(truth.n, 10);
+    assert_same_splats("the mean", &found, truth.scene().unwrap());
+    assert!(found != last);
     let changed = |event: &Event| matches!(event, Event::Step(step) if step.density.is_some() && step.step > 30);
     assert!(!session.take_events().iter().any(changed), "the Gaussians stay the same");
     // What a checkpoint of the end has is what the run's scene has; one from before it has what was trained so far.
     let checkpoint = session.checkpoint().unwrap();
     let relative = Checkpoint { world: Similarity::default(), ..checkpoint };
-    assert_eq!(bits(&relative.splats()), bits(&found));
-    assert_ne!(bits(&Checkpoint { step: 39, ..relative }.splats()), bits(&found));
+    assert_same_splats("the checkpoint of the end", &relative.splats(), &found);
+    assert!(Checkpoint { step: 39, ..relative }.splats() != found);
     // Steps that are added make the end another.
     session.extend(config, 80).unwrap();
-    assert_eq!(bits(&session.finish().unwrap()), bits(&last));
+    assert_same_splats("extended", &session.finish().unwrap(), &last);
 }
 
 #[test]
@@ -189,7 +184,7 @@ fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() 
     {
         let required = Required { grids_at, ..Required::default() };
         let config = Config { sh_degree: 0, steps: 10, grids, required, ..Config::default() };
-        let session = Session::begin(gpu().clone(), &tiny.capture, config, SessionOptions::default()).unwrap();
+        let session = Session::begin(gpu().clone(), &tiny.capture, config, as_it_is()).unwrap();
         let (_, events) = end(session);
         let asked =
             events.iter().filter_map(|event| if let Event::Review(review) = event { Some(review) } else { None });
@@ -213,7 +208,7 @@ fn a_run_that_is_made_shorter_makes_up_for_the_reviews_that_it_is_past() {
     let reviews = |required: &Required, [stop, total]: [u64; 2]| {
         let config =
             Config { sh_degree: 0, steps: 40, max_gaussians: 2_000, required: required.clone(), ..Config::default() };
-        let options = SessionOptions::default();
+        let options = as_it_is();
         let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), options).unwrap();
         while session.steps() < stop {
             session.step().unwrap();
@@ -244,7 +239,7 @@ fn a_capture_without_training_images_is_refused() {
     let _device = gpu();
     let mut tiny = Tiny::new("session-none");
     tiny.capture.cameras.iter_mut().for_each(|camera| camera.is_test = true);
-    let refused = Session::begin(gpu().clone(), &tiny.capture, config(), SessionOptions::default());
+    let refused = Session::begin(gpu().clone(), &tiny.capture, config(), as_it_is());
     let fault = refused.err().expect("there is nothing to train on");
     assert!(fault.exit_code() == 3 && fault.to_string().contains("has no training image"), "{fault}");
 }
@@ -259,7 +254,7 @@ fn a_step_of_a_full_run_has_so_many_passes_and_barriers() {
     let tiny = Tiny::new("passes");
     let required = Required { grids_at: 0.0, ..Required::default() };
     let config = Config { steps: STEPS, max_gaussians: 2_000, required: required.clone(), ..Config::default() };
-    let mut session = Session::begin(gpu.clone(), &tiny.capture, config, SessionOptions::default()).unwrap();
+    let mut session = Session::begin(gpu.clone(), &tiny.capture, config, as_it_is()).unwrap();
     // All terms of the loss, brightness grids, time offsets; Gaussians that move.
     let step = session.profile().unwrap().unwrap();
     let of = |part: &str| -> Vec<u64> {

@@ -1,7 +1,7 @@
 //! Every setting is known, has a meaning, and is refused outside its range with what was found and expected.
 
 use super::Tiny;
-use super::run::{fails, ivv, works};
+use crate::common::program::{fails, ivv, works};
 use ivv::settings::Range;
 use ivv::train::{Config, PRESETS, Preset, all_settings, check_settings, default_of, merge};
 use serde_json::{Value, json};

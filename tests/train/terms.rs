@@ -1,6 +1,6 @@
 //! The terms of the loss and the cameras' own parameters inside a training.
 
-use super::{Tiny, nothing_moves};
+use super::{Tiny, as_it_is, nothing_moves};
 use crate::common::device::gpu;
 use crate::common::one::{One, ball, camera, scene_of};
 use crate::scene::Folder;
@@ -85,7 +85,7 @@ fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
     ] {
         let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
         let first = Some(begin);
-        let options = SessionOptions { first, total: Some(6), ..SessionOptions::default() };
+        let options = SessionOptions { first, total: Some(6), ..as_it_is() };
         let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), options).unwrap();
         while session.step().unwrap() {}
         session.wait().unwrap();
@@ -138,7 +138,7 @@ fn what_is_on_is_the_same_to_the_priors_the_plan_and_the_setup() {
         let config = Config { sh_degree: 0, loss, ..Config::default() };
         assert_eq!(Setup::new(capture, &config).data, TermData { depth, flow });
         let first = Some(from_points(&capture.points, capture, &config));
-        let options = SessionOptions { first, total: Some(1), ..SessionOptions::default() };
+        let options = SessionOptions { first, total: Some(1), ..as_it_is() };
         let session = Session::begin(gpu().clone(), capture, config, options).unwrap();
         let priors = session.priors();
         assert_eq!((priors.depth.is_some(), priors.plan.flow), (depth, flow));

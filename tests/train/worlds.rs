@@ -2,7 +2,7 @@
 
 use super::{Tiny, drive};
 use crate::common::device::gpu;
-use crate::common::frames::{render, render_with, rms};
+use crate::common::frames::{psnr, render, render_with};
 use crate::common::random::{scene, view};
 use ivv::Constants;
 use ivv::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS};
@@ -12,11 +12,6 @@ use ivv::twin::cleared;
 
 /// Least PSNR against the same thing in its own units at the origin, dB.
 const LEAST_PSNR: f64 = 80.0;
-
-/// Peak signal-to-noise ratio of the colours, dB, peak 1; infinite when they are equal.
-fn psnr(a: &Frame, b: &Frame) -> f64 {
-    -20.0 * rms(a, b).log10()
-}
 
 /// What a short training gives, in the frame of training, with the way there.
 fn train(capture: Capture) -> (Splats, Capture, Similarity) {

@@ -11,21 +11,12 @@ use ivv::sound::wav::{self, Channel, Depth};
 use ivv::synth::{Options, Preset, write_capture};
 
 use crate::capture::Folder;
-
-fn ivv(arguments: &[&str]) -> Output {
-    run(Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments))
-}
+use crate::common::program::{command, ivv, text};
+use crate::common::same::assert_same;
 
 /// The same where a folder holds all programs that are installed.
 fn with_programs_of(folder: &Path, arguments: &[&str]) -> Output {
-    run(Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments).env("PATH", folder))
-}
-
-fn run(command: &mut Command) -> Output {
-    if let Ok(device) = std::env::var("IVV_TEST_DEVICE") {
-        command.args(["--device", &device]);
-    }
-    command.output().unwrap()
+    command(arguments).env("PATH", folder).output().unwrap()
 }
 
 /// Ears by 18 directions: what is on a side comes there two thirds of a millisecond earlier and twice as loud.
@@ -131,11 +122,11 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
     let report: serde_json::Value = serde_json::from_slice(&done.stdout).unwrap();
     let pictures = at("without/film.y4m");
     assert_eq!(report["path"], pictures.as_str());
-    assert!(std::fs::read(&pictures).unwrap() == film, "they are other pictures");
+    assert_same("pictures", &std::fs::read(&pictures).unwrap(), &film);
     let command = report["command"].as_str().unwrap();
     assert!(command.starts_with("ffmpeg ") && !Path::new(&whole).exists(), "{command}");
     let sound = std::fs::read(folder.0.join("film.wav")).unwrap();
-    assert!(std::fs::read(folder.0.join("without/film.wav")).unwrap() == sound, "it is another sound");
+    assert_same("sound", &std::fs::read(folder.0.join("without/film.wav")).unwrap(), &sound);
     if super::has_ffmpeg() {
         let joined = Command::new("sh").args(["-c", command]).output().unwrap();
         assert!(joined.status.success(), "{command}: {}", String::from_utf8_lossy(&joined.stderr));
@@ -167,10 +158,8 @@ fn a_name_with_a_colon_is_a_name() {
     let path = folder.write("path.txt", "0 -0.3 0 -4 0 0 0 1\n0.05 0.3 0 -4 0 0 0 1\n");
     let still = still_scene(&folder);
     for name in ["a:b.mp4", "-c.mp4"] {
-        let output = run(Command::new(env!("CARGO_BIN_EXE_ivv"))
-            .current_dir(&folder.0)
-            .args(["render", "--scene", &still, "--path", path.to_str().unwrap(), "--size", "32x24"])
-            .arg(format!("--output={name}")));
+        let render = ["render", "--scene", &still, "--path", text(&path), "--size", "32x24"];
+        let output = command(&render).current_dir(&folder.0).arg(format!("--output={name}")).output().unwrap();
         assert!(output.status.success(), "{name}: {}", String::from_utf8_lossy(&output.stderr));
         assert!(folder.0.join(name).is_file(), "{name}");
     }
@@ -204,18 +193,6 @@ fn a_video_of_years_is_refused_with_the_number_of_its_frames() {
     assert_eq!(done.status.code(), Some(3), "{told}");
     assert!(told.contains("30000000001 frames") && told.contains("5184000"), "{told}");
     assert!(!output.exists());
-}
-
-/// The loader says that memory is short when it cannot parse the file of a driver.
-#[test]
-fn the_file_of_a_driver_that_is_no_json_is_no_lack_of_memory() {
-    let folder = Folder::new("film-driver");
-    let file = folder.write("driver.json", "no JSON");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    let output = command.arg("devices").env("VK_ICD_FILENAMES", &file).env("VK_DRIVER_FILES", &file).output().unwrap();
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert_eq!(output.status.code(), Some(4), "{told}");
-    assert!(told.contains("the file of a driver may be damaged") && !told.contains("limit is 0"), "{told}");
 }
 
 /// The pictures of a .y4m of `width` x `height` pixels in three full planes.

@@ -1,16 +1,13 @@
 //! What the passes of a frame take, in the demo: cargo run --release --example profile_kernel -- blend
 
-use ivv::Constants;
-use ivv::gpu::Gpu;
-use ivv::scene::demo;
-use ivv::stage::{Outputs, Renderer};
+use ivv::{Constants, Gpu, GpuOptions, Outputs, Renderer, demo};
 use std::sync::Arc;
 
 const FRAMES: u32 = 20;
 
 fn main() -> ivv::Result<()> {
     let kernel = std::env::args().nth(1).unwrap_or_default();
-    let gpu = Arc::new(Gpu::open(&Default::default())?);
+    let gpu = Arc::new(Gpu::open(&GpuOptions::default())?);
     let (splats, views) = demo();
     let mut renderer = Renderer::new(gpu.clone(), &splats.by_degree(), Constants::default())?;
     // Kernels are compiled at their first dispatch.

@@ -1,10 +1,6 @@
 //! A picture of a scene file: cargo run --release --example render -- assets/demo/scene.ply out.png
 
-use ivv::Constants;
-use ivv::formats::read_scene;
-use ivv::gpu::Gpu;
-use ivv::scene::View;
-use ivv::stage::{Outputs, Renderer};
+use ivv::{Gpu, GpuOptions, Outputs, Renderer, View, formats};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -14,9 +10,9 @@ fn main() -> ivv::Result<()> {
         eprintln!("usage: render SCENE PICTURE.png");
         std::process::exit(2);
     };
-    let gpu = Arc::new(Gpu::open(&Default::default())?);
-    let splats = read_scene(Path::new(scene))?.by_degree();
-    let mut renderer = Renderer::new(gpu, &splats, Constants::default())?;
+    let gpu = Arc::new(Gpu::open(&GpuOptions::default())?);
+    let scene = formats::read(scene)?;
+    let mut renderer = Renderer::new(gpu, &scene.splats.by_degree(), scene.clip.constants)?;
     // As in COLMAP, y points downwards.
     let view = View::look_at([1.5, -1.2, -3.6], [0.0, 0.35, 0.4], [0.0, -1.0, 0.0], (640, 480), 45.0);
     let (frame, report) = renderer.render(&view, Outputs::Color)?;

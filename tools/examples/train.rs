@@ -1,9 +1,8 @@
 //! A scene of a capture: cargo run --release --example train -- CAPTURE scene.ply
 
-use ivv::formats::write_ply;
-use ivv::gpu::Gpu;
-use ivv::scene::capture::Capture;
+use ivv::formats::{self, Scene, WriteOptions};
 use ivv::train::{Config, Event, Session, SessionOptions};
+use ivv::{Capture, Gpu, GpuOptions};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -13,11 +12,8 @@ fn main() -> ivv::Result<()> {
         eprintln!("usage: train CAPTURE SCENE.ply");
         std::process::exit(2);
     };
-    let gpu = Arc::new(Gpu::open(&Default::default())?);
+    let gpu = Arc::new(Gpu::open(&GpuOptions::default())?);
     let capture = Capture::open(Path::new(capture))?;
-    // Training takes place in a frame where the extent of the cameras is 3.
-    let world = capture.normalisation();
-    let capture = capture.transformed(&world);
     let config = Config { steps: 200, ..Config::default() };
     let mut session = Session::begin(gpu, &capture, config, SessionOptions::default())?;
     while session.step()? {
@@ -27,5 +23,6 @@ fn main() -> ivv::Result<()> {
             }
         }
     }
-    write_ply(Path::new(scene), &world.inverse().splats(&session.finish()?))
+    formats::write(scene, &Scene::from(session.finish()?), &WriteOptions::default())?;
+    Ok(())
 }

@@ -10,7 +10,7 @@ use glam::DVec3;
 use ivv::files::write_atomic;
 use ivv::scene::capture::Capture;
 use ivv::study::{Arm, Bench, BenchRun, Entry, History, RunResult, Study, differences};
-use ivv::train::{CaptureSummary, Config, initialise, merge};
+use ivv::train::{CaptureSummary, Config, first_gaussians, merge};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -127,7 +127,7 @@ fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
     train(args, &jobs)?;
     let read = |job: &Job| {
         let peripheral = job.place.peripheral.as_deref();
-        BenchRun::read(&job.folder, &job.place.name, &job.arm.key, (job.steps, job.config.seed), peripheral)
+        BenchRun::read(&job.folder, &job.place.name, &job.arm.key, job.steps, job.config.seed, peripheral)
     };
     let mut runs = jobs.iter().map(read).collect::<ivv::Result<Vec<_>>>()?;
     runs.sort_by_key(|run| places.iter().position(|place| place.name == run.capture));
@@ -173,10 +173,9 @@ impl Place {
 
 /// The most Gaussians that an arm of `study` begins with.
 fn largest_start(capture: &Capture, study: &Study, shared: &Config) -> anyhow::Result<usize> {
-    let capture = capture.clone().transformed(&capture.normalisation());
     let start = |arm: &Arm| {
         let own = Config { max_gaussians: usize::MAX, ..study.config(shared, arm)? };
-        Ok(initialise(&capture, &own, &mut |_, _| {})?.splats.len())
+        Ok(first_gaussians(capture, &own, &mut |_, _| {})?.splats.len())
     };
     let starts: Vec<usize> = study.arms.iter().map(start).collect::<ivv::Result<_>>()?;
     Ok(starts.into_iter().max().unwrap_or(0))

@@ -289,6 +289,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut run = Run::read(&args.run)?;
     let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
     let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
+    let capture = run.in_training(capture);
     if !changes.is_empty() {
         alert!(
             "warning: {} is not what the run was trained on: {changes}. The scores are of what it is now",

@@ -1,8 +1,7 @@
 //! `ivv export`.
 
-use crate::export_clip::{ClipArgs, Losses};
+use crate::export_clip::ClipArgs;
 use crate::files::make_folder;
-use crate::look::list;
 use crate::page;
 use crate::screen::{out, say};
 use crate::shown::Source;
@@ -10,7 +9,8 @@ use crate::views::clip_time;
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use ivv::files::{folder_of, read_file, remove_temporaries, write_atomic};
-use ivv::formats::{FourDgs, WRITERS, WriteScene, Writer, count_written};
+use ivv::formats::{self, Clip, FourDgs, Scene, WRITERS, WriteOptions, Writer, Written};
+use ivv::scene::Splats;
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.
@@ -34,22 +34,19 @@ pub struct Args {
     clip: ClipArgs,
 }
 
-/// What a scene is written as.
+/// The form of a scene's files.
 #[derive(Clone, Copy, Debug)]
 enum Format {
-    /// A `.4dgs`.
-    FourDgs,
     /// A folder with the player and a `.4dgs`.
     Web,
     /// Both in one file.
     Page,
     /// A format of the engine's list.
-    Other(&'static Writer),
+    File(&'static Writer),
 }
 
-/// Names and meanings of the formats with a clip; the engine lists the others.
-const WITH_CLIP: [(&str, &str, Format); 3] = [
-    ("4dgs", "with the clock and the cameras of the clip, for players", Format::FourDgs),
+/// Names and meanings of the formats with a player; the engine lists the others.
+const WITH_PLAYER: [(&str, &str, Format); 2] = [
     ("web", "a folder with the player and the scene, for any host of files", Format::Web),
     ("page", "player and scene as one .html", Format::Page),
 ];
@@ -59,8 +56,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(format) => format,
         None => by_ending(&args.output)?,
     };
-    if let Format::Other(writer) = format {
-        args.clip.refuse_without_clip(writer.name, matches!(writer.write, WriteScene::WithClip(_)))?;
+    if let Format::File(writer) = format
+        && !format.has_clip()
+    {
+        args.clip.refuse_without_clip(writer.name, writer.keeps.views)?;
     }
     let source = Source::open(&args.scene)?;
     remove_left(format, &args.output)?;
@@ -77,85 +76,79 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if args.time.is_none()
         && let Some(written) = write_parts(args, format, &source)?
     {
-        return written.tell(&args.output, json);
+        let n_read = written.n + written.n_left_out;
+        print(&args.output, &written, n_read, json);
+        return Ok(());
     }
-    let mut splats = source.scene()?.splats;
+    let (splats, least) = (source.scene()?.splats, args.min_opacity);
+    anyhow::ensure!((0.0..=1.0).contains(&least), "--min-opacity: expected a number from 0 to 1, found {least}");
     let n_read = splats.len();
-    if let Some(time) = args.time {
-        let least = args.min_opacity;
-        anyhow::ensure!((0.0..=1.0).contains(&least), "--min-opacity: expected a number from 0 to 1, found {least}");
-        splats = splats.at(time, least);
+    let is_still = args.time.is_some() || splats.motion.is_empty();
+    let mut scene = Scene { splats, clip: clip(args, format, &source, is_still)?, notes: Vec::new() };
+    let mut options = WriteOptions { time: args.time, min_opacity: least, ..WriteOptions::default() };
+    if format.has_clip() {
+        options = args.clip.options(&source, &scene, options)?;
     }
     let to = &args.output;
-    let mut with_clip = None;
-    match format {
-        Format::FourDgs | Format::Web | Format::Page => {
-            with_clip = Some(write_clip(format, to, &args.clip.bytes(&source, &splats)?)?);
-        }
-        Format::Other(writer) => match writer.write {
-            WriteScene::Alone(write) => write(to, &splats)?,
-            WriteScene::WithOwn(write) => write(to, &splats, &source.look.unusual())?,
-            WriteScene::InWorld(write) => write(to, &splats, source.clip.as_ref().and_then(FourDgs::world))?,
-            WriteScene::WithClip(write) => {
-                let setting = args.clip.setting(&source)?;
-                write(to, &splats, setting.clock, &setting.views, &source.look.unusual())?;
-            }
-        },
-    }
-    if let Format::Other(Writer { name, keeps_constants: false, .. }) = format
-        && let unusual = source.look.unusual()
-        && !unusual.is_empty()
-    {
-        say!("{}: the format {name} has no place for {}; viewers use theirs", to.display(), list(&unusual));
-    }
-    let bytes = with_clip.unwrap_or_else(|| std::fs::metadata(to).map_or(0, |m| m.len()));
-    let writer = if let Format::Other(writer) = format { Some(writer) } else { None };
-    let [n_static, n_dynamic] = count_written(&splats, writer);
-    Written { n_read, n: n_static + n_dynamic, n_dynamic, sh_degree: splats.sh_degree, bytes }.tell(to, json)
+    let written = if let Format::File(writer) = format {
+        options.format = Some(writer);
+        formats::write(to, &scene, &options)?
+    } else {
+        let (bytes, written) = FourDgs::encode(source.path, &scene, &options)?;
+        // A page takes several times the memory of its scene.
+        scene.splats = Splats::default();
+        Written { bytes: write_clip(format, to, &bytes)?, ..written }
+    };
+    written.notes.iter().for_each(|note| say!("{}: {note}", to.display()));
+    print(to, &written, n_read, json);
+    Ok(())
 }
 
-/// What was written.
-struct Written {
-    n_read: usize,
-    n: usize,
-    n_dynamic: usize,
-    sh_degree: u32,
-    bytes: u64,
+/// What a file of `source` holds beside its Gaussians.
+fn clip(args: &Args, format: Format, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
+    if format.has_clip() {
+        return args.clip.clip(source, is_still);
+    }
+    let world = source.clip.as_ref().and_then(FourDgs::world);
+    let clip = Clip { world, constants: source.look.constants, background: source.look.background, ..Clip::default() };
+    if !matches!(format, Format::File(writer) if writer.keeps.views) {
+        return Ok(clip);
+    }
+    let setting = args.clip.setting(source)?;
+    Ok(Clip { clock: setting.clock, views: setting.views, ..clip })
 }
 
-impl Written {
-    fn tell(&self, to: &Path, json: bool) -> anyhow::Result<()> {
-        let Written { n_read, n, n_dynamic, sh_degree, bytes } = self;
-        if json {
-            out!(
-                "{}",
-                serde_json::json!({
-                    "path": to.to_string_lossy(), "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree,
-                    "bytes": bytes,
-                })
-            );
-        } else {
-            out!("{}: {n} of {n_read} Gaussians, {n_dynamic} of them dynamic, {bytes} bytes", to.display());
-        }
-        Ok(())
+/// Says what was written of `n_read` Gaussians.
+fn print(to: &Path, written: &Written, n_read: usize, json: bool) {
+    let Written { n, n_dynamic, sh_degree, bytes, .. } = written;
+    if json {
+        out!(
+            "{}",
+            serde_json::json!({
+                "path": to.to_string_lossy(), "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree,
+                "bytes": bytes,
+            })
+        );
+    } else {
+        out!("{}: {n} of {n_read} Gaussians, {n_dynamic} of them dynamic, {bytes} bytes", to.display());
     }
 }
 
 impl Format {
-    /// Whether it is a `.4dgs`, alone or with the player.
+    /// True for a `.4dgs`, alone or with the player.
     fn has_clip(self) -> bool {
-        !matches!(self, Format::Other(_))
+        !matches!(self, Format::File(writer) if !writer.keeps.sounds)
     }
 }
 
 /// Takes the name of a format.
 fn format_parser() -> impl TypedValueParser<Value = Format> {
-    let with_clip = WITH_CLIP.iter().map(|&(name, about, _)| PossibleValue::new(name).help(about));
-    let others = WRITERS.iter().map(|writer| PossibleValue::new(writer.name).help(writer.about));
-    PossibleValuesParser::new(with_clip.chain(others)).try_map(|name| {
-        let with_clip = WITH_CLIP.iter().find(|(own, _, _)| *own == name).map(|(_, _, format)| *format);
-        let other = WRITERS.iter().find(|writer| writer.name == name).map(Format::Other);
-        with_clip.or(other).ok_or("there is no such format")
+    let with_player = WITH_PLAYER.iter().map(|&(name, about, _)| PossibleValue::new(name).help(about));
+    let files = WRITERS.iter().map(|writer| PossibleValue::new(writer.name).help(writer.about));
+    PossibleValuesParser::new(files.chain(with_player)).try_map(|name| {
+        let with_player = WITH_PLAYER.iter().find(|(own, _, _)| *own == name).map(|(_, _, format)| *format);
+        let file = WRITERS.iter().find(|writer| writer.name == name).map(Format::File);
+        with_player.or(file).ok_or("there is no such format")
     })
 }
 
@@ -173,21 +166,19 @@ fn remove_left(format: Format, to: &Path) -> ivv::Result<()> {
 
 /// Writes a clip in parts without having it in memory, where source and format allow.
 fn write_parts(args: &Args, format: Format, source: &Source) -> anyhow::Result<Option<Written>> {
-    let is_web = matches!(format, Format::Web);
-    if !is_web && !matches!(format, Format::FourDgs) {
+    if matches!(format, Format::Page) || !format.has_clip() || source.parts()?.is_none() {
         return Ok(None);
     }
-    let Some((_, clip)) = source.parts()? else { return Ok(None) };
+    let is_web = matches!(format, Format::Web);
     if is_web {
         make_folder(&args.output)?;
     }
-    let file = scene_file(format, &args.output);
-    let Some(Losses { n, n_dynamic, n_left_out, .. }) = args.clip.write_parts(source, &file)? else { return Ok(None) };
+    let Some(mut written) = args.clip.write_parts(source, &scene_file(format, &args.output))? else { return Ok(None) };
     if is_web {
         page::write_player(&args.output)?;
+        written.bytes += page::n_bytes();
     }
-    let bytes = std::fs::metadata(&file).map_or(0, |m| m.len()) + if is_web { page::n_bytes() } else { 0 };
-    Ok(Some(Written { n_read: n + n_left_out, n, n_dynamic, sh_degree: clip.sh_degree(), bytes }))
+    Ok(Some(written))
 }
 
 /// Writes a `.4dgs` alone, or with the player; says how many bytes.
@@ -205,17 +196,15 @@ fn write_clip(format: Format, to: &Path, scene: &[u8]) -> anyhow::Result<u64> {
 }
 
 fn by_ending(file: &Path) -> ivv::Result<Format> {
-    let name = file.file_name().map(|name| name.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     if file.as_os_str().as_encoded_bytes().ends_with(b"/") {
         return Ok(Format::Web);
     }
-    let mut endings = vec![(".4dgs", Format::FourDgs), (".html", Format::Page)];
-    endings.extend(WRITERS.iter().filter_map(|writer| Some((writer.ending?, Format::Other(writer)))));
-    // `.ftgs.ply` is a `.ply` too.
-    endings.sort_by_key(|(ending, _)| std::cmp::Reverse(ending.len()));
-    endings.iter().find(|(ending, _)| name.ends_with(ending)).map(|(_, format)| *format).ok_or_else(|| {
-        let known: Vec<&str> = endings.iter().map(|(ending, _)| *ending).collect();
-        let remedy = format!("use {}, a name that ends in a slash for a folder, or --format", known.join(", "));
-        ivv::Error::data(file, "", "unsupported scene format", &remedy)
+    if file.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("html")) {
+        return Ok(Format::Page);
+    }
+    formats::by_ending(file).map(Format::File).ok_or_else(|| {
+        let known = formats::endings().join(", ");
+        let remedy = format!("use {known}, .html, a name that ends in a slash for a folder, or --format");
+        ivv::Error::data(file, "", "unsupported scene format", remedy)
     })
 }

@@ -334,13 +334,8 @@ fn training(
     let is_run = Run::file(subject).is_file();
     let warm_up = if is_run { 2 } else { args.warm_up };
     let steps = warm_up + 2 * args.samples;
-    let capture = if is_run {
-        Run::read(subject)?.open_capture(args.capture.as_deref())?
-    } else {
-        let capture = Capture::open(subject)?;
-        let world = capture.normalisation();
-        capture.transformed(&world)
-    };
+    let capture =
+        if is_run { Run::read(subject)?.open_capture(args.capture.as_deref())? } else { Capture::open(subject)? };
     let mut session = if is_run {
         resumed(args, subject, &capture, gpu, steps)?
     } else {
@@ -385,13 +380,13 @@ fn training(
 }
 
 /// The run in `folder` as its newest checkpoint left it, with at least `steps` to go.
-fn resumed<'a>(
+fn resumed(
     args: &Args,
     folder: &Path,
-    capture: &'a Capture,
+    capture: &Capture,
     gpu: &Arc<Gpu>,
     steps: u64,
-) -> anyhow::Result<Session<'a>> {
+) -> anyhow::Result<Session<'static>> {
     let checkpoint = Checkpoint::newest(&folder.join("checkpoints"))?;
     let mut checkpoint =
         checkpoint.context("the run has no checkpoint yet; train it longer, or profile its capture")?;

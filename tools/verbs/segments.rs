@@ -302,7 +302,7 @@ impl<'a> Jobs<'a> {
             read_ply(&folder.join("scene.ply"))
         };
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
-        write_parts(&file, &mut joined, &Look::of(&self.base(), None)?.unusual())?;
+        write_parts(&file, &mut joined, &Look::of(&self.base(), None)?.0.unusual())?;
         // The constants that the jobs were given, with --blur and the like. On a rig that moves the jobs trained in a frame with
         // another unit, so the near plane is converted.
         let base = Run::read(&self.base())?;

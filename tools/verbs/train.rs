@@ -116,6 +116,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     let options = SessionOptions {
         constants: run.constants,
+        world: Some(run.world),
         total: Some(*total),
         cache_bytes: args.cache_bytes.unwrap_or_else(|| share_of_memory() / team.local_size() as u64),
         device_image_bytes: args.device_image_bytes,
@@ -127,6 +128,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Some(checkpoint) => Session::resume(gpu.clone(), capture, checkpoint, options)?,
         None => Session::begin(gpu.clone(), capture, config.clone(), options)?,
     };
+    let capture = session.capture().clone();
     start.replace(output)?;
     start.extend(&mut session)?;
     if !team.leads() {
@@ -158,7 +160,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             behind: Behind::new(scope),
             args,
             output,
-            scorer: Scorer { gpu, capture, run, config },
+            scorer: Scorer { gpu, capture: &capture, run, config },
             session,
             team: team.clone(),
             total: *total,
@@ -290,7 +292,7 @@ impl Training<'_, '_> {
         self.behind.begin(move || {
             let save = || {
                 if let Some(checkpoint) = checkpoint {
-                    Checkpoint { world: scorer.run.world, ..checkpoint }.write(&folder)?;
+                    checkpoint.write(&folder)?;
                     log.write()?;
                 }
                 if let Some(psnr) = best {
@@ -318,7 +320,6 @@ impl Training<'_, '_> {
         }
         // A fault of what is still being written is not what ended the run.
         let _ = self.behind.wait();
-        let world = self.scorer.run.world;
         let is_lost = matches!(error.downcast_ref(), Some(ivv::Error::DeviceLost { .. }));
         let ended = self.session.trainer().ended();
         // Nothing follows the last step but scores.
@@ -327,7 +328,7 @@ impl Training<'_, '_> {
             && !is_kept
             && let Ok(rescued) = self.session.rescue()
         {
-            let written = Checkpoint { world, ..rescued }.write(&self.checkpoints);
+            let written = rescued.write(&self.checkpoints);
             if written.is_ok() {
                 // The lines of the log are not needed to go on.
                 let _ = self.log.write();
@@ -421,13 +422,13 @@ impl Training<'_, '_> {
         self.behind.wait()?;
         self.team.finish();
         let trained = self.session.scene()?;
-        let splats = self.session.with_backdrop(trained.clone())?;
+        let splats = self.session.finish_with(trained.clone())?;
         self.note_events()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
         let own = Look::new(self.scorer.run, self.scorer.config).unusual();
-        let written = write_scene(&scene, &splats, &world, &own)?;
+        write_scene(&scene, &splats, &world, &own)?;
         // What the file holds is scored.
-        let splats = world.splats(&written);
+        let splats = world.splats(&splats);
         let seconds_stepping = self.seconds_before + self.session.seconds();
         let seconds = Seconds {
             seconds: self.start.elapsed().as_secs_f64(),

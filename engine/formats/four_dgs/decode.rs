@@ -1,4 +1,4 @@
-//! What a `.4dgs` says, and as Gaussians of ours.
+//! Reads `.4dgs` files.
 
 use super::ears::{EARS, Ears};
 use super::{MAGIC, RECORD, SOUND, Sounds, VIEWS, World};
@@ -6,7 +6,8 @@ use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
 use crate::formats::clock::Clock;
 use crate::formats::format::Reader;
-use crate::formats::imported::{Imported, Own};
+use crate::formats::own::Own;
+use crate::formats::scene::{Clip, Scene};
 use crate::scene::dc_of_color;
 use crate::scene::parse_views;
 use crate::scene::{ALWAYS, Motion, Splats, View};
@@ -24,9 +25,12 @@ const EDGE: f64 = 1e-6;
 pub(in crate::formats) const READER: Reader =
     Reader { what: "a .4dgs", knows: |start| start.bytes == MAGIC, read: import };
 
-fn import(path: &Path) -> Result<Imported> {
+fn import(path: &Path) -> Result<Scene> {
     let file = FourDgs::read(path)?;
-    Ok(Imported { splats: file.splats()?, notes: file.notes(), own: file.own().cloned() })
+    let scene = Scene::new(file.splats()?, file.notes(), file.own());
+    let (clock, views, sounds) = (Some(file.clock()), file.views()?, file.sounds());
+    let clip = Clip { clock, views, sounds, world: file.world(), cutoff: file.cutoff(), ..scene.clip };
+    Ok(Scene { clip, ..scene })
 }
 
 /// A `.4dgs`: what it says, and its Gaussians where they are in memory.
@@ -39,7 +43,7 @@ pub struct FourDgs {
 }
 
 impl FourDgs {
-    /// Whether the file begins as a `.4dgs` does, of whatever version.
+    /// True if the file begins as a `.4dgs` of any version does.
     pub fn is(path: &Path) -> bool {
         let mut start = Vec::new();
         let read = open_file(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut start));
@@ -56,7 +60,7 @@ impl FourDgs {
         Self::of(path, std::io::BufReader::new(file))
     }
 
-    /// A file that is in memory; `path` is what its faults are told of.
+    /// Reads a file that is in memory; faults name `path`.
     ///
     /// # Errors
     /// As [`FourDgs::read`].
@@ -64,7 +68,7 @@ impl FourDgs {
         Self::of(path, bytes)
     }
 
-    /// Reads what a file says but its Gaussians, which may be more than memory holds; all of it where its chunks are not told of at
+    /// Reads a file without its Gaussians, which may be more than memory holds; all of it where there is no index of its chunks at
     /// its end.
     ///
     /// # Errors
@@ -111,12 +115,12 @@ impl FourDgs {
         Clock::of_file(self.own(), seconds)
     }
 
-    /// What is this project's own, by name: how the scene is rendered; `None` in a file of another program.
+    /// How the scene is rendered, by name; `None` in a file of another program.
     pub fn own(&self) -> Option<&Own> {
         self.scene.metadata.iter().find(|record| record.name == RECORD).map(|record| &record.entries)
     }
 
-    /// What is in the file that is not read, a sentence each.
+    /// The parts of the file that are not read, a sentence each.
     pub fn notes(&self) -> Vec<String> {
         let records = self.scene.metadata.iter().map(|record| &record.name);
         let attachments = self.scene.attachments.iter().map(|attachment| &attachment.name);
@@ -213,7 +217,7 @@ fn others<'a>(all: impl Iterator<Item = &'a String>, known: &[&str]) -> Vec<Stri
     all.filter(|name| !known.contains(&name.as_str())).map(|name| format!("`{}`", name.escape_debug())).collect()
 }
 
-/// A first or last moment that is not shown is shorter than a frame can tell, where it is at most this; seconds.
+/// A Gaussian may be hidden for this long at the clip's ends, seconds: no frame falls there.
 pub(super) fn margin(seconds: f64, frames: u32) -> f64 {
     1e-3 * seconds / f64::from(frames)
 }
@@ -258,7 +262,7 @@ pub(super) struct Stored<'a> {
 }
 
 impl Stored<'_> {
-    /// Those that rest and are always there, and the others.
+    /// The static Gaussians, and the others.
     pub(super) fn populations(&self) -> (Vec<usize>, Vec<usize>) {
         let Stored { set, .. } = self;
         (0..set.count()).partition(|i| {

@@ -9,7 +9,7 @@ pub(super) const EARS: &str = "ears.bin";
 const MAGIC: &[u8; 8] = b"IVVEARS1";
 /// Samples per second of all responses.
 const RATE: u32 = 48_000;
-/// What a grid may have: rows, directions of a row, taps, bytes of text.
+/// Limits of a grid: rows, directions of a row, taps, bytes of text.
 const MOST_ROWS: u32 = 181;
 const MOST_IN_ROW: u32 = 720;
 const MOST_TAPS: u32 = 1024;

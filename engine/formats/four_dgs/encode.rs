@@ -14,21 +14,21 @@ use fourdgs::{Attachment, GaussianSet, Metadata, SceneExtras, WriteOptions};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// Temporal factors below this are not told where nothing else is asked for: no alpha reaches a pixel by it.
+/// The default cutoff: a temporal factor below it contributes no alpha to any pixel.
 const CUTOFF: f64 = 1.0 / 255.0;
 /// Level of deflate, 0 to 9, of a file that is soon done with.
 const QUICK: u32 = 1;
 /// A colour is off from here on.
 const OFF: f64 = 2.0 / 255.0;
 
-/// What a file holds beside its Gaussians.
+/// The contents of a file beside its Gaussians.
 #[derive(Clone, Debug)]
 pub struct Contents<'a> {
     /// The clock of the clip.
     pub clock: Clock,
     /// Views to start from, in the scene's frame.
     pub views: &'a [View],
-    /// What is this project's own, by name: how the scene is rendered.
+    /// How the scene is rendered, by name.
     pub own: BTreeMap<String, String>,
     /// What is heard.
     pub sounds: &'a Sounds,
@@ -36,7 +36,7 @@ pub struct Contents<'a> {
     pub world: Option<World>,
     /// The temporal factor below which no Gaussian is shown, where that shows: of the `.4dgs` that the Gaussians are from.
     pub cutoff: Option<f64>,
-    /// Whether the file is soon done with: it is made several times as fast, and larger.
+    /// True for a file of short use: it is made several times as fast, and larger.
     pub is_quick: bool,
 }
 
@@ -194,7 +194,7 @@ impl Contents<'_> {
             let media_type = "application/json".to_owned();
             extras.attachments.push(Attachment { name: VIEWS.to_owned(), media_type, data });
         }
-        let mut writing = Writing::new(path, measure, (grades, sh_degree), (seconds, &options));
+        let mut writing = Writing::new(path, measure, grades, sh_degree, seconds, &options);
         let front = writing.front(&options, &extras)?;
         Ok((writing, front))
     }

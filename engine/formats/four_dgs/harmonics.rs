@@ -33,7 +33,7 @@ pub(super) struct Rounded {
     /// Root mean square over the views that see it of what a channel is off by, of the worst one; over all directions where no
     /// view does.
     pub(super) off: f64,
-    /// Whether a view sees it, or there are no views.
+    /// True if a view sees it, or there are no views.
     pub(super) is_seen: bool,
 }
 
@@ -54,7 +54,7 @@ impl<'a> Viewpoints<'a> {
         let mut exact = Coefficients::default();
         exact.iter_mut().zip(coefficients).for_each(|(to, of)| *to = of.map(f64::from));
         if coefficients[1..].iter().all(|harmonic| *harmonic == [0.0; 3]) {
-            // What is below 0 from everywhere is drawn as 0.
+            // A colour that is below 0 from everywhere is drawn as 0.
             exact[0] = exact[0].map(|dc| dc.max(-0.5 / SH_C0));
         }
         let (norm, n_views) = self.norm(place, k);
@@ -147,7 +147,7 @@ fn factor(norm: &Factor, order: &[usize; K], k: usize) -> Factor {
     l
 }
 
-/// Whether a place is within a view's picture.
+/// True if a place is within a view's picture.
 fn sees(view: &View, place: [f64; 3]) -> bool {
     let (at, intrinsics) = (view.pose.to_camera(place.into()), view.intrinsics);
     at.z > 0.0 && intrinsics.holds(intrinsics.project(at))

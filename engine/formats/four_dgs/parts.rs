@@ -24,8 +24,8 @@ pub struct FourDgsParts {
 }
 
 impl FourDgsParts {
-    /// Opens a file; `None` where most of its Gaussians are needed at some time, or where it does not tell at its end what its chunks
-    /// are.
+    /// Opens a file; `None` where some time needs most of its Gaussians, or where it lacks the index of its
+    /// chunks.
     ///
     /// # Errors
     /// As [`FourDgs::splats`].
@@ -72,7 +72,7 @@ impl FourDgsParts {
         Ok(Some(opened))
     }
 
-    /// What the file says beside its Gaussians.
+    /// The file without its Gaussians.
     pub fn file(&self) -> &FourDgs {
         &self.file
     }
@@ -86,7 +86,7 @@ impl FourDgsParts {
             let stored = self.file.stored(set);
             let is_brief = !self.lasting.contains(chunk);
             let (still, others) = stored.populations();
-            // What is in a chunk that is not always there is not always there.
+            // A Gaussian in a chunk that is not always there is not always there.
             let (still, others) = if is_brief { (Vec::new(), (0..set.count()).collect()) } else { (still, others) };
             for i in if moving { others } else { still } {
                 stored.push(&mut splats, i);

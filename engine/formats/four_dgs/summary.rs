@@ -1,9 +1,9 @@
-//! What a `.4dgs` holds, with the names of the format's conformance suite.
+//! The contents of a `.4dgs` for people, with the names of the format's conformance suite.
 
 use super::FourDgs;
 use serde::Serialize;
 
-/// What was decoded from a file; 64-bit counts are text there, as in the conformance suite of the format.
+/// The contents of a file; 64-bit counts are text, as in the conformance suite of the format.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(rename_all = "camelCase")]
 pub struct FourDgsSummary {
@@ -17,7 +17,7 @@ pub struct FourDgsSummary {
     pub temporal_model: String,
     /// Temporal factor below which a Gaussian is not visible.
     pub cutoff: f64,
-    /// What wrote the file.
+    /// The program that wrote the file.
     pub library: String,
     /// From when to when each chunk is needed, seconds, in the order of the index; none where the file has no index.
     pub chunk_intervals: Vec<[f64; 2]>,
@@ -37,7 +37,7 @@ pub struct Aggregate {
     pub opacity_sum: f64,
     /// Gaussians that never fade.
     pub never_fades_count: String,
-    /// Gaussians that rest.
+    /// Static Gaussians.
     pub zero_motion_count: String,
 }
 
@@ -59,9 +59,9 @@ pub struct AudioSource {
     pub duration_sec: f64,
     /// Factor of its level.
     pub gain: f64,
-    /// Whether it is heard from a place.
+    /// True if it is heard from a place.
     pub spatial: bool,
-    /// Whether it begins again at its end.
+    /// True if it begins again at its end.
     #[serde(rename = "loop")]
     pub is_loop: bool,
     /// Its place, where it does not move.
@@ -77,7 +77,7 @@ pub struct AudioSource {
 }
 
 impl FourDgs {
-    /// What was decoded.
+    /// The contents of the file.
     pub fn summary(&self) -> FourDgsSummary {
         let scene = &self.scene;
         let set = &scene.gaussians;

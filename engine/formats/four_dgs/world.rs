@@ -28,7 +28,7 @@ impl World {
         longest as u8 + if self.up[longest] < 0.0 { 3 } else { 0 }
     }
 
-    /// Whether the axis nearest to upwards is y, and not -y.
+    /// True if the axis nearest to upwards is y, and not -y.
     pub(in crate::formats) fn is_y_up(&self) -> bool {
         self.up_axis() == 1
     }
@@ -69,7 +69,7 @@ impl World {
         Some(World { up, metres_per_unit: scene.provenance.metres_per_unit("").filter(|metres| metres.is_finite()) })
     }
 
-    /// Whether a file says that its axes are left-handed: in the format's frame, or in the header's text where it has none.
+    /// True if the file's axes are left-handed: by the format's frame, or by the header's text where it has none.
     pub(super) fn is_left_handed(scene: &fourdgs::Scene) -> bool {
         let text = || scene.header.attributes.get(AXES).is_some_and(|text| text.contains("left-handed"));
         scene.provenance.frame().map_or_else(text, |frame| frame.handedness == LEFT)

@@ -1,6 +1,6 @@
 //! Writes a `.4dgs` part by part: what all Gaussians share is measured first, then each part becomes chunks of its own.
 //!
-//! The crate's writer holds a whole scene several times over. What stands before the chunks is its work here too; it is given a
+//! The crate's writer holds a whole scene several times over. It makes the file's beginning here too; it is given a
 //! scene without Gaussians for that.
 
 use super::grades::Grades;
@@ -28,7 +28,7 @@ const COUNTED_BITS: u32 = 20;
 /// By how much the times of a Gaussian are taken to be longer than they are, for the rounding of whoever reads them.
 const MARGIN: f64 = 1e-6;
 
-/// What the grids of a file depend on, found before it is written.
+/// The properties of a clip that the grids of its file depend on, found before the file is written.
 #[derive(Clone, Debug)]
 pub struct Measure {
     n: u64,
@@ -105,12 +105,14 @@ struct Node {
 }
 
 impl<'a> Writing<'a> {
-    /// A file of the Gaussians that `measure` counted, whose harmonics have the degree `sh_degree`; faults are told of `path`.
+    /// A file of the Gaussians that `measure` counted, whose harmonics have the degree `sh_degree`; faults name `path`.
     pub(super) fn new(
         path: &'a Path,
         measure: &Measure,
-        (grades, sh_degree): (Grades, u8),
-        (seconds, options): (f64, &WriteOptions),
+        grades: Grades,
+        sh_degree: u8,
+        seconds: f64,
+        options: &WriteOptions,
     ) -> Self {
         let bounds = Bounds::for_profile(Profile::Fine, measure.median());
         let steps = Steps::of(&bounds);
@@ -137,7 +139,7 @@ impl<'a> Writing<'a> {
         }
     }
 
-    /// What stands before the chunks.
+    /// The bytes before the chunks.
     ///
     /// # Errors
     /// [`Error::Data`] where `extras` cannot be stored.
@@ -251,7 +253,7 @@ impl<'a> Writing<'a> {
         Ok(bytes)
     }
 
-    /// What stands behind the chunks.
+    /// The bytes after the chunks.
     pub(super) fn end(self) -> Vec<u8> {
         let mut bytes: Vec<u8> = self.index.iter().flat_map(ChunkIndexEntry::encode).collect();
         let mut footer = Footer::default();

@@ -4,11 +4,8 @@
 
 /// Of `include/adam.glsl`.
 pub mod adam {
-    /// `GEOMETRY` of the shader.
     pub const GEOMETRY: u32 = 0;
-    /// `SH_0_BUFFER` of the shader.
     pub const SH_0_BUFFER: u32 = 1;
-    /// `MOTION` of the shader.
     pub const MOTION: u32 = 2;
     /// bands 2 and 3 follow.
     pub const SH_1_BUFFER: u32 = 3;
@@ -24,9 +21,7 @@ pub mod args {
     pub const ARGS_SORT: u32 = 2;
     /// one per group of Gaussians.
     pub const ARGS_FIRST_GROUP: u32 = 3;
-    /// `SCAN_BLOCK` of the shader.
     pub const SCAN_BLOCK: u32 = 1024;
-    /// `SORT_BLOCK` of the shader.
     pub const SORT_BLOCK: u32 = 2048;
 }
 
@@ -38,9 +33,7 @@ pub mod batch {
     pub const BATCH_LARGEST: f32 = 18014397435740160.0;
     /// 2^40.
     pub const PULL_SCALE: f32 = 1099511627776.0;
-    /// `PULL_LARGEST` of the shader.
     pub const PULL_LARGEST: f32 = 32.0;
-    /// `PULL_BITS` of the shader.
     pub const PULL_BITS: u32 = 52;
 }
 
@@ -50,11 +43,9 @@ pub mod bilateral {
     pub const CELLS: u32 = 16;
     /// of luma.
     pub const LEVELS: u32 = 8;
-    /// `PANELS` of the shader.
     pub const PANELS: u32 = CELLS - 1;
     /// vec4 of a camera.
     pub const GRID_ROWS: u32 = CELLS * CELLS * LEVELS * 3;
-    /// `TEAM` of the shader.
     pub const TEAM: u32 = 4;
     /// vec4 that a part sums: the four columns at its corners.
     pub const PART_SUMS: u32 = 4 * LEVELS * 3;
@@ -62,35 +53,28 @@ pub mod bilateral {
 
 /// Of `bilateral/bilateral_grade.comp`.
 pub mod bilateral_grade {
-    /// `QUARTER` of the shader.
     pub const QUARTER: u32 = 32;
-    /// `QUARTERS` of the shader.
     pub const QUARTERS: u32 = 4;
 }
 
 /// Of `blend/blend_bwd.comp`.
 pub mod blend_bwd {
-    /// `SUM_SEGMENT` of the shader.
     pub const SUM_SEGMENT: u32 = 8192;
-    /// `LN_2` of the shader.
     pub const LN_2: f32 = 0.6931471805599453;
 }
 
 /// Of `blend/blend_fwd.comp`.
 pub mod blend_fwd {
-    /// `NEVER` of the shader.
     pub const NEVER: f32 = 2.0;
 }
 
 /// Of `include/block.glsl`.
 pub mod block {
-    /// `SEGMENT` of the shader.
     pub const SEGMENT: u32 = 32768;
 }
 
 /// Of `cull/bound.comp`.
 pub mod bound {
-    /// `ALWAYS` of the shader.
     pub const ALWAYS: f32 = 1e30;
 }
 
@@ -112,19 +96,14 @@ pub mod chunk {
 
 /// Of `clock/clock_step.comp`.
 pub mod clock_step {
-    /// `BETA_1` of the shader.
     pub const BETA_1: f32 = 0.9;
-    /// `BETA_2` of the shader.
     pub const BETA_2: f32 = 0.999;
-    /// `EPS` of the shader.
     pub const EPS: f32 = 1e-15;
 }
 
 /// Of `include/conic.glsl`.
 pub mod conic {
-    /// `HUGE_PX` of the shader.
     pub const HUGE_PX: f32 = 1e15;
-    /// `EXP2_FACTOR` of the shader.
     pub const EXP2_FACTOR: f32 = 0.8493218002880191;
 }
 
@@ -136,39 +115,26 @@ pub mod density {
     pub const KEPT: u32 = 2;
     /// splits when it grows.
     pub const LARGE: u32 = 4;
-    /// `GROWS` of the shader.
     pub const GROWS: u32 = 8;
-    /// `SOURCE_BITS` of the shader.
     pub const SOURCE_BITS: u32 = 30;
     /// keeps its moments; all others begin with none.
     pub const AS_IT_WAS: u32 = 0;
-    /// `COPY` of the shader.
     pub const COPY: u32 = 1;
-    /// `HALF_A` of the shader.
     pub const HALF_A: u32 = 2;
-    /// `HALF_B` of the shader.
     pub const HALF_B: u32 = 3;
-    /// `N_LISTED` of the shader.
     pub const N_LISTED: u32 = 0;
-    /// `N_KEPT` of the shader.
     pub const N_KEPT: u32 = 1;
-    /// `N_CLONED` of the shader.
     pub const N_CLONED: u32 = 2;
-    /// `N_SPLIT` of the shader.
     pub const N_SPLIT: u32 = 3;
     /// eight: Gaussians of each bucket, 4 * is dynamic + 3 - SH degree.
     pub const N_BUCKET: u32 = 4;
-    /// `CODE_BUCKET` of the shader.
     pub const CODE_BUCKET: u32 = 29;
-    /// `LEVELS_BESIDE_PLACE` of the shader.
     pub const LEVELS_BESIDE_PLACE: u32 = 4;
 }
 
 /// Of `density/density_children.comp`.
 pub mod density_children {
-    /// `POINTS` of the shader.
     pub const POINTS: u32 = 18;
-    /// `STEP` of the shader.
     pub const STEP: f32 = 0.25;
     /// ln 1.6.
     pub const LOG_SHRINK: f32 = 0.47000363;
@@ -176,13 +142,10 @@ pub mod density_children {
 
 /// Of `include/fixed.glsl`.
 pub mod fixed {
-    /// `FIXED_WORDS` of the shader.
     pub const FIXED_WORDS: u32 = 26;
-    /// `FIXED_WEIGHT` of the shader.
     pub const FIXED_WEIGHT: u32 = 24;
     /// 2^60.
     pub const FIXED_SMALL: f32 = 1152921504606846976.0;
-    /// `FIXED_MOST` of the shader.
     pub const FIXED_MOST: u32 = 0x60000000;
     /// 2^62.
     pub const FIXED_RANGE: f32 = 4611686018427387904.0;
@@ -190,7 +153,6 @@ pub mod fixed {
 
 /// Of `include/grid.glsl`.
 pub mod grid {
-    /// `MAX_GROUPS` of the shader.
     pub const MAX_GROUPS: u32 = 65535;
     /// items in one block of planes.
     pub const PLANE_BLOCK: u32 = 32;
@@ -198,43 +160,34 @@ pub mod grid {
 
 /// Of `include/live.glsl`.
 pub mod live {
-    /// `NO_BLOCK` of the shader.
     pub const NO_BLOCK: u32 = 0xffffffff;
 }
 
 /// Of `loss/loss_sum.comp`.
 pub mod loss_sum {
-    /// `AT_ONCE` of the shader.
     pub const AT_ONCE: u32 = 8;
 }
 
 /// Of `lpips/lpips_conv.comp`.
 pub mod lpips_conv {
-    /// `PIXELS` of the shader.
     pub const PIXELS: u32 = 16;
-    /// `BLOCKS` of the shader.
     pub const BLOCKS: u32 = 2;
 }
 
 /// Of `lpips/lpips_tap.comp`.
 pub mod lpips_tap {
-    /// `EPS` of the shader.
     pub const EPS: f32 = 1e-10;
-    /// `TEAM` of the shader.
     pub const TEAM: u32 = 4;
 }
 
 /// Of `include/moments.glsl`.
 pub mod moments {
-    /// `LARGEST_BITS` of the shader.
     pub const LARGEST_BITS: u32 = 0x7f7fffff;
-    /// `INFINITY_BITS` of the shader.
     pub const INFINITY_BITS: u32 = 0x7f800000;
 }
 
 /// Of `include/pose.glsl`.
 pub mod pose {
-    /// `POSE_ROWS` of the shader.
     pub const POSE_ROWS: u32 = 4;
     /// radians.
     pub const POSE_MOST_TURN: f32 = 0.2;
@@ -242,79 +195,58 @@ pub mod pose {
 
 /// Of `pose/pose_step.comp`.
 pub mod pose_step {
-    /// `BETA_1` of the shader.
     pub const BETA_1: f32 = 0.9;
-    /// `BETA_2` of the shader.
     pub const BETA_2: f32 = 0.999;
-    /// `EPS` of the shader.
     pub const EPS: f32 = 1e-15;
 }
 
 /// Of `probe/probe_atomic.comp`.
 pub mod probe_atomic {
-    /// `TERMS` of the shader.
     pub const TERMS: u32 = 8;
-    /// `SCATTER` of the shader.
     pub const SCATTER: u32 = 2654435761;
 }
 
 /// Of `probe/probe_copy.comp`.
 pub mod probe_copy {
-    /// `PARTS` of the shader.
     pub const PARTS: u32 = 8;
 }
 
 /// Of `probe/probe_exp2.comp`.
 pub mod probe_exp2 {
-    /// `STEPS` of the shader.
     pub const STEPS: u32 = 16;
 }
 
 /// Of `probe/probe_fma.comp`.
 pub mod probe_fma {
-    /// `STEPS` of the shader.
     pub const STEPS: u32 = 16;
 }
 
 /// Of `probe/probe_gather.comp`.
 pub mod probe_gather {
-    /// `ROWS` of the shader.
     pub const ROWS: u32 = 4;
-    /// `SCATTER` of the shader.
     pub const SCATTER: u32 = 2654435761;
 }
 
 /// Of `probe/probe_shuffle.comp`.
 pub mod probe_shuffle {
-    /// `STEPS` of the shader.
     pub const STEPS: u32 = 16;
 }
 
 /// Of `include/sh.glsl`.
 pub mod sh {
-    /// `SH_0` of the shader.
     pub const SH_0: f32 = 0.28209479177387814;
-    /// `SH_1` of the shader.
     pub const SH_1: f32 = 0.4886025119029199;
 }
 
 /// Of `include/sh_bwd.glsl`.
 pub mod sh_bwd {
-    /// `SH_2A` of the shader.
     pub const SH_2A: f32 = 1.0925484305920792;
-    /// `SH_2B` of the shader.
     pub const SH_2B: f32 = 0.31539156525252005;
-    /// `SH_2C` of the shader.
     pub const SH_2C: f32 = 0.5462742152960396;
-    /// `SH_3A` of the shader.
     pub const SH_3A: f32 = 0.5900435899266435;
-    /// `SH_3B` of the shader.
     pub const SH_3B: f32 = 2.890611442640554;
-    /// `SH_3C` of the shader.
     pub const SH_3C: f32 = 0.4570457994644658;
-    /// `SH_3D` of the shader.
     pub const SH_3D: f32 = 0.3731763325901154;
-    /// `SH_3E` of the shader.
     pub const SH_3E: f32 = 1.445305721320277;
 }
 
@@ -326,25 +258,19 @@ pub mod sort {
 
 /// Of `sort/sort_exchange.comp`.
 pub mod sort_exchange {
-    /// `SUBGROUPS` of the shader.
     pub const SUBGROUPS: u32 = 8;
 }
 
 /// Of `include/splat.glsl`.
 pub mod splat {
-    /// `SPLAT_PLANES` of the shader.
     pub const SPLAT_PLANES: u32 = 4;
-    /// `FADED_REACH` of the shader.
     pub const FADED_REACH: f32 = 2e-5;
 }
 
 /// Of `include/ssim.glsl`.
 pub mod ssim {
-    /// `SSIM_RADIUS` of the shader.
     pub const SSIM_RADIUS: u32 = 5;
-    /// `SSIM_C1` of the shader.
     pub const SSIM_C1: f32 = 0.0001;
-    /// `SSIM_C2` of the shader.
     pub const SSIM_C2: f32 = 0.0009;
 }
 
@@ -358,7 +284,6 @@ pub mod ssim_filter {
 
 /// Of `include/time_key.glsl`.
 pub mod time_key {
-    /// `FOREVER` of the shader.
     pub const FOREVER: u32 = 0xffffffff;
 }
 
@@ -368,30 +293,17 @@ pub mod types {
     pub const DEPTH_SHIFT_24: u32 = 4;
     /// of keys of 16 bits.
     pub const DEPTH_SHIFT_16: u32 = 11;
-    /// `CAMERA_ALONE` of the shader.
     pub const CAMERA_ALONE: u32 = 1;
-    /// `CAMERA_WITH_NEXT` of the shader.
     pub const CAMERA_WITH_NEXT: u32 = 2;
-    /// `FLOW_VELOCITY` of the shader.
     pub const FLOW_VELOCITY: u32 = 0;
-    /// `FLOW_DISPLACEMENT` of the shader.
     pub const FLOW_DISPLACEMENT: u32 = 1;
-    /// `TILES_ELLIPSE` of the shader.
     pub const TILES_ELLIPSE: u32 = 0;
-    /// `TILES_RECTANGLE` of the shader.
     pub const TILES_RECTANGLE: u32 = 1;
-    /// `TILES_SQUARE` of the shader.
     pub const TILES_SQUARE: u32 = 2;
-    /// `TILES_MASK` of the shader.
     pub const TILES_MASK: u32 = 3;
-    /// `EVERY_BLOCK` of the shader.
     pub const EVERY_BLOCK: u32 = 4;
-    /// `FAILED_ACTIVE` of the shader.
     pub const FAILED_ACTIVE: u32 = 1;
-    /// `FAILED_INTERSECTIONS` of the shader.
     pub const FAILED_INTERSECTIONS: u32 = 2;
-    /// `FAILED_LIST` of the shader.
     pub const FAILED_LIST: u32 = 4;
-    /// `TILE` of the shader.
     pub const TILE: u32 = 16;
 }

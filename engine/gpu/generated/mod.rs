@@ -42,179 +42,112 @@ pub use screen::*;
 pub use sort::*;
 pub use tiles::*;
 
-/// `AdamParams` of the shaders.
+/// One step of Adam: what the host computes in double precision.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct AdamParams {
-    /// `rates0` of the shader.
-    pub rates0: [f32; 4],
-    /// `rates1` of the shader.
-    pub rates1: [f32; 4],
-    /// `rates2` of the shader.
-    pub rates2: [f32; 4],
-    /// `beta1` of the shader.
+    /// lr / c1; that of position at a pace of 1.
+    pub position_opacity_rotation_scale: [f32; 4],
+    pub t_scale_velocity_t_center_sh0: [f32; 4],
+    /// 0 for a band that is not active yet.
+    pub sh1_sh2_sh3: [f32; 4],
     pub beta1: f32,
-    /// `beta2` of the shader.
     pub beta2: f32,
-    /// `inverse_c2` of the shader.
     pub inverse_c2: f32,
-    /// `eps` of the shader.
     pub eps: f32,
-    /// `lowest_t_scale` of the shader.
+    /// floor of log tau.
     pub lowest_t_scale: f32,
-    /// `opacity_reg` of the shader.
+    /// weight of the sum of the opacities in the loss.
     pub opacity_reg: f32,
-    /// `scale_reg` of the shader.
+    /// weight of the sum of the standard deviations, per scene unit.
     pub scale_reg: f32,
-    /// `step` of the shader.
+    /// number of the step, from 1.
     pub step: f32,
-    /// `inverse_size` of the shader.
+    /// 1 / the longest standard deviation whose pace is 1; 0: every pace is.
     pub inverse_size: f32,
 }
-const _: () = {
-    assert!(size_of::<AdamParams>() == 84);
-    assert!(std::mem::offset_of!(AdamParams, rates0) == 0);
-    assert!(std::mem::offset_of!(AdamParams, rates1) == 16);
-    assert!(std::mem::offset_of!(AdamParams, rates2) == 32);
-    assert!(std::mem::offset_of!(AdamParams, beta1) == 48);
-    assert!(std::mem::offset_of!(AdamParams, beta2) == 52);
-    assert!(std::mem::offset_of!(AdamParams, inverse_c2) == 56);
-    assert!(std::mem::offset_of!(AdamParams, eps) == 60);
-    assert!(std::mem::offset_of!(AdamParams, lowest_t_scale) == 64);
-    assert!(std::mem::offset_of!(AdamParams, opacity_reg) == 68);
-    assert!(std::mem::offset_of!(AdamParams, scale_reg) == 72);
-    assert!(std::mem::offset_of!(AdamParams, step) == 76);
-    assert!(std::mem::offset_of!(AdamParams, inverse_size) == 80);
-};
+const _: () = assert!(size_of::<AdamParams>() == 84);
 
-/// `Status` of the shaders.
+/// The limits of the rules of pruning, which are functions below.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+pub struct PruneLimits {
+    /// the largest over the training times, below which a Gaussian goes.
+    pub opacity: f32,
+    /// log of the largest standard deviation, above which it goes.
+    pub log_scale: f32,
+    /// standard deviation towards a lens, in units of its depth before it, above which it goes.
+    pub veil: f32,
+}
+const _: () = assert!(size_of::<PruneLimits>() == 12);
+
+/// What a frame reports. `failed` holds FAILED_* bits; the numbers are what was needed, also where it did not fit.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Status {
-    /// `failed` of the shader.
     pub failed: u32,
-    /// `n_active` of the shader.
     pub n_active: u32,
-    /// `n_visible` of the shader.
     pub n_visible: u32,
-    /// `n_intersections` of the shader.
     pub n_intersections: u32,
-    /// `max_tile_list` of the shader.
     pub max_tile_list: u32,
-    /// `n_bad` of the shader.
     pub n_bad: u32,
-    /// `capacity_active` of the shader.
     pub capacity_active: u32,
-    /// `capacity_intersections` of the shader.
     pub capacity_intersections: u32,
 }
-const _: () = {
-    assert!(size_of::<Status>() == 32);
-    assert!(std::mem::offset_of!(Status, failed) == 0);
-    assert!(std::mem::offset_of!(Status, n_active) == 4);
-    assert!(std::mem::offset_of!(Status, n_visible) == 8);
-    assert!(std::mem::offset_of!(Status, n_intersections) == 12);
-    assert!(std::mem::offset_of!(Status, max_tile_list) == 16);
-    assert!(std::mem::offset_of!(Status, n_bad) == 20);
-    assert!(std::mem::offset_of!(Status, capacity_active) == 24);
-    assert!(std::mem::offset_of!(Status, capacity_intersections) == 28);
-};
+const _: () = assert!(size_of::<Status>() == 32);
 
-/// `ViewParams` of the shaders.
+/// One view, or one horizontal strip of it. Lengths in scene units, image quantities in pixels.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct ViewParams {
-    /// `row0` of the shader.
+    /// rows of the world-to-camera rotation; w: the camera's centre, world, x.
     pub row0: [f32; 4],
-    /// `row1` of the shader.
+    /// y.
     pub row1: [f32; 4],
-    /// `row2` of the shader.
+    /// z.
     pub row2: [f32; 4],
-    /// `intrinsics` of the shader.
+    /// fx, fy, cx, cy.
     pub intrinsics: [f32; 4],
-    /// `clamp_uv` of the shader.
+    /// range of x/z and y/z inside which the Jacobian follows the centre: u low, u high, v low, v high.
     pub clamp_uv: [f32; 4],
-    /// `background` of the shader.
+    /// rgb; w: flow_dt.
     pub background: [f32; 4],
-    /// `next0` of the shader.
+    /// as row0 to row2, of the camera one frame on.
     pub next0: [f32; 4],
-    /// `next1` of the shader.
     pub next1: [f32; 4],
-    /// `next2` of the shader.
     pub next2: [f32; 4],
-    /// `time` of the shader.
+    /// t' of SPEC 2, the camera's offset included.
     pub time: f32,
-    /// `near` of the shader.
     pub near: f32,
-    /// `blur` of the shader.
     pub blur: f32,
-    /// `alpha_min` of the shader.
     pub alpha_min: f32,
-    /// `alpha_max` of the shader.
     pub alpha_max: f32,
-    /// `t_min` of the shader.
     pub t_min: f32,
-    /// `width` of the shader.
     pub width: u32,
-    /// `height` of the shader.
     pub height: u32,
-    /// `first_row` of the shader.
+    /// pixel row at which the strip begins, a multiple of TILE.
     pub first_row: u32,
-    /// `n_rows` of the shader.
+    /// pixel rows in the strip.
     pub n_rows: u32,
-    /// `tiles_x` of the shader.
     pub tiles_x: u32,
-    /// `tiles_y` of the shader.
+    /// tile rows in the strip.
     pub tiles_y: u32,
-    /// `flow_model` of the shader.
+    /// FLOW_*.
     pub flow_model: u32,
-    /// `depth_to_alpha` of the shader.
+    /// 1, or 0 where the cotangents of the depths must not reach the opacities.
     pub depth_to_alpha: f32,
-    /// `bounds` of the shader.
+    /// TILES_*, and EVERY_BLOCK or not.
     pub bounds: u32,
-    /// `depth_shift` of the shader.
+    /// low bits that a depth key lacks: DEPTH_SHIFT_*, or 0 for all bits of the depth.
     pub depth_shift: u32,
-    /// `t_cut` of the shader.
+    /// a pixel whose transmittance has fallen below this is finished; 0 leaves it to t_min.
     pub t_cut: f32,
-    /// `unused0` of the shader.
+    /// to whole vec4.
     pub unused0: f32,
-    /// `unused1` of the shader.
     pub unused1: f32,
-    /// `unused2` of the shader.
     pub unused2: f32,
 }
-const _: () = {
-    assert!(size_of::<ViewParams>() == 224);
-    assert!(std::mem::offset_of!(ViewParams, row0) == 0);
-    assert!(std::mem::offset_of!(ViewParams, row1) == 16);
-    assert!(std::mem::offset_of!(ViewParams, row2) == 32);
-    assert!(std::mem::offset_of!(ViewParams, intrinsics) == 48);
-    assert!(std::mem::offset_of!(ViewParams, clamp_uv) == 64);
-    assert!(std::mem::offset_of!(ViewParams, background) == 80);
-    assert!(std::mem::offset_of!(ViewParams, next0) == 96);
-    assert!(std::mem::offset_of!(ViewParams, next1) == 112);
-    assert!(std::mem::offset_of!(ViewParams, next2) == 128);
-    assert!(std::mem::offset_of!(ViewParams, time) == 144);
-    assert!(std::mem::offset_of!(ViewParams, near) == 148);
-    assert!(std::mem::offset_of!(ViewParams, blur) == 152);
-    assert!(std::mem::offset_of!(ViewParams, alpha_min) == 156);
-    assert!(std::mem::offset_of!(ViewParams, alpha_max) == 160);
-    assert!(std::mem::offset_of!(ViewParams, t_min) == 164);
-    assert!(std::mem::offset_of!(ViewParams, width) == 168);
-    assert!(std::mem::offset_of!(ViewParams, height) == 172);
-    assert!(std::mem::offset_of!(ViewParams, first_row) == 176);
-    assert!(std::mem::offset_of!(ViewParams, n_rows) == 180);
-    assert!(std::mem::offset_of!(ViewParams, tiles_x) == 184);
-    assert!(std::mem::offset_of!(ViewParams, tiles_y) == 188);
-    assert!(std::mem::offset_of!(ViewParams, flow_model) == 192);
-    assert!(std::mem::offset_of!(ViewParams, depth_to_alpha) == 196);
-    assert!(std::mem::offset_of!(ViewParams, bounds) == 200);
-    assert!(std::mem::offset_of!(ViewParams, depth_shift) == 204);
-    assert!(std::mem::offset_of!(ViewParams, t_cut) == 208);
-    assert!(std::mem::offset_of!(ViewParams, unused0) == 212);
-    assert!(std::mem::offset_of!(ViewParams, unused1) == 216);
-    assert!(std::mem::offset_of!(ViewParams, unused2) == 220);
-};
+const _: () = assert!(size_of::<ViewParams>() == 224);
 
 /// Every kernel, in the order of the table.
 pub const ALL: &[&super::KernelInfo] = &[

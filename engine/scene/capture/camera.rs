@@ -19,11 +19,11 @@ pub struct Shot {
     pub image: PathBuf,
     /// PNG of the camera's size; pixels of value 0 are to be ignored.
     pub mask: Option<PathBuf>,
-    /// PNG of the camera's size; pixels of at least 128 show what moves. Only the first Gaussians are made from it. The image
+    /// PNG of the camera's size; pixels of at least 128 show something that moves. Only the first Gaussians use it. The image
     /// itself where its alpha channel is meant ([`Alpha::Mask`](super::Alpha::Mask)).
     pub foreground: Option<PathBuf>,
-    /// PNG of the camera's size, of a test camera; pixels of at least 128 show what a training camera sees too (co-visibility,
-    /// Gao et al. 2022). Only scores are made from it.
+    /// PNG of the camera's size, of a test camera; pixels of at least 128 are seen by a training camera too (co-visibility,
+    /// Gao et al. 2022). Only scores use it.
     pub covisible: Option<PathBuf>,
     /// Optical flow to the next frame, for [`read_flow`](crate::scene::prior::read_flow).
     pub flow: Option<PathBuf>,
@@ -34,7 +34,7 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// The image and what is of its size.
+    /// The image, and the masks and priors of its size.
     pub fn pictures(&self) -> impl Iterator<Item = &PathBuf> {
         [Some(&self.image), self.mask.as_ref(), self.foreground.as_ref(), self.covisible.as_ref()].into_iter().flatten()
     }
@@ -51,7 +51,7 @@ pub struct Camera {
     pub world_to_camera: Pose,
     /// Kept for testing: no image of it is trained on.
     pub is_test: bool,
-    /// A photograph of what rests, taken at another time than the clip: its only shot is of frame 0, and its view shows nothing that
+    /// A photograph of the static scene, taken at another time than the clip: its only shot is of frame 0, and shows nothing that
     /// moves.
     pub is_photo: bool,
     /// By frame; a frame may be absent (every camera of a monocular clip has one).
@@ -64,7 +64,7 @@ impl Camera {
         self.shots.binary_search_by_key(&frame, |shot| shot.frame).ok().map(|index| &self.shots[index])
     }
 
-    /// True if it films the clip that is trained on: it is neither kept for testing nor a photograph.
+    /// True if its images are frames to train on: it is neither kept for testing nor a photograph.
     pub fn films(&self) -> bool {
         !self.is_test && !self.is_photo
     }
@@ -99,11 +99,11 @@ impl Camera {
     }
 }
 
-/// By how much a camera differs from what its capture says.
+/// The correction of a camera that an earlier run learnt.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Calibration {
-    /// By how much later than their frames say its pictures were taken, seconds.
+    /// Delay of its pictures, seconds.
     pub offset: f64,
     /// Turn about the axes of the capture's world, radians.
     pub turn: [f64; 3],

@@ -53,7 +53,7 @@ impl Frames {
         past.is_multiple_of(self.every.max(1)).then_some(past / self.every.max(1))
     }
 
-    /// True if they are all frames of every clip.
+    /// True for all frames of every clip.
     pub fn are_all(&self) -> bool {
         *self == Frames::default()
     }

@@ -61,8 +61,8 @@ impl Capture {
     ///
     /// # Errors
     /// As [`Capture::open_with`].
-    pub fn open(path: &Path) -> Result<Capture> {
-        Capture::open_with(path, &CaptureSettings::default())
+    pub fn open(path: impl AsRef<Path>) -> Result<Capture> {
+        Capture::open_with(path.as_ref(), &CaptureSettings::default())
     }
 
     /// Opens the folder of a capture; the format is recognised from its content (see [`check_capture`]).

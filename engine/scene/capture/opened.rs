@@ -36,16 +36,16 @@ pub struct Capture {
     pub photo_points: Vec<Point>,
     /// Colour behind images that have an alpha channel, and of the views.
     pub background: [f32; 3],
-    /// By camera, the frames by which its pictures show a later time than their number says, where `truth.json` of the folder
-    /// knows (`time_offsets_frames`). Training is not told; what it learns is compared with them.
+    /// By camera, the delay of its pictures, frames, where `truth.json` of the folder knows it (`time_offsets_frames`). Training
+    /// does not use it; reports compare it with the learnt delays.
     pub true_offsets: BTreeMap<String, f64>,
-    /// Views that the scene will be seen from beside those of its cameras, where somebody says so; training keeps clear what
-    /// lies just before them. Empty unless set.
+    /// Views from which the scene will be seen besides its cameras'; training keeps the space before them clear. Empty unless
+    /// set.
     pub viewpoints: Vec<View>,
-    /// What an earlier run learnt of the cameras, by name: poses are corrected by it, and so are the times of views. Empty unless
+    /// Corrections of poses and times that an earlier run learnt, by name of the camera. Empty unless
     /// set.
     pub calibration: BTreeMap<String, Calibration>,
-    /// What reading it dropped, guessed or converted, one sentence each.
+    /// What the reader dropped, guessed or converted: a sentence each.
     pub notes: Vec<String>,
     pub(super) frame_points: Option<FramePoints>,
     pub(super) settings: CaptureSettings,
@@ -72,7 +72,7 @@ impl Capture {
         Ok(View { time_offset: self.offset(camera), ..view })
     }
 
-    /// The capture without what its photographs show. Their cameras stay, so that those of the clip keep their numbers.
+    /// The capture without the images of its photographs. Their cameras stay, so that those of the clip keep their numbers.
     #[must_use]
     pub fn without_photos(mut self) -> Self {
         self.cameras.iter_mut().filter(|camera| camera.is_photo).for_each(|camera| camera.shots.clear());
@@ -80,29 +80,29 @@ impl Capture {
         self
     }
 
-    /// Whether photographs show what rests.
+    /// True if there are photographs of the static scene.
     pub fn has_photos(&self) -> bool {
         self.cameras.iter().any(|camera| camera.is_photo && !camera.shots.is_empty())
     }
 
-    /// Whether it is a clip that several training cameras took: of one alone, the scene's own times and colours take up what is off. One
-    /// that moved may be listed as a camera for each of its images; such a camera has no other image that tells what is off.
+    /// True for a clip of several training cameras: of one alone, the scene's own times and colours absorb its errors. One
+    /// that moved may be listed as a camera for each of its images, which has no other image to compare with.
     pub fn is_rig_clip(&self) -> bool {
         let tells = |camera: &&Camera| camera.films() && camera.shots.len() > 1;
         self.n_frames > 1 && self.cameras.iter().filter(tells).count() > 1
     }
 
-    /// (camera, frame) of every image of the training cameras, by frame and then by camera.
+    /// (camera index, frame) of every image of the training cameras, ordered by frame and then by camera.
     pub fn training_frames(&self) -> Vec<(usize, u32)> {
         self.frames(false)
     }
 
-    /// (camera, frame) of every image of the test cameras, by frame and then by camera.
+    /// (camera index, frame) of every image of the test cameras, ordered by frame and then by camera.
     pub fn test_frames(&self) -> Vec<(usize, u32)> {
         self.frames(true)
     }
 
-    /// A view of every pose of every training camera (one of a camera that rests, one for each image of a camera that moves),
+    /// A view of every pose of every training camera (one of a fixed camera, one for each image of a camera that moves),
     /// and [`Capture::viewpoints`]. None of a photograph: there may be many, and nobody watches the clip from there. None of a test
     /// camera: training must not know where it will be tested.
     pub fn lens_views(&self) -> Vec<View> {
@@ -130,7 +130,7 @@ impl Capture {
         picture::decode(&self.source(camera, frame, plan)?)
     }
 
-    /// Whether each pixel of an image, row by row, shows what moves; `None` when nothing says so.
+    /// By pixel, row by row, true where the image shows something that moves; `None` where the capture has no such mask.
     ///
     /// # Errors
     /// As [`Capture::picture`].
@@ -138,7 +138,7 @@ impl Capture {
         self.bright(camera, frame, |shot| shot.foreground.as_ref())
     }
 
-    /// Whether each pixel of an image, row by row, is at least half opaque; `None` when the image has no alpha channel.
+    /// By pixel, row by row, true where the image is at least half opaque; `None` when it has no alpha channel.
     ///
     /// # Errors
     /// As [`Capture::picture`].
@@ -146,7 +146,7 @@ impl Capture {
         self.bright(camera, frame, |shot| Some(&shot.image).filter(|image| has_alpha(image)))
     }
 
-    /// Whether each pixel of a test image, row by row, shows what a training camera sees too; `None` when nothing says so.
+    /// By pixel, row by row, true where a training camera sees the same surface; `None` where the capture has no such mask.
     ///
     /// # Errors
     /// As [`Capture::picture`].
@@ -160,7 +160,7 @@ impl Capture {
         shot.and_then(mask).map(|path| picture::bright(path, &source)).transpose()
     }
 
-    /// Whether the capture has points of every frame.
+    /// True if the capture has points of every frame.
     pub fn has_frame_points(&self) -> bool {
         self.frame_points.is_some()
     }
@@ -193,7 +193,7 @@ impl Capture {
         Similarity { origin: center, scale: TRAINING_RADIUS / radius }
     }
 
-    /// The capture in another frame: its cameras and points move, its pictures stay the same.
+    /// The capture in another frame of reference: cameras and points change, pictures stay the same.
     pub fn transformed(mut self, to: &Similarity) -> Capture {
         for camera in &mut self.cameras {
             camera.world_to_camera = to.pose(&camera.world_to_camera);
@@ -207,7 +207,7 @@ impl Capture {
         self
     }
 
-    /// Corrects the cameras that `by` names; those of others stay as they are. For a capture in its own world.
+    /// Corrects the cameras that `by` names. For a capture in its own world.
     #[must_use]
     pub fn calibrated(mut self, by: &BTreeMap<String, Calibration>) -> Self {
         for camera in &mut self.cameras {
@@ -224,7 +224,7 @@ impl Capture {
         self
     }
 
-    /// By how much later the pictures of a camera were taken than their frames say, frames.
+    /// Delay of the pictures of a camera, frames.
     fn offset(&self, camera: usize) -> f64 {
         self.calibration.get(&self.cameras[camera].name).map_or(0.0, |known| known.offset * self.fps)
     }

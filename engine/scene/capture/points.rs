@@ -56,7 +56,7 @@ pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
     Ok(points)
 }
 
-/// Where the points of the frames are, and whom their CAMERA_IDs mean.
+/// The folder of the frames' points, and the cameras of their CAMERA_IDs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FramePoints {
     pub folder: PathBuf,

@@ -3,14 +3,14 @@
 use super::frames::Frames;
 use std::path::{Path, PathBuf};
 
-/// What the alpha channel of images is. Either way the background shows through where it is below 1.
+/// The meaning of an image's alpha channel. Either way the background shows through where it is below 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Alpha {
-    /// No more than that.
+    /// Opacity alone.
     #[default]
     Background,
-    /// The foreground mask too, of images that have no other: what is at least half opaque.
+    /// Also the foreground mask of images that have no other: pixels that are at least half opaque.
     Mask,
 }
 
@@ -28,12 +28,12 @@ pub struct CaptureSettings {
     /// is left out too.
     #[serde(alias = "max_frames")]
     pub frames: Frames,
-    /// Frames per second of a capture that does not say.
+    /// Frames per second of a capture that does not specify it.
     pub fps: f64,
     /// Leaves out images whose file is absent, with a note, where each is a fault otherwise.
     pub skip_missing: bool,
-    /// Takes the foreground masks of Dynamic3DGaussians (`seg/`) as masks too. Off: they label what moves, not what is
-    /// valid, and a training that ignores what they leave out has no background.
+    /// Takes the foreground masks of Dynamic3DGaussians (`seg/`) as masks too. Off by default: they label motion, not
+    /// validity, and a training that ignores the other pixels has no background.
     pub foreground_masks: bool,
     /// Names of cameras that are left out, as if the capture did not have them.
     pub exclude: Vec<String>,
@@ -49,7 +49,7 @@ pub struct CaptureSettings {
     /// Otherwise they are scaled, with a note, when the images of all cameras differ by one common factor, within rounding;
     /// any other difference is a fault.
     pub rescale: bool,
-    /// What the alpha channel of images is.
+    /// The meaning of an image's alpha channel.
     pub alpha: Alpha,
 }
 
@@ -74,7 +74,7 @@ impl Default for CaptureSettings {
 }
 
 impl CaptureSettings {
-    /// The folder of images that is asked for, other than by default.
+    /// The folder of images, where it is not the default.
     pub(super) fn asked_images(&self) -> Option<&Path> {
         (self.images != CaptureSettings::default().images).then_some(self.images.as_path())
     }

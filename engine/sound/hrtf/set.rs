@@ -61,7 +61,8 @@ pub struct HrtfSet {
 
 impl HrtfSet {
     /// Opens `sphere` (the built-in model), a SOFA file, or a folder of WAV files named as SADIE's.
-    pub fn open(source: &Path) -> Result<Self> {
+    pub fn open(source: impl AsRef<Path>) -> Result<Self> {
+        let source = source.as_ref();
         if source == Path::new("sphere") {
             return HrtfSet::new(sphere::Sphere::default().measured(12), source);
         }

@@ -4,9 +4,9 @@ use crate::error::Result;
 use crate::random::Keyed;
 use crate::scene::{Frame, Splats, View};
 use crate::stage::{Census, Renderer, Response};
-use crate::train::align::ColorMap;
-use crate::train::metrics::Sight;
 use crate::train::require::look::{Album, Seen};
+use crate::train::scores::ColorMap;
+use crate::train::scores::Sight;
 
 /// Sums over some of the training pictures, by Gaussian.
 #[derive(Clone, Debug, Default, PartialEq)]

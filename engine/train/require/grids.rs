@@ -2,7 +2,7 @@
 
 use crate::error::Result;
 use crate::stage::{Outputs, Renderer};
-use crate::train::metrics::Sight;
+use crate::train::scores::Sight;
 
 /// Blocks of a picture whose mean colours are compared, across and down: errors within one are alike, those of two hardly.
 const BLOCKS: [u32; 2] = [6, 4];

@@ -3,9 +3,9 @@
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
 use crate::random::permutation;
+use crate::recon::Pinhole;
 use crate::scene::Splats;
-use crate::train::metrics::Sight;
-use crate::train::pinhole::Pinhole;
+use crate::train::scores::Sight;
 use glam::DVec3;
 
 /// Pictures in which a Gaussian must have been seen before anything of it is judged.

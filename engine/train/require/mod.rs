@@ -21,7 +21,7 @@ use crate::stage::{GridState, Renderer};
 use crate::train::checkpoint::{CameraState, Checkpoint};
 use crate::train::config::{Config, Required};
 use crate::train::density::recovered_from;
-use crate::train::metrics::Sight;
+use crate::train::scores::Sight;
 use crate::train::trainer::Trainer;
 use decide::{Fate, InTime, affordable};
 use std::collections::BTreeSet;

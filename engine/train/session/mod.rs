@@ -1,44 +1,41 @@
-//! A training run: a capture's images in their order, with what is due between steps.
+//! A training run: steps on a capture's images in their order, and the events between them.
 
-mod coming;
-mod feed;
+mod due;
+mod judge;
 mod notice;
 mod options;
-mod order;
-mod owed;
 mod priors;
 
 pub use notice::{Event, Notice, Phase, Watch};
 pub use options::SessionOptions;
-pub use order::{reduced_order, training_order};
 pub use priors::Priors;
 
 use crate::error::Result;
 use crate::gpu::{Dispatch, Gpu};
-use crate::scene::Splats;
 use crate::scene::capture::Capture;
+use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::train::average::Average;
 use crate::train::backdrop::{backdrop_of, put_before};
-use crate::train::checkpoint::{Checkpoint, Owed};
+use crate::train::checkpoint::{Checkpoint, DueEvents};
 use crate::train::config::Config;
-use crate::train::init::initialise;
-use crate::train::judge::judge_poses;
+use crate::train::first::initialise;
+use crate::train::images::{ImageLimits, Source, StepImage, StepImages, training_frames};
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;
 use crate::train::require::{Due, review};
 use crate::train::setup::Setup;
-use crate::train::trainer::{ProfiledStep, Seen, Trainer};
-use coming::Coming;
-use notice::work;
-use order::training_frames;
+use crate::train::trainer::{ProfiledStep, Trainer};
+use judge::judge_poses;
+pub(super) use notice::work;
 use std::cmp::Ordering;
 use std::sync::Arc;
 use std::time::Instant;
 use tracing::debug_span;
 use tracing::span::EnteredSpan;
 
-/// A run under way.
+/// A run under way. It computes in a frame of training, where the extent of the cameras is 3, and takes captures and gives scenes in
+/// the capture's own world.
 ///
 /// ```no_run
 /// # fn main() -> ivv::Result<()> {
@@ -46,165 +43,177 @@ use tracing::span::EnteredSpan;
 /// use ivv::train::{Config, Session, SessionOptions};
 ///
 /// let gpu = std::sync::Arc::new(ivv::gpu::Gpu::open(&Default::default())?);
-/// let capture = Capture::open("captures/demo".as_ref())?;
-/// // Training takes place in a frame where the cameras' extent is 3.
-/// let world = capture.normalisation();
-/// let capture = capture.transformed(&world);
+/// let capture = Capture::open("captures/demo")?;
 /// let mut session = Session::begin(gpu, &capture, Config::default(), SessionOptions::default())?;
 /// while session.step()? {}
-/// let splats = world.inverse().splats(&session.finish()?);
-/// ivv::formats::write_ply("scene.ply".as_ref(), &splats)?;
+/// ivv::formats::write_ply("scene.ply".as_ref(), &session.finish()?)?;
 /// # Ok(())
 /// # }
 /// ```
 pub struct Session<'a> {
     gpu: Arc<Gpu>,
-    capture: &'a Capture,
+    /// In the frame of training.
+    capture: Arc<Capture>,
+    /// From the capture's world to the frame of training.
+    world: Similarity,
     constants: Constants,
     config: Config,
     total: u64,
-    frames: Vec<Image>,
+    /// Camera and frame of the images that are trained on.
+    frames: Vec<(usize, u32)>,
     priors: Priors,
     plan: Plan,
     n_left_out: usize,
     trainer: Trainer,
-    /// The images to come, in their order; made for the first step that needs it.
-    coming: Option<Coming>,
-    cache_bytes: u64,
-    /// Bytes of images that stay on the device.
-    image_bytes: u64,
-    /// Images that are listed at a time.
-    listed_images: u64,
-    /// Seconds in which steps waited for those that were listed before.
-    waited: f64,
-    /// A step, and what is due after it and has not been done.
-    owed: (u64, Owed),
-    /// Of the scenes near the end.
+    /// A step.
+    due_after: u64,
+    /// Events that are due after it and have not happened.
+    due: DueEvents,
+    /// The mean of the scenes near the end.
     average: Average,
     events: Vec<Event>,
     seconds: f64,
     watch: Watch<'a>,
 }
 
-/// A camera and a frame.
-type Image = (usize, u32);
+/// The parts of a session that do not depend on how it began.
+struct RunOf {
+    gpu: Arc<Gpu>,
+    capture: Capture,
+    world: Similarity,
+    config: Config,
+    total: u64,
+    frames: Vec<(usize, u32)>,
+    priors: Priors,
+    plan: Plan,
+}
+
+/// The priors and the memory plan of a run on `capture`, in the frame of training, that goes on from `splats`.
+fn planned(
+    gpu: &Gpu,
+    capture: &Capture,
+    config: &Config,
+    setup: &Setup,
+    splats: &Splats,
+    options: &mut SessionOptions,
+) -> Result<(Priors, Plan)> {
+    let known = options.priors.take();
+    let priors = known.map_or_else(|| Priors::read(capture, config, setup, &mut options.watch), Ok)?;
+    let plan = Plan::of(capture, config, setup, splats, gpu, options.image_memory())?;
+    (options.watch)(Notice::Planned(&plan));
+    Ok((priors, plan))
+}
 
 impl<'a> Session<'a> {
-    /// A run on the training images of `capture`, which is in the frame of training.
+    /// A run on the training images of `capture`, which is in its own world.
     ///
     /// # Errors
     /// Those of the capture's images; those of the device, such as [`crate::error::Error::OutOfMemory`].
-    pub fn begin(gpu: Arc<Gpu>, capture: &'a Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
+    pub fn begin(gpu: Arc<Gpu>, capture: &Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
         let frames = training_frames(capture)?;
-        let setup = Setup::new(capture, &config);
-        let memory = options.image_memory();
-        let watch = &mut options.watch;
-        let made;
-        let first = options.first.take();
-        let splats = if let Some(first) = &first {
-            first
-        } else {
-            made = initialise(capture, &config, &mut work(watch, Phase::Initialisation))?;
-            watch(Notice::Initialised(&made));
-            &made.splats
+        let world = options.world.unwrap_or_else(|| capture.normalisation());
+        let capture = capture.clone().transformed(&world);
+        let setup = Setup::new(&capture, &config);
+        let splats = match options.first.take() {
+            Some(first) => world.splats(&first),
+            None => {
+                let made = initialise(&capture, &config, &mut work(&mut options.watch, Phase::Initialisation))?;
+                (options.watch)(Notice::Initialised(&made));
+                made.splats
+            }
         };
-        let known = options.priors.take();
-        let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
-        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory)?;
-        watch(Notice::Planned(&plan));
         let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
-        let constants = options.constants;
-        let trainer = Trainer::new(gpu.clone(), splats, constants, config.clone(), total, setup)?;
-        let numbers = (total, priors, plan, splats.len());
-        Ok(Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options))
+        let (priors, plan) = planned(&gpu, &capture, &config, &setup, &splats, &mut options)?;
+        let trainer = Trainer::new(gpu.clone(), &splats, options.constants, config.clone(), total, setup)?;
+        let n_left_out = splats.len().saturating_sub(trainer.n_gaussians() as usize);
+        let run = RunOf { gpu, capture, world, config, total, frames, priors, plan };
+        Ok(Session { n_left_out, ..Self::of(run, trainer, options) })
     }
 
-    /// The run that `checkpoint` is of, on its capture. `options` say neither its length nor its first Gaussians.
+    /// The run that `checkpoint` is of, on its capture, which is in its own world. `options` say neither its length,
+    /// nor its first Gaussians, nor its frame.
     ///
     /// # Errors
     /// As [`Session::begin`].
     pub fn resume(
         gpu: Arc<Gpu>,
-        capture: &'a Capture,
+        capture: &Capture,
         checkpoint: &Checkpoint,
         mut options: SessionOptions<'a>,
     ) -> Result<Self> {
         let frames = training_frames(capture)?;
-        let (config, splats) = (checkpoint.config.clone(), &checkpoint.params);
-        let setup = Setup::new(capture, &config);
-        let memory = options.image_memory();
-        let (known, watch) = (options.priors.take(), &mut options.watch);
-        let priors = known.map_or_else(|| Priors::read(capture, &config, &setup, watch), Ok)?;
-        let plan = Plan::of(capture, &config, &setup, splats, &gpu, memory)?;
-        watch(Notice::Planned(&plan));
-        let constants = options.constants;
-        let trainer = Trainer::resume(gpu.clone(), checkpoint, constants, setup)?;
-        let numbers = (checkpoint.total, priors, plan, splats.len());
-        let session = Self::of(gpu, (capture, frames, constants), config, trainer, numbers, options);
-        Ok(Session { owed: (checkpoint.step, checkpoint.owed), average: checkpoint.average.clone(), ..session })
+        let (config, world, total) = (checkpoint.config.clone(), checkpoint.world, checkpoint.total);
+        let capture = capture.clone().transformed(&world);
+        let setup = Setup::new(&capture, &config);
+        let (priors, plan) = planned(&gpu, &capture, &config, &setup, &checkpoint.params, &mut options)?;
+        let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants, setup)?;
+        let run = RunOf { gpu, capture, world, config, total, frames, priors, plan };
+        Ok(Session {
+            due_after: checkpoint.step,
+            due: checkpoint.due,
+            average: checkpoint.average.clone(),
+            ..Self::of(run, trainer, options)
+        })
     }
 
-    fn of(
-        gpu: Arc<Gpu>,
-        (capture, frames, constants): (&'a Capture, Vec<Image>, Constants),
-        config: Config,
-        mut trainer: Trainer,
-        (total, priors, plan, n_first): (u64, Priors, Plan, usize),
-        options: SessionOptions<'a>,
-    ) -> Self {
-        let SessionOptions { cache_bytes, listed_images, watch, ranks, .. } = options;
+    fn of(run: RunOf, mut trainer: Trainer, options: SessionOptions<'a>) -> Self {
+        let RunOf { gpu, capture, world, config, total, frames, priors, plan } = run;
+        let SessionOptions { constants, cache_bytes, listed_images, watch, ranks, .. } = options;
         trainer.join(ranks);
+        trainer.images.limits = ImageLimits { cache_bytes, device_bytes: plan.image_bytes, listed: listed_images };
         Session {
             gpu,
-            capture,
+            capture: Arc::new(capture),
+            world,
             constants,
             config,
             total,
             frames,
             priors,
-            image_bytes: plan.image_bytes,
             plan,
-            n_left_out: n_first.saturating_sub(trainer.n_gaussians() as usize),
-            owed: (trainer.step(), Owed::default()),
+            n_left_out: 0,
+            due_after: trainer.step(),
+            due: DueEvents::default(),
             average: Average::default(),
             trainer,
-            coming: None,
-            cache_bytes,
-            listed_images,
-            waited: 0.0,
             events: Vec::new(),
             seconds: 0.0,
             watch,
         }
     }
 
-    /// Goes on for as long as `config` and `total` say; returns what is due now.
+    /// Continues to `total` steps with the settings `config`; returns the events that are due now.
     ///
     /// # Errors
     /// As [`Trainer::extend`].
-    pub fn extend(&mut self, config: Config, total: u64) -> Result<Owed> {
+    pub fn extend(&mut self, config: Config, total: u64) -> Result<DueEvents> {
         self.trainer.extend(config.clone(), total)?;
-        self.owed.1 = self.owed.1.extended(&config, self.trainer.step(), [self.total, total]);
-        (self.config, self.total, self.coming, self.average) = (config, total, None, Average::default());
-        Ok(self.owed.1)
+        self.due = self.due.extended(&config, self.trainer.step(), self.total, total);
+        (self.config, self.total, self.average) = (config, total, Average::default());
+        Ok(self.due)
     }
 
-    /// What is trained.
+    /// The capture, in the frame of training.
+    pub fn capture(&self) -> &Arc<Capture> {
+        &self.capture
+    }
+
+    /// The scene that is trained, in the frame of training.
     pub fn trainer(&mut self) -> &mut Trainer {
         &mut self.trainer
     }
 
-    /// How its pictures are rendered.
+    /// The rendering constants.
     pub fn constants(&self) -> Constants {
         self.constants
     }
 
-    /// Steps that were handed to the device, in earlier sessions of the run too.
+    /// Submitted steps, with those of earlier sessions of the run.
     pub fn steps(&self) -> u64 {
         self.trainer.step()
     }
 
-    /// What the run needs.
+    /// The memory plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
@@ -226,16 +235,16 @@ impl<'a> Session<'a> {
 
     /// Seconds in which steps waited for images.
     pub fn waited(&self) -> f64 {
-        self.waited + self.coming.as_ref().map_or(0.0, |coming| coming.stats().waited.as_secs_f64())
+        self.trainer.images.waited_s()
     }
 
-    /// What has happened since this was last asked, in order. Steps end while others are under way, so one that was handed over
-    /// may be missing; [`Session::wait`] has it.
+    /// Events since the last call, in order. Steps end while others run, so one that was submitted may be missing;
+    /// [`Session::wait`] has it.
     pub fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
 
-    /// Hands the next step to the device, after what is due before it; false at the end of the run.
+    /// Submits the next step, after the events that are due before it; false at the end of the run.
     ///
     /// # Errors
     /// Those of the device and of the images.
@@ -248,7 +257,8 @@ impl<'a> Session<'a> {
         Ok(true)
     }
 
-    /// As [`Session::step`], with the time of every pass; none at the end of the run. Not of a step that several processes share.
+    /// As [`Session::step`], with the time of every pass; none at the end of the run. Not for steps that several
+    /// processes share.
     ///
     /// # Errors
     /// As [`Session::step`].
@@ -261,8 +271,8 @@ impl<'a> Session<'a> {
         Ok(Some(profiled))
     }
 
-    /// The next step's first dispatch of a kernel, with what it worked on; none where it has none, or the run has ended. It is a
-    /// step that is not counted.
+    /// The next step's first dispatch of a kernel, with its data; none if it has none, or the run has ended. The step
+    /// is not counted.
     ///
     /// # Errors
     /// As [`Session::step`].
@@ -272,7 +282,7 @@ impl<'a> Session<'a> {
         self.trainer.dump(images, kernel)
     }
 
-    /// Waits until all steps that were handed over have ended.
+    /// Waits until all submitted steps have ended.
     ///
     /// # Errors
     /// [`crate::error::Error::DeviceLost`].
@@ -284,69 +294,69 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Does what is due after the last step, so that what follows sees it.
+    /// Runs the events that are due after the last step, so that the next reader sees their result.
     ///
     /// # Errors
     /// As [`Session::step`].
     pub fn settle(&mut self) -> Result<()> {
-        let owed = self.owed.1;
-        if owed.grids {
+        let due = self.due;
+        if due.grids {
             self.review(Due::Grids)?;
         }
-        self.owed.1.grids = false;
-        if owed.review {
+        self.due.grids = false;
+        if due.review {
             self.review(Due::Gaussians)?;
         }
-        self.owed.1.review = false;
-        if owed.offsets {
+        self.due.review = false;
+        if due.offsets {
             self.freeze()?;
         }
-        self.owed.1.offsets = false;
-        if owed.poses {
+        self.due.offsets = false;
+        if due.poses {
             let begun = Instant::now();
-            let judged = judge_poses(&mut self.trainer, self.capture)?;
+            let judged = judge_poses(&mut self.trainer, &self.capture)?;
             self.seconds += begun.elapsed().as_secs_f64();
             self.events.extend(judged.map(|(pixels, are_learnt)| Event::Poses { pixels, are_learnt }));
         }
-        self.owed.1.poses = false;
-        if owed.average {
+        self.due.poses = false;
+        if due.average {
             let begun = Instant::now();
             self.average.add(self.trainer.splats()?);
             self.seconds += begun.elapsed().as_secs_f64();
         }
-        self.owed.1.average = false;
+        self.due.average = false;
         Ok(())
     }
 
-    /// Everything that the run continues from, as of the last step.
+    /// A checkpoint of the last step.
     ///
     /// # Errors
     /// As [`Trainer::checkpoint`].
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         let checkpoint = self.trainer.checkpoint()?;
         self.collect();
-        Ok(Checkpoint { average: self.average.clone(), ..checkpoint })
+        Ok(Checkpoint { world: self.world, average: self.average.clone(), ..checkpoint })
     }
 
-    /// As [`Session::checkpoint`], of a run that a fault ended: the last step that can be had, and what was due after it.
+    /// As [`Session::checkpoint`], for a run that a fault has ended: the last step that can be read, and the events
+    /// that were due after it.
     ///
     /// # Errors
     /// As [`Trainer::rescue`].
     pub fn rescue(&mut self) -> Result<Checkpoint> {
         let rescued = self.trainer.rescue()?;
-        let (step, owed) = self.owed;
-        let owed = match rescued.step.cmp(&step) {
-            Ordering::Less => Owed::default(),
-            Ordering::Equal => owed,
-            // It ended while it was rescued.
-            Ordering::Greater => Owed::after(&self.config, rescued.step, self.total),
+        let due = match rescued.step.cmp(&self.due_after) {
+            Ordering::Less => DueEvents::default(),
+            Ordering::Equal => self.due,
+            // The step ended during the rescue.
+            Ordering::Greater => DueEvents::after(&self.config, rescued.step, self.total),
         };
-        let owed = Owed { density: rescued.owed.density, ..owed };
-        Ok(Checkpoint { owed, average: self.average.clone(), ..rescued })
+        let due = DueEvents { density: rescued.due.density, ..due };
+        Ok(Checkpoint { world: self.world, due, average: self.average.clone(), ..rescued })
     }
 
-    /// Waits for the last step and what is due after it; gives the Gaussians, in the frame of training: near the end of the run
-    /// their mean over its last steps, see [`Average`].
+    /// Waits for the last step and the events after it, and gives the scene in the frame of training: near the end of
+    /// the run the mean over its last steps, see [`Average`].
     ///
     /// # Errors
     /// As [`Session::step`].
@@ -357,74 +367,60 @@ impl<'a> Session<'a> {
         self.trainer.cleared(scene)
     }
 
-    /// What a run ends with: [`Session::scene`] and the backdrop that the settings ask for.
+    /// The scene that the run ends with, in the capture's world: [`Session::scene`] and the backdrop that the settings
+    /// ask for.
     ///
     /// # Errors
     /// As [`Session::step`].
     pub fn finish(&mut self) -> Result<Splats> {
         let scene = self.scene()?;
-        self.with_backdrop(scene)
+        self.finish_with(scene)
     }
 
-    /// `scene`, in the frame of training, with the backdrop that the settings ask for, which comes first; without one where images
-    /// show the background, where the background shows through the scene, and where there would be more than `max_gaussians`.
+    /// As [`Session::finish`], from the `scene` that [`Session::scene`] gave.
     ///
     /// # Errors
     /// Those of the capture's cameras.
-    pub fn with_backdrop(&mut self, scene: Splats) -> Result<Splats> {
+    pub fn finish_with(&mut self, scene: Splats) -> Result<Splats> {
+        Ok(self.world.inverse().splats(&self.with_backdrop(scene)?))
+    }
+
+    /// `scene` after the backdrop that the settings ask for; without one if images show the background, if the
+    /// background shows through the scene, or if the sum would exceed `max_gaussians`.
+    fn with_backdrop(&mut self, scene: Splats) -> Result<Splats> {
         if self.trainer.shows_background() {
             return Ok(scene);
         }
-        let backdrop = backdrop_of(&scene, self.capture, self.config.backdrop as usize)?;
-        let (n, is_added) = (backdrop.len(), backdrop.len() + scene.len() <= self.config.max_gaussians);
+        let backdrop = backdrop_of(&scene, &self.capture, self.config.backdrop as usize)?;
+        let n = backdrop.len();
+        let is_added = backdrop.len() + scene.len() <= self.config.max_gaussians;
         if n > 0 {
             self.events.push(Event::Backdrop { n, is_added });
         }
         Ok(if n > 0 && is_added { put_before(scene, backdrop) } else { scene })
     }
 
-    /// In traces, all that belongs to the next step, waiting for its images too.
+    /// The span of the next step in traces, with the wait for its images.
     fn begun(&self) -> EnteredSpan {
         debug_span!("step", step = self.trainer.step() + 1).entered()
     }
 
-    /// The images of the next step, taken to where the device can get them, and when that began: what was waited for to be decoded
-    /// is not counted. None at the end of the run.
-    fn images(&mut self) -> Result<Option<(Vec<Seen>, Instant)>> {
-        loop {
-            let mut coming = match self.coming.take() {
-                Some(coming) => coming,
-                None => {
-                    self.trainer.release_images();
-                    let bytes = (self.cache_bytes, self.image_bytes, self.listed_images);
-                    let (settings, at) = ((&self.config, &self.priors.plan), (&self.trainer, self.total));
-                    Coming::new(self.capture, &self.frames, settings, at, bytes)?
-                }
-            };
-            let step = coming.next_step(self.capture, &mut self.trainer)?;
-            let is_listed = step.as_ref().is_none_or(|(images, _)| !images.is_empty());
-            if !is_listed && self.trainer.step() < self.total {
-                self.waited += coming.stats().waited.as_secs_f64();
-                continue;
-            }
-            let Some((images, spent)) = step else {
-                // Images gave way to what needed the device's memory more. From here on as many stay as there are now.
-                self.image_bytes = self.trainer.image_bytes();
-                self.waited += coming.stats().waited.as_secs_f64();
-                continue;
-            };
-            self.coming = Some(coming);
-            let now = Instant::now();
-            let begun = now.checked_sub(spent).unwrap_or(now);
-            return Ok(Some((images, begun)).filter(|(images, _)| !images.is_empty()));
-        }
+    /// The images of the next step, and when the work on them began, without the wait for their decoding. None at the
+    /// end of the run.
+    fn images(&mut self) -> Result<Option<(Vec<StepImage>, Instant)>> {
+        let source = Source { capture: &self.capture, frames: &self.frames, priors: &self.priors.plan };
+        let StepImages { images, loading } = self.trainer.next_images(&source)?;
+        let now = Instant::now();
+        let begun = now.checked_sub(loading).unwrap_or(now);
+        Ok((!images.is_empty()).then_some((images, begun)))
     }
 
-    /// Notes a step that was handed over, and waits for it where something is due after it.
+    /// Notes a submitted step, and waits for it if events are due after it.
     fn stepped(&mut self, begun: Instant) -> Result<()> {
         let step = self.trainer.step();
-        self.owed = (step, Owed::after(&self.config, step, self.total));
-        if self.owed.1 != Owed::default() {
+        self.due_after = step;
+        self.due = DueEvents::after(&self.config, step, self.total);
+        if self.due != DueEvents::default() {
             self.trainer.finish()?;
         }
         self.seconds += begun.elapsed().as_secs_f64();
@@ -436,24 +432,24 @@ impl<'a> Session<'a> {
         self.events.extend(self.trainer.take_reports().into_iter().map(Event::Step));
     }
 
-    /// Reviews what the scene requires, and continues with that part.
+    /// Reviews the scene, and continues with the parts that it requires.
     fn review(&mut self, due: Due) -> Result<()> {
         let begun = Instant::now();
         let mut looked = work(&mut self.watch, Phase::Review);
-        let review = review(&mut self.trainer, &self.gpu, self.capture, self.constants, due, &mut looked)?;
+        let review = review(&mut self.trainer, &self.gpu, &self.capture, self.constants, due, &mut looked)?;
         self.seconds += begun.elapsed().as_secs_f64();
-        // Its Gaussians are others.
+        // The mean was of other Gaussians.
         self.average = Average::default();
         self.events.push(Event::Review(review));
         Ok(())
     }
 
-    /// Fixes the time offsets at 0 that the images do not tell.
+    /// Fixes time offsets at 0 that the images do not determine.
     fn freeze(&mut self) -> Result<()> {
         let mut looked = work(&mut self.watch, Phase::OffsetErrors);
         let fits = learnt_offsets(
             &mut self.trainer,
-            (&self.gpu, self.capture),
+            (&self.gpu, &*self.capture),
             (self.constants, self.config.background),
             &mut looked,
         )?;

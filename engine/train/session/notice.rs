@@ -1,31 +1,31 @@
-//! What a session tells: of work that takes a while, and of what has happened.
+//! Messages of a session: progress of long work, and events.
 
-use crate::train::depth_fit::DepthSummary;
-use crate::train::init::Initial;
+use crate::recon::Initial;
+use crate::train::depth::DepthSummary;
 use crate::train::plan::Plan;
 use crate::train::require::Review;
 use crate::train::trainer::StepReport;
 
-/// Is told what a session does that takes a while.
+/// Receives the notices of a session.
 pub type Watch<'a> = Box<dyn FnMut(Notice) + 'a>;
 
-/// What a session does that takes a while.
+/// Progress of a session.
 #[derive(Debug)]
 pub enum Notice<'a> {
-    /// Work, so much of so much.
+    /// Work under way.
     Work {
-        /// Of what kind.
+        /// Its kind.
         phase: Phase,
-        /// Done.
+        /// Pieces done.
         done: usize,
-        /// In all; 0 where that is not known.
+        /// Pieces in all; 0 if unknown.
         total: usize,
     },
-    /// The first Gaussians are there.
+    /// The first Gaussians are made.
     Initialised(&'a Initial),
-    /// The priors of the depth are there.
+    /// The depth priors are fitted.
     DepthPriors(&'a DepthSummary),
-    /// What the run needs is known, and is allocated next.
+    /// The memory plan, before the buffers are made.
     Planned(&'a Plan),
 }
 
@@ -34,41 +34,41 @@ pub enum Notice<'a> {
 pub enum Phase {
     /// The first Gaussians: frames, pictures or depths.
     Initialisation,
-    /// Priors of the depth are compared with points: frames.
+    /// Depth priors are fitted to points: frames.
     DepthPriors,
-    /// It is looked at what the scene requires: pictures.
+    /// A review of the scene: pictures.
     Review,
     /// Errors of time offsets: cameras.
     OffsetErrors,
 }
 
-/// What has happened.
+/// An event of a run.
 #[derive(Clone, Debug)]
 pub enum Event {
     /// A step has ended.
     Step(StepReport),
-    /// It was looked at what the scene requires.
+    /// The scene was reviewed.
     Review(Review),
-    /// The time offsets of these cameras were fixed at 0, since the images do not tell them.
+    /// The time offsets of these cameras were fixed at 0, since the images do not determine them.
     Frozen(Vec<String>),
-    /// What no training camera looks at was to have a backdrop.
+    /// A backdrop was made for directions that no training camera sees.
     Backdrop {
         /// Its Gaussians.
         n: usize,
-        /// Whether they were added; otherwise there would be more than `max_gaussians`.
+        /// True if they were added; otherwise the scene would exceed `max_gaussians`.
         is_added: bool,
     },
-    /// It was looked at whether the cameras stand where the capture says.
+    /// The learnt poses were compared with the capture's.
     Poses {
-        /// How far what a camera sees moves by what was learnt of its pose, pixels: the median over the cameras.
+        /// The shift of a camera's image by the learnt correction of its pose, pixels: the median over the cameras.
         pixels: f64,
-        /// Whether the poses are learnt to the end; otherwise they are the capture's again.
+        /// True if the poses are learnt to the end; otherwise they are the capture's again.
         are_learnt: bool,
     },
 }
 
-/// Tells `watch` of work that begins.
-pub(super) fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w {
+/// Reports work of a phase to `watch`.
+pub(in crate::train) fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w {
     watch(Notice::Work { phase, done: 0, total: 0 });
     move |done, total| watch(Notice::Work { phase, done, total })
 }

@@ -1,36 +1,39 @@
-//! What a run begins with.
+//! Options of a session.
 
 use super::notice::Watch;
 use super::priors::Priors;
-use crate::scene::Splats;
 use crate::scene::capture::share_of_memory;
+use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::train::plan::ImageMemory;
 use crate::train::ranks::Ranks;
 use std::sync::Arc;
 
-/// What a run begins with, where that is not what its settings say.
+/// Options of a session that are no settings of the run.
 pub struct SessionOptions<'a> {
-    /// How pictures are rendered, the near plane in the frame of training.
+    /// Rendering constants, the near plane in the frame of training.
     pub constants: Constants,
-    /// Steps; none for as many as the settings say.
+    /// Steps; none for the settings' number.
     pub total: Option<u64>,
-    /// The first Gaussians, in the capture's frame; none for those that the settings make of the capture.
+    /// From the capture's world to the frame of training; none for
+    /// [`Capture::normalisation`](crate::scene::capture::Capture::normalisation).
+    pub world: Option<Similarity>,
+    /// The first Gaussians, in the capture's world; none to make them of the capture.
     pub first: Option<Splats>,
     /// The priors, as another session of the same capture read them.
     pub priors: Option<Priors>,
-    /// Bytes of images that are decoded ahead; no more are taken than all training images need. By default a quarter of the
-    /// machine's memory.
+    /// Bytes of images that are decoded ahead; no more are taken than all training images need. By default a quarter of
+    /// the machine's memory.
     pub cache_bytes: u64,
-    /// Bytes of images that stay in the device's memory once they are there; none for what the plan says. Steps on them
-    /// neither decode nor copy anything, and have the same bits.
+    /// Bytes of images that stay in the device's memory; none for the plan's number. Steps on them neither decode nor
+    /// copy anything, and have the same bits.
     pub device_image_bytes: Option<u64>,
-    /// Images whose order is known ahead, at most: what each is known by takes some 100 bytes. All have the same bits.
+    /// Images whose order is known ahead, at most, some 100 bytes each. Does not change the bits.
     pub listed_images: u64,
-    /// The other processes, where several share the images of each step: the run has the same bits for any number of them that
-    /// divides `batch`. All begin with the same capture and settings.
+    /// The other processes, if several share the images of each step: the run has the same bits for any number of them
+    /// that divides `batch`. All begin with the same capture and settings.
     pub ranks: Option<Arc<dyn Ranks>>,
-    /// Is told what takes a while.
+    /// Receives the notices.
     pub watch: Watch<'a>,
 }
 
@@ -39,6 +42,7 @@ impl Default for SessionOptions<'_> {
         SessionOptions {
             constants: Constants::default(),
             total: None,
+            world: None,
             first: None,
             priors: None,
             cache_bytes: share_of_memory(),

@@ -1,25 +1,25 @@
-//! Depth and flow that come from elsewhere, as a session takes them of its capture.
+//! Priors of depth and flow, as a session reads them from its capture.
 
 use super::notice::{Notice, Phase, Watch, work};
 use crate::error::Result;
 use crate::parallel::threads;
 use crate::scene::capture::{Capture, PriorPlan};
 use crate::train::config::Config;
-use crate::train::depth_fit::{DepthSummary, fit_depths};
+use crate::train::depth::{DepthSummary, fit_depths};
 use crate::train::setup::Setup;
 use crate::train::terms::TermData;
 
-/// Depth and flow of the training images that come from elsewhere.
+/// Priors of depth and flow of the training images.
 #[derive(Clone, Debug, Default)]
 pub struct Priors {
-    /// Which are used, and how depths are scaled.
+    /// The priors in use, and the scales of depths.
     pub plan: PriorPlan,
-    /// What the depths are like; none where none is used.
+    /// The fits of the depths; none if no depth is used.
     pub depth: Option<DepthSummary>,
 }
 
 impl Priors {
-    /// Those that the terms of the loss take of `capture`.
+    /// Reads the priors of `capture` that the terms of the loss use.
     pub(super) fn read(capture: &Capture, config: &Config, setup: &Setup, watch: &mut Watch) -> Result<Self> {
         let TermData { depth, flow } = setup.data;
         if !depth {

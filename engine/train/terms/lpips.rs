@@ -1,4 +1,4 @@
-//! LPIPS (SPEC 4, L_perc), of the picture or of a square of it; where there are weights of its trunk.
+//! LPIPS (SPEC 4, L_perc), of the picture or of a square of it, if the weights of its trunk are given.
 
 use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
@@ -25,21 +25,21 @@ pub(super) const TERM: TermKind = TermKind {
     ..TermKind::NONE
 };
 
-/// Purpose of the random numbers of a step that place the crop; density control has 1 and 2.
+/// Purpose of the random numbers that place the crop; density control has 1 and 2.
 const CROP: u64 = 3;
 
 impl Loss {
-    /// The weights of LPIPS's trunk; none where LPIPS is off.
+    /// The weights of LPIPS's trunk; none if LPIPS is off.
     fn lpips_file(&self) -> Option<&Path> {
         self.lpips_weights.as_deref().filter(|_| self.lpips > 0.0)
     }
 
-    /// Whether LPIPS is on.
+    /// True if LPIPS is on.
     pub fn has_lpips(&self) -> bool {
         self.lpips_file().is_some()
     }
 
-    /// Whether LPIPS is off only because the weights of its trunk are not given.
+    /// True if LPIPS is off only because the weights of its trunk are not given.
     pub fn lacks_lpips_weights(&self) -> bool {
         self.lpips > 0.0 && self.lpips_weights.is_none()
     }
@@ -50,7 +50,7 @@ struct Perceptual {
     weight: f64,
     /// Side of the square that is compared, pixels; 0 for all.
     crop: u32,
-    /// Steps between two that have it.
+    /// Steps from one with LPIPS to the next.
     every: u64,
     seed: u64,
 }
@@ -60,7 +60,7 @@ impl Perceptual {
         shown.step.is_multiple_of(self.every)
     }
 
-    /// First column and row, and size, of what is compared.
+    /// First column and row, and size, of the compared square.
     fn part(&self, shown: &Shown) -> [[u32; 2]; 2] {
         let Shown { step, size, .. } = *shown;
         let crop = size.map(|side| if self.crop == 0 { side } else { side.min(self.crop) });
@@ -76,13 +76,13 @@ impl Term for Perceptual {
             return Ok(None);
         }
         let [origin, crop] = self.part(shown);
-        // Of a picture that its trunk cannot see there is none, as there is no score.
+        // A picture too small for the trunk has no loss, as it has no score.
         if self.network.scratch_bytes(crop, true).is_err() {
             return Ok(None);
         }
-        let compared = stage::Compared { image: on.image, truth: on.truth, size: shown.size, origin, crop };
+        let compared = stage::Compared { image: on.colors.image, truth: on.truth, size: shown.size, origin, crop };
         let weight = (self.weight * self.every as f64) as f32;
-        self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.d_image, weight })).map(Some)
+        self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.colors.cotangent, weight })).map(Some)
     }
 
     fn parts(&self, _: &Shown, [value, ..]: [f32; 4]) -> Vec<Part> {

@@ -1,8 +1,8 @@
 //! The terms of the loss that compare a picture with the scene: a file for each, and [`TERMS`], which lists them.
 //!
-//! A term brings everything that is its own: what it takes of a clip, its buffers, its passes with the
-//! cotangent, its weight, and the numbers that it logs. The trainer, the memory plan, the priors of a session and the
-//! report ask the list. A new term is its file, a line in [`TERMS`] and its weight in [`crate::train::Loss`].
+//! A term has the data that it uses, its buffers, its passes with the cotangent, its weight, and the numbers that it
+//! logs. The trainer, the memory plan, the priors of a session and the report ask the list. A new term is its file, a
+//! line in [`TERMS`] and its weight in [`crate::train::Loss`].
 
 mod lpips;
 mod photometric;
@@ -16,15 +16,15 @@ use crate::scene::capture::Capture;
 use crate::train::config::Config;
 use term::TermKind;
 
-pub(super) use term::{Left, Part, Rendered, Shown, Term, WithCotangent};
+pub(super) use term::{Left, Pair, Part, Rendered, Shown, Term};
 pub use term::{Logged, TermData};
 pub(super) use variation::weight as grid_variation_weight;
 
-/// All terms. They are recorded, and added up, in this order: the first sets the cotangent of the colours, the others add
-/// to it.
+/// All terms, in the order in which they are recorded and added up: the first sets the cotangent of the colours, the
+/// others add to it.
 const TERMS: &[TermKind] = &[photometric::TERM, priors::TERM, lpips::TERM, variation::TERM];
 
-/// What all terms together take of `capture`. Whether depth and flow are on is decided here and nowhere else.
+/// The data of `capture` that the terms use. Depth and flow are switched on here alone.
 pub(super) fn data(config: &Config, capture: &Capture) -> TermData {
     TERMS
         .iter()
@@ -32,12 +32,12 @@ pub(super) fn data(config: &Config, capture: &Capture) -> TermData {
         .fold(TermData::NONE, |all, own| TermData { depth: all.depth || own.depth, flow: all.flow || own.flow })
 }
 
-/// The numbers that the terms log, in the order of the report's plots.
+/// Logged numbers, in the order of the report's plots.
 pub fn logged() -> impl Iterator<Item = &'static Logged> {
     TERMS.iter().flat_map(|term| term.logged)
 }
 
-/// Buffers of all terms on a clip of which they take `data`: name, bytes per pixel.
+/// Buffers of all terms that use `data`: name, bytes per pixel.
 pub(super) fn buffers(data: TermData) -> impl Iterator<Item = (&'static str, f64)> {
     TERMS.iter().flat_map(move |term| (term.buffers)(data)).copied()
 }

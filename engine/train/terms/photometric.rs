@@ -4,7 +4,7 @@ use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermK
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
 use crate::stage::{Photometric, Pictures, SSIM_WEIGHT};
-use crate::train::metrics::psnr;
+use crate::train::scores::psnr;
 
 pub(super) const TERM: TermKind = TermKind {
     logged: LOGGED,
@@ -34,17 +34,17 @@ impl Term for Colors {
 
     fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
         let n = shown.size[0] * shown.size[1];
-        // Of a picture with fewer all will do.
+        // A picture smaller than that needs all of its pixels.
         if shown.n_visible < LEAST_PIXELS.min(n) {
-            // What an earlier step left there would be taken for this one's.
+            // Or values of an earlier step would count.
             rec.section("loss");
-            rec.fill(on.d_image.range(0, n as usize).slice(), 0);
+            rec.fill(on.colors.cotangent.range(0, n as usize).slice(), 0);
             return Ok(None);
         }
         let pictures = Pictures {
-            image: on.image,
+            image: on.colors.image,
             truth: on.truth,
-            d_image: on.d_image,
+            d_image: on.colors.cotangent,
             size: shown.size,
             n_visible: shown.n_visible,
         };

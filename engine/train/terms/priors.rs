@@ -1,11 +1,11 @@
 //! The errors of depth and flow against priors (SPEC 4), both in one pass over the picture.
 
-use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermData, TermKind};
+use super::term::{LEAST_PIXELS, Left, Logged, Pair, Part, Rendered, Shown, Term, TermData, TermKind};
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
 use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::Capture;
-use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorWeights};
+use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorPicture, PriorWeights};
 use crate::train::config::Config;
 
 pub(super) const TERM: TermKind = TermKind {
@@ -25,7 +25,7 @@ pub(super) const TERM: TermKind = TermKind {
     },
 };
 
-/// What they ask of a frame.
+/// The outputs that they need.
 const BUFFERS: &[(&str, f64)] = &[("image depth flow", 16.0), ("d image depth flow", 16.0)];
 
 const LOGGED: &[Logged] = &[
@@ -33,7 +33,7 @@ const LOGGED: &[Logged] = &[
     Logged { key: "flow", plot: "End-point error of the flow, pixels", from_zero: true },
 ];
 
-/// Those that have a weight and that any training image comes with.
+/// The priors that have a weight and that any training image has.
 fn data(config: &Config, capture: &Capture) -> TermData {
     let shots = || capture.cameras.iter().filter(|camera| !camera.is_test).flat_map(|camera| &camera.shots);
     TermData {
@@ -52,11 +52,10 @@ struct Priors {
 }
 
 impl Priors {
-    /// The weights in a step; none in one without priors.
     fn weights(&self, shown: &Shown) -> Option<PriorWeights> {
         let used = |weight: f64, n: u32| if n >= LEAST_PIXELS { weight } else { 0.0 };
         let depth = used(self.depth, shown.n_depth);
-        // Its unit is a pixel of the full picture.
+        // The unit is a pixel of the full picture.
         let flow = f64::from(shown.reduction) * used(self.flow, shown.n_flow);
         let weights = PriorWeights { depth, flow, n_depth: shown.n_depth, n_flow: shown.n_flow };
         (depth > 0.0 || flow > 0.0).then_some(weights)
@@ -78,14 +77,19 @@ impl Term for Priors {
     }
 
     fn record(&mut self, _: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
-        let Some((image, d_image)) = on.geometry else { return Ok(None) };
+        let Some(Pair { image, cotangent: d_image }) = on.geometry else { return Ok(None) };
         let n = shown.size[0] * shown.size[1];
         let Some(weights) = self.weights(shown) else {
-            // What an earlier step left there would be taken for this one's.
+            // Or values of an earlier step would count.
             rec.fill(d_image.range(0, n as usize).slice(), 0);
             return Ok(None);
         };
-        Ok(Some(self.scratch.record(rec, (image, d_image), on.truth, on.priors, n, &weights)))
+        Ok(Some(self.scratch.record(
+            rec,
+            PriorPicture { image, d_image, truth: on.truth, n_pixels: n },
+            on.priors,
+            &weights,
+        )))
     }
 
     fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part> {

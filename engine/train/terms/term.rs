@@ -1,4 +1,4 @@
-//! What a term of the loss is, before a run and in it.
+//! A term of the loss, before a run and in it.
 
 use crate::error::Result;
 use crate::gpu::generated::ViewParams;
@@ -7,34 +7,33 @@ use crate::scene::capture::Capture;
 use crate::stage::{Outputs, PriorPlanes};
 use crate::train::config::Config;
 
-/// Pixels that a term needs to be used: a mean over fewer would pull hard on them.
+/// A term needs so many pixels: a mean over fewer would pull hard on them.
 pub(super) const LEAST_PIXELS: u32 = 64;
 
-/// Sums by workgroup; none where there are none.
+/// Sums by workgroup; none if the term is not due.
 pub(in crate::train) type Left = Option<Buf<[f32; 4]>>;
 
-/// A term; none where it is off.
+/// A term; none if it is off.
 pub(super) type Begun = Result<Option<Box<dyn Term>>>;
 
-/// What is known of a term before a run.
+/// A term before a run.
 pub(super) struct TermKind {
     /// The numbers that it logs.
     pub logged: &'static [Logged],
-    /// What it takes of a clip beside the colours, where the clip has it.
+    /// The data of a clip that it uses beside the colours, if the clip has them.
     pub data: fn(&Config, &Capture) -> TermData,
-    /// Its buffers that grow with the picture, on a clip of which it takes so much: name, bytes per pixel.
+    /// Its buffers that grow with the picture, by the data that it uses: name, bytes per pixel.
     pub buffers: fn(TermData) -> &'static [(&'static str, f64)],
-    /// The term; none where it is off.
     pub new: fn(&Gpu, &Config, TermData) -> Begun,
 }
 
 impl TermKind {
-    /// A term that is always off, from which others begin.
+    /// A term that is always off, for struct updates.
     pub const NONE: TermKind =
         TermKind { logged: &[], data: |_, _| TermData::NONE, buffers: |_| &[], new: |_, _, _| Ok(None) };
 }
 
-/// What the terms take of a clip beside its colours: only what it has, and only where a weight is not 0.
+/// Data of a clip that the terms use beside its colours: those that it has, if their weight is not 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct TermData {
     /// Priors of the depth.
@@ -55,18 +54,18 @@ pub struct Logged {
     pub key: &'static str,
     /// The title of its plot in the report; empty for none.
     pub plot: &'static str,
-    /// Whether the plot's vertical axis begins at 0.
+    /// The plot's vertical axis begins at 0.
     pub from_zero: bool,
 }
 
 /// A term in a run.
 pub(in crate::train) trait Term: Send + Sync {
-    /// What the pictures of a frame must hold for it.
+    /// The outputs that a frame must have for it.
     fn outputs(&self) -> Outputs {
         Outputs::Color
     }
 
-    /// Changes what it must of how a view is rendered.
+    /// Adjusts how a view is rendered.
     fn adjust(&self, _view: &mut ViewParams) {}
 
     /// Makes room for pictures of `pixels` pixels.
@@ -74,7 +73,7 @@ pub(in crate::train) trait Term: Send + Sync {
         Ok(())
     }
 
-    /// Appends its passes and its part of the cotangents, where it is due. Gives what it leaves, sums by workgroup; none in a step
+    /// Appends its passes and its part of the cotangents, if it is due. Gives its sums by workgroup; none in a step
     /// without it.
     fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left>;
 
@@ -82,52 +81,54 @@ pub(in crate::train) trait Term: Send + Sync {
     fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part>;
 }
 
-/// The picture of a step, as far as it decides what the terms do.
+/// Numbers of a step's picture that the terms depend on.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::train) struct Shown {
     /// Number of the step, from 1.
     pub step: u64,
     /// Width and height.
     pub size: [u32; 2],
-    /// Full pixels across one of this picture's.
+    /// Full pixels along the side of one of this picture's.
     pub reduction: u32,
     /// Pixels that the mask does not hide, at least 1.
     pub n_visible: u32,
-    /// Those of them that have a prior of the depth.
+    /// Visible pixels with a depth prior.
     pub n_depth: u32,
-    /// Those of them that have flow.
+    /// Visible pixels with flow.
     pub n_flow: u32,
 }
 
-/// A picture and its cotangent.
-pub(in crate::train) type WithCotangent<'a> = (&'a Buf<[f32; 4]>, &'a Buf<[f32; 4]>);
+/// A picture, and where its cotangent goes.
+#[derive(Clone, Copy)]
+pub(in crate::train) struct Pair<'a> {
+    pub image: &'a Buf<[f32; 4]>,
+    pub cotangent: &'a Buf<[f32; 4]>,
+}
 
-/// What the terms compare, and where their cotangents go.
+/// The pictures that the terms compare, with their cotangents.
 pub(in crate::train) struct Rendered<'a> {
     /// The colours, as the camera shows them.
-    pub image: &'a Buf<[f32; 4]>,
-    /// Their cotangent.
-    pub d_image: &'a Buf<[f32; 4]>,
-    /// Depth, inverse depth and flow, and their cotangent; where [`Term::outputs`] of any asks for them.
-    pub geometry: Option<WithCotangent<'a>>,
+    pub colors: Pair<'a>,
+    /// Depth, inverse depth and flow, where [`Term::outputs`] of any asks for them.
+    pub geometry: Option<Pair<'a>>,
     /// The picture: RGB and the mask.
     pub truth: &'a Buf<u32>,
-    /// The total variation of the camera's grid by workgroup, which is there when the step ends; none where it has no grid.
+    /// The total variation of the camera's grid by workgroup, complete at the end of the step; none if the camera has
+    /// no grid.
     pub grid_variation: Option<&'a Buf<[f32; 4]>>,
-    /// Its priors.
     pub priors: &'a PriorPlanes,
 }
 
-/// A part of the loss in one step: an error with its weight, and what is logged of it.
+/// A part of the loss in one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::train) struct Part {
-    /// As in the log.
+    /// The key in the log.
     pub key: &'static str,
-    /// What is logged.
+    /// The logged value.
     pub value: f64,
-    /// What the loss has of it, before the weight.
+    /// The error, before the weight.
     pub error: f64,
-    /// The weight; 0 of what is logged alone.
+    /// The weight; 0 of a number that is only logged.
     pub weight: f64,
 }
 

@@ -1,7 +1,7 @@
-//! The device side of training: forward, loss, backward and Adam in one recording, one image a step.
+//! The device side of training: forward, loss, backward and Adam in one recording.
 //!
-//! A step is handed to the device before the one before has ended, and the host waits for none but the oldest. A step
-//! whose lists do not fit leaves a mark that stops those after it; all are then run again in order with more room.
+//! A step is submitted before the one before has ended, and the host waits for the oldest only. A step whose lists do
+//! not fit leaves a mark that stops those after it; all are then run again in order with larger buffers.
 
 mod profile;
 mod report;
@@ -15,17 +15,18 @@ pub use report::StepReport;
 use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Buf, Gpu, Recording, Running, Staging};
-use crate::scene::capture::{Asked, Picture};
+use crate::scene::capture::Picture;
 use crate::scene::{Clearing, Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
     AdamMode, Batch, Clearings, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State,
     StepSettings, Workspace, adam_params, constants_on, lazy_sums,
 };
+use crate::train::cameras::Taken;
 use crate::train::config::{Config, Strategy};
 use crate::train::density::{density_round, most_gaussians, regularisers};
-use crate::train::images::{Loaded, Shot};
-use crate::train::objective::{Objective, Report, Taken, Truth};
+use crate::train::images::{ImageStore, Source, StepImage, StepImages, Steps};
+use crate::train::objective::{Objective, Report, Truth};
 use crate::train::poses::Correction;
 use crate::train::ranks::{Ranks, Shared};
 use crate::train::schedule::rates;
@@ -37,10 +38,10 @@ use std::path::Path;
 use std::sync::Arc;
 use tracing::debug_span;
 
-/// Steps that the device has at a time: it works on one while the host prepares the next.
+/// Steps on the device at a time: it runs one while the host prepares the next.
 pub(in crate::train) const IN_FLIGHT: usize = 2;
-/// Largest coefficient of a colour that training begins with: fourth powers of ten times as much are still finite, which
-/// SSIM takes.
+/// Largest coefficient of a colour that training begins with: SSIM takes fourth powers, which stay finite up to ten
+/// times as much.
 const BRIGHTEST: f32 = 1e4;
 
 /// A scene being trained: its Gaussians with their moments, on the device.
@@ -50,7 +51,6 @@ pub struct Trainer {
     config: Config,
     total: u64,
     setup: Setup,
-    // Steps handed over.
     step: u64,
     // The step after which density control ran last, or was found not to be due.
     controlled: u64,
@@ -58,12 +58,13 @@ pub struct Trainer {
     optimiser: Optimiser,
     clearings: Option<Clearings>,
     work: Option<Workspace>,
-    // Sums of gradients, where steps see several images; made for the scene at hand.
+    // Sums of gradients, if a step has several images; made for the present scene.
     batch: Option<Batch>,
     // Processes that see other images of a step.
     ranks: Option<Arc<dyn Ranks>>,
     shared: Shared,
     objective: Objective,
+    pub(in crate::train) images: ImageStore,
     staging: Staging,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
@@ -74,25 +75,15 @@ pub struct Trainer {
     reports: Vec<StepReport>,
 }
 
-/// An image that a step is to see.
-pub(in crate::train) struct Seen {
-    /// The camera that took it.
-    pub camera: usize,
-    /// As that camera saw.
-    pub view: View,
-    /// The image; none where another process sees it.
-    pub loaded: Option<Loaded>,
-}
-
 /// An image of a step.
 struct Image {
     view: View,
     by: Taken,
-    /// None where another process sees it.
+    /// None if another process sees it.
     truth: Option<Truth>,
 }
 
-/// What a step needs, kept until it has ended well.
+/// The inputs of a step, kept until it has ended well.
 struct Inputs {
     step: u64,
     images: Vec<Image>,
@@ -111,17 +102,17 @@ impl Inputs {
     }
 }
 
-/// Where a step leaves its numbers.
+/// The results of a step.
 struct Results {
     /// Tiles of its last image.
     n_tiles: u32,
-    /// Pixels of that.
+    /// Pixels of its last image.
     n_pixels: u32,
-    /// Lists of that; none of a step without images.
+    /// Lists of its last image; none without images.
     lists: Option<Lists>,
     /// By image of this process.
     reports: Vec<Report>,
-    /// What all processes' images left, where that is known already.
+    /// Reports of all processes' images, if they are known already.
     known: Vec<ImageReport>,
 }
 
@@ -133,12 +124,13 @@ struct Step {
 }
 
 impl Trainer {
-    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians with a number that is
-    /// not finite, or colours so bright that squares of them are not, are left out: no gradient would ever mend them.
+    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians with a number that
+    /// is not finite, or with colours so bright that their squares are not, are left out, since no gradient would mend
+    /// them.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfMemory`] naming the buffer that does not fit; [`crate::Error::NoDevice`] when the device cannot do
-    /// what the settings ask for.
+    /// [`crate::Error::OutOfMemory`] naming the buffer that does not fit; [`crate::Error::NoDevice`] if the device
+    /// cannot do what the settings ask for.
     pub fn new(
         gpu: Arc<Gpu>,
         splats: &Splats,
@@ -179,7 +171,8 @@ impl Trainer {
         let moments = Moments::upload(&gpu, &scene, &zeros, &zeros, config.moment_bits)?;
         let state = upload_state(&gpu, &scene, &state)?;
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
-        let objective = Objective::new(&gpu, &config, &setup)?;
+        let objective = Objective::new(&gpu, &config, &setup, total)?;
+        let images = ImageStore::new(&gpu, setup.data)?;
         let clearings = clearings(&gpu, &setup, scene.origin)?;
         let mut room = Room {
             active: 1,
@@ -198,6 +191,7 @@ impl Trainer {
         room.intersections = room.intersections.min(room.max_intersections(&gpu));
         Ok(Trainer {
             objective,
+            images,
             staging: Staging::new(&gpu),
             n_undrawable: gpu.upload("undrawable Gaussians", &[0u32])?,
             gpu,
@@ -221,28 +215,28 @@ impl Trainer {
         })
     }
 
-    /// Begins with room for so few intersections; the first step that needs more is run again.
+    /// Limits the first buffers to `n` intersections; a step that needs more is run again.
     pub fn limit_intersections(&mut self, n: u32) {
         self.room.intersections = n.max(1);
     }
 
-    /// Steps handed over.
+    /// Submitted steps.
     pub fn step(&self) -> u64 {
         self.step
     }
 
-    /// Steps that are known to have ended.
+    /// Submitted steps that have ended.
     pub fn ended(&self) -> u64 {
         self.step - self.in_flight.len() as u64
     }
 
-    /// Gaussians.
+    /// The number of Gaussians.
     pub fn n_gaussians(&self) -> u32 {
         self.scene.n
     }
 
-    /// The cameras' time offsets after the steps that were handed over, frames, by camera, and which of them are learnt; empty
-    /// where none are.
+    /// The cameras' time offsets after all submitted steps, frames, and which of them are learnt; by camera, empty if
+    /// none are.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -252,7 +246,7 @@ impl Trainer {
         Ok((state.clocks.iter().map(|clock| f64::from(clock[0])).collect(), state.learns_offset))
     }
 
-    /// What is learnt of the cameras' poses after the steps that were handed over, by camera, in the frame of training.
+    /// The learnt corrections of poses after all submitted steps, by camera, in the frame of training.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -263,7 +257,7 @@ impl Trainer {
         Ok(cameras.filter_map(|(camera, (center, rows))| center.map(|_| (camera, Correction::of(&rows)))).collect())
     }
 
-    /// Ends the learning of the offsets of the cameras that `freeze` names, which become 0.
+    /// Fixes the offsets of the cameras that `freeze` names at 0.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -281,26 +275,37 @@ impl Trainer {
         adam_params(&rates(&self.config, step, self.total, self.setup.extent.radius), &settings, step, self.scene.n)
     }
 
-    /// Hands over one step on `picture`, which camera `camera` of the capture took as `view` says, after the density control
-    /// due. Reports of the steps that have ended meanwhile come from [`Trainer::take_reports`].
+    /// Submits a step on `picture`, which camera `camera` of the capture took as `view`, after the density control
+    /// due. [`Trainer::take_reports`] has the reports of steps that have ended.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfMemory`] when a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; nothing moves
-    /// then.
+    /// [`crate::Error::OutOfMemory`] if a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; the
+    /// scene is unchanged then.
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
-        let seen = self.seen(camera, view, picture)?;
-        self.train_on(vec![seen])
+        let image = self.passing(camera, view, picture)?;
+        self.train_on(vec![image])
     }
 
-    /// An image of the step to come, which passes.
-    fn seen(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Seen> {
-        Ok(Seen { camera, view: view.clone(), loaded: Some(self.load(view, Shot::Passes(picture))?) })
+    /// `picture`, on the device for the next step alone.
+    fn passing(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<StepImage> {
+        let reduction = self.reduction(view);
+        let is_whole = [picture.width, picture.height] == [view.intrinsics.width, view.intrinsics.height];
+        let reduced = (reduction > 1 && is_whole).then(|| picture.reduced(reduction));
+        let resident = self.images.residents.pass(&self.gpu, &self.staging, reduced.as_ref().unwrap_or(picture))?;
+        Ok(StepImage { camera, view: view.clone(), resident: Some(resident) })
     }
 
-    /// As [`Trainer::train`], on images that have been loaded before density control, for which those that stay may have to give
-    /// way.
-    pub(in crate::train) fn train_on(&mut self, images: Vec<Seen>) -> Result<()> {
+    /// The images of the next step, of the run on `source`; none at its end.
+    pub(in crate::train) fn next_images(&mut self, source: &Source) -> Result<StepImages> {
+        let own = self.own_images(self.config.batch as usize);
+        let steps = Steps { config: &self.config, done: self.step, total: self.total, own };
+        self.images.next(&self.gpu, &self.staging, source, &steps)
+    }
+
+    /// As [`Trainer::train`], on images that were loaded before density control, for which those that stay on the
+    /// device may have to give way.
+    pub(in crate::train) fn train_on(&mut self, images: Vec<StepImage>) -> Result<()> {
         self.control_density()?;
         let inputs = self.inputs(images);
         self.start(inputs)?;
@@ -310,7 +315,7 @@ impl Trainer {
         Ok(())
     }
 
-    /// Waits for all steps that were handed over, and runs the density control due.
+    /// Waits for all submitted steps, and runs the density control due.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -321,49 +326,34 @@ impl Trainer {
         self.control_density()
     }
 
-    /// Whether the images that it is trained on show the background.
+    /// True if the training images show the background.
     pub fn shows_background(&self) -> bool {
         self.setup.shows_background
     }
 
-    /// Takes the steps to come together with other processes, which see other images of each.
+    /// Shares the images of each step with other processes.
     pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>) {
         self.ranks = ranks;
     }
 
-    /// Whether the picture of this name has stayed on the device, see [`Shot`].
-    pub(in crate::train) fn has_image(&self, name: &Asked) -> bool {
-        self.objective.images.has(name)
-    }
-
-    /// Bytes of the pictures that have stayed on the device.
-    pub(in crate::train) fn image_bytes(&self) -> u64 {
-        self.objective.images.kept_bytes()
-    }
-
-    /// Gives up the pictures that have stayed on the device.
-    pub(in crate::train) fn release_images(&mut self) {
-        self.objective.images.release();
-    }
-
-    /// Does `work`, and again where memory runs out while pictures stay on the device: they give way to it.
+    /// Does `work`. If memory runs out, frees the pictures that stay on the device and tries again.
     fn with_memory<T>(&mut self, work: impl Fn(&mut Self) -> Result<T>) -> Result<T> {
         match work(self) {
-            Err(error) if error.is_out_of_memory() && self.objective.images.release() => work(self),
+            Err(error) if error.is_out_of_memory() && self.images.residents.release() => work(self),
             outcome => outcome,
         }
     }
 
-    /// Reports of the steps that have ended since the last call, in order. That of a step after which density control is due comes
-    /// once it has run.
+    /// Reports of the steps that have ended since the last call, in order. The report of a step with density control
+    /// after it follows once that has run.
     pub fn take_reports(&mut self) -> Vec<StepReport> {
-        let is_owed = self.due_round().is_some() && self.controlled != self.step;
-        let kept = usize::from(is_owed && self.reports.last().is_some_and(|report| report.step == self.step));
+        let is_due = self.due_round().is_some() && self.controlled != self.step;
+        let kept = usize::from(is_due && self.reports.last().is_some_and(|report| report.step == self.step));
         let kept = self.reports.split_off(self.reports.len() - kept);
         std::mem::replace(&mut self.reports, kept)
     }
 
-    /// Takes the steps that lazy Adam still owes.
+    /// Catches up with the steps that lazy Adam has put off.
     fn catch_up(&self) -> Result<()> {
         if self.config.adam != AdamMode::Lazy {
             return Ok(());
@@ -371,11 +361,11 @@ impl Trainer {
         self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step.max(1))])?;
         let status = self.gpu.upload("status", &[Status::default()])?;
         let mut rec = Recording::new();
-        self.optimiser.record_catch_up_all(&mut rec, &self.scene, &status, self.step);
+        self.optimiser.record_catch_up(&mut rec, &self.scene, None, &status, self.step);
         self.gpu.run(&rec)
     }
 
-    /// The round of density control that is due after the step handed over last.
+    /// The round of density control that is due after the last submitted step.
     fn due_round(&self) -> Option<DensityRound> {
         let n_frames = (1.0 / self.setup.dt).round() as u32;
         let (n, n_trained, origin) = (self.scene.n, self.scene.n_trained(), self.scene.origin);
@@ -384,20 +374,20 @@ impl Trainer {
         Some(DensityRound { max_gaussians: self.most_gaussians(), ..round })
     }
 
-    /// The most Gaussians that density control makes: the end of the run needs room, too.
+    /// The most Gaussians that density control makes. The backdrop at the end needs some, too.
     fn most_gaussians(&self) -> u32 {
         let backdrop = if self.shows_background() { 0 } else { self.config.backdrop };
         most_gaussians(&self.config, self.room.active_of(u32::MAX, self.gpu.caps()), backdrop)
     }
 
-    /// How many Gaussians density control may add to those of now; none where it is to add no more.
+    /// How many Gaussians density control may still add; none once it adds no more.
     pub fn room_to_grow(&self) -> Option<u32> {
         let density = &self.config.density;
         let grows = density.strategy == Strategy::Adc && density.grows_after(self.step, self.total);
         grows.then(|| self.most_gaussians().saturating_sub(self.scene.n))
     }
 
-    /// The density control due after the step handed over last, once.
+    /// Runs the density control due after the last submitted step, once.
     fn control_density(&mut self) -> Result<()> {
         let (Some(round), false) = (self.due_round(), self.controlled == self.step) else { return Ok(()) };
         let _controlling = debug_span!("density", step = self.step).entered();

@@ -1,11 +1,12 @@
-//! Steps that are looked at: with the time of every pass, or with one dispatch taken out.
+//! Steps with the time of every pass, or with one dispatch taken out.
 
-use super::{Results, Seen, Step, Trainer};
+use super::{Results, Step, Trainer};
 use crate::error::Result;
 use crate::gpu::{Dispatch, PassTime, Recording};
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{Counters, PassReport, add_passes};
+use crate::train::images::StepImage;
 use std::time::{Duration, Instant};
 
 /// A step whose passes were timed.
@@ -14,16 +15,16 @@ pub struct ProfiledStep {
     pub passes: Vec<PassReport>,
     /// Each pass.
     pub times: Vec<PassTime>,
-    /// What the passes had to do.
+    /// Amounts of work of the passes.
     pub counters: Counters,
     /// Barriers between them.
     pub barriers: usize,
-    /// What the host did: name, when it began, seconds.
+    /// The work of the host: name, when it began, seconds.
     pub host: Vec<(&'static str, Instant, f64)>,
 }
 
 impl ProfiledStep {
-    /// How long the counting has taken since the host was done with the step.
+    /// The time since the host was done with the step, which went into counting.
     pub(in crate::train) fn counting(&self) -> Duration {
         self.host.last().map_or(Duration::ZERO, |(_, begun, seconds)| {
             begun.elapsed().saturating_sub(Duration::from_secs_f64(*seconds))
@@ -32,20 +33,20 @@ impl ProfiledStep {
 }
 
 impl Trainer {
-    /// As [`Trainer::train`], but waits for the end and gives the time of every pass; the counting that follows is not in
-    /// the times.
+    /// As [`Trainer::train`], but waits for the end and gives the time of every pass; the counting that follows is not
+    /// in the times.
     ///
     /// # Errors
     /// As [`Trainer::train`].
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
         let begun = Instant::now();
-        let seen = self.seen(camera, view, picture)?;
-        self.profile_on(vec![seen], begun)
+        let image = self.passing(camera, view, picture)?;
+        self.profile_on(vec![image], begun)
     }
 
     /// As [`Trainer::profile`], on images that have been loaded since `begun`.
-    pub(in crate::train) fn profile_on(&mut self, images: Vec<Seen>, mut begun: Instant) -> Result<ProfiledStep> {
+    pub(in crate::train) fn profile_on(&mut self, images: Vec<StepImage>, mut begun: Instant) -> Result<ProfiledStep> {
         let mut host = Vec::new();
         let mut done = |what| {
             host.push((what, begun, begun.elapsed().as_secs_f64()));
@@ -85,22 +86,22 @@ impl Trainer {
         }
     }
 
-    /// The passes of a step on `picture`, which is not taken.
+    /// The passes of a step on `picture`, which is not run.
     ///
     /// # Errors
     /// As [`Trainer::train`].
     pub fn recorded(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Recording> {
-        let seen = self.seen(camera, view, picture)?;
+        let image = self.passing(camera, view, picture)?;
         self.finish()?;
-        let inputs = self.inputs(vec![seen]);
+        let inputs = self.inputs(vec![image]);
         Ok(self.record(&inputs)?.0)
     }
 
-    /// As [`Trainer::train_on`], but waits for the end and gives the step's first dispatch of a kernel, with what it worked on.
+    /// As [`Trainer::train_on`], but waits for the end and gives the step's first dispatch of a kernel, with its data.
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub(in crate::train) fn dump(&mut self, images: Vec<Seen>, kernel: &str) -> Result<Option<Dispatch>> {
+    pub(in crate::train) fn dump(&mut self, images: Vec<StepImage>, kernel: &str) -> Result<Option<Dispatch>> {
         self.finish()?;
         let inputs = self.inputs(images);
         loop {

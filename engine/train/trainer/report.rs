@@ -1,4 +1,4 @@
-//! What one step tells of itself.
+//! The report of a step.
 
 use crate::error::Result;
 use crate::gpu::Gpu;
@@ -7,7 +7,7 @@ use crate::stage::Counts;
 use crate::train::objective::{Objective, Report, Truth};
 use std::collections::BTreeMap;
 
-/// What one image of a step left.
+/// The report of one image of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ImageReport {
     pub loss: f64,
@@ -20,7 +20,7 @@ pub(super) struct ImageReport {
 }
 
 impl ImageReport {
-    /// What `report` of `truth`'s image holds, which has ended.
+    /// Reads `report` of `truth`'s image, whose step has ended.
     pub fn new(gpu: &Gpu, objective: &Objective, truth: &Truth, report: &Report) -> Result<Self> {
         let values = objective.values(gpu, truth, report)?;
         let status: Status = gpu.peek(&report.status.slice())?.first().copied().unwrap_or_default();
@@ -35,14 +35,14 @@ impl ImageReport {
     }
 }
 
-/// What one step did; of several images the means.
+/// The report of a step: means over its images.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct StepReport {
     /// Number of the step, from 1.
     pub step: u64,
     /// Value of the loss.
     pub loss: f64,
-    /// What the terms log, by key: those of [`crate::train::logged`] that the step has.
+    /// The numbers that the terms log, by key: those of [`crate::train::logged`] that the step has.
     #[serde(flatten)]
     pub terms: BTreeMap<&'static str, f64>,
     /// Gaussians.
@@ -55,12 +55,12 @@ pub struct StepReport {
     pub intersections: u32,
     /// Gradients that were not finite and changed nothing, since the start.
     pub bad_gradients: u32,
-    /// The round of density control after the step, if there was one.
+    /// Counts of the density control after the step, if there was any.
     pub density: Option<Counts>,
 }
 
 impl StepReport {
-    /// A step of `images`, of which each process had `own`, on a scene of so many `gaussians`.
+    /// The report of a step of `images`, of which each process had `own`.
     pub(super) fn new(step: u64, gaussians: u32, images: &[ImageReport], own: usize) -> Self {
         let n = images.len().max(1);
         let mut terms: BTreeMap<&'static str, (f64, u32)> = BTreeMap::new();
@@ -84,7 +84,7 @@ impl StepReport {
         }
     }
 
-    /// A number that a term logs, where the step has it.
+    /// A number that a term logs, if the step has it.
     pub fn term(&self, key: &str) -> Option<f64> {
         self.terms.get(key).copied()
     }

@@ -1,4 +1,4 @@
-//! A step that several processes take together.
+//! A step of several processes, each of which sees some of its images.
 
 use super::report::ImageReport;
 use super::{Inputs, Step, Trainer};
@@ -10,24 +10,24 @@ use crate::train::terms::logged;
 use std::time::Instant;
 
 impl Trainer {
-    /// The images of a step of `n` that are this process's own.
+    /// The images of a step of `n` that this process sees.
     pub(in crate::train) fn own_images(&self, n: usize) -> std::ops::Range<usize> {
         let (rank, size) = self.ranks.as_ref().map_or((0, 1), |ranks| (ranks.rank(), ranks.size()));
         rank * n / size..(rank + 1) * n / size
     }
 
-    /// Where the seconds of steps of several processes went.
+    /// How shared steps spent their time.
     pub fn shared(&self) -> Shared {
         self.shared
     }
 
-    /// Hands over a step of which other processes see some images. Waits for the own images, and for theirs.
+    /// Submits a step of which other processes see some images. Waits for the images of all.
     pub(super) fn start_shared(&mut self, ranks: &dyn Ranks, inputs: Inputs) -> Result<()> {
         let begun = Instant::now();
         let mut results = loop {
             let (rec, results) = self.record(&inputs)?;
             self.gpu.start(&rec)?.wait()?;
-            // Those before it have ended too.
+            // The steps before it have ended, too.
             while !self.in_flight.is_empty() {
                 self.end_oldest()?;
             }
@@ -38,14 +38,14 @@ impl Trainer {
         self.shared.compute_s += begun.elapsed().as_secs_f64();
         results.known = self.exchange(ranks, &inputs, &results.reports)?;
         let mut rec = Recording::new();
-        self.record_step(&mut rec, &inputs)?;
+        self.in_workspace(&inputs, |trainer, work| trainer.record_step(&mut rec, work, &inputs))?;
         let running = self.gpu.start(&rec)?;
         self.step = inputs.step;
         self.in_flight.push_back(Step { inputs, running, results });
         Ok(())
     }
 
-    /// Adds up what all processes have of the step; gives the numbers of all of its images.
+    /// Adds up the gradients of all processes; gives the reports of all images.
     fn exchange(&mut self, ranks: &dyn Ranks, inputs: &Inputs, reports: &[Report]) -> Result<Vec<ImageReport>> {
         let Trainer { gpu, scene, objective, batch: Some(batch), .. } = self else { return Ok(Vec::new()) };
         let cameras = &objective.cameras;
@@ -56,7 +56,7 @@ impl Trainer {
         let mut rows = batch.rows(gpu, scene, &touched)?;
         ranks.sum(&mut rows.sums)?;
         batch.put(gpu, scene, &rows, &touched)?;
-        // Of each image its numbers, and what it says of its camera.
+        // Of each image its report and the gradients of its camera.
         let own = inputs.own();
         let mut bytes = Vec::new();
         for ((truth, report), kept) in inputs.truths().zip(reports).zip(cameras.kept(gpu, own.clone())?) {
@@ -86,7 +86,7 @@ impl Trainer {
 }
 
 impl ImageReport {
-    /// Numbers of an image: those that are there in any case, and those that terms log.
+    /// Numbers of a report: the fixed ones, and those that terms log.
     fn n_numbers() -> usize {
         5 + logged().count()
     }

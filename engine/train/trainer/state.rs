@@ -1,4 +1,4 @@
-//! The state of a run: taken out as a checkpoint or as Gaussians, and put back.
+//! The state of a run, read as a checkpoint or as Gaussians, and restored.
 
 use super::{Step, Trainer, clearings, upload_state};
 use crate::error::Result;
@@ -8,19 +8,19 @@ use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::stage::{AdamMode, Moments, Optimiser, Purpose, SceneBuffers, lazy_sums};
 use crate::train::average::Average;
-use crate::train::checkpoint::{Checkpoint, Owed, StepRoom};
+use crate::train::checkpoint::{Checkpoint, DueEvents, StepRoom};
 use crate::train::config::Config;
 use crate::train::schedule::rates;
 use crate::train::setup::Setup;
 use std::sync::Arc;
 
 impl Trainer {
-    /// Goes on from `checkpoint`; the steps that follow give the bits that they would have given without it.
+    /// Continues from `checkpoint`; the steps that follow have the same bits as without it.
     ///
     /// # Errors
     /// As [`Trainer::new`].
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
-        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, owed, room, .. } =
+        let Checkpoint { step, total, config, origin, params, first, second, state, cameras, due, room, .. } =
             checkpoint;
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
@@ -35,12 +35,12 @@ impl Trainer {
         trainer.optimiser.moments = Moments::upload(&trainer.gpu, &trainer.scene, first, second, config.moment_bits)?;
         trainer.optimiser.state = upload_state(&trainer.gpu, &trainer.scene, state)?;
         // Density control that is still due runs before the next step.
-        (trainer.step, trainer.controlled) = (*step, if owed.density { step.saturating_sub(1) } else { *step });
+        (trainer.step, trainer.controlled) = (*step, if due.density { step.saturating_sub(1) } else { *step });
         Ok(trainer)
     }
 
-    /// Everything that [`Trainer::resume`] needs, after the steps that were handed over and the density control due.
-    /// Its `world` is the caller's to set.
+    /// All that [`Trainer::resume`] needs, after the submitted steps and the density control due. The caller sets its
+    /// `world`.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -50,9 +50,8 @@ impl Trainer {
         self.snapshot()
     }
 
-    /// After an error that left the device alive: everything after the last step that ended well, with what was due
-    /// after it and has not been done. Frees the memory of a step first, for the reading. To be used once, as the last
-    /// thing before the trainer is dropped or replaced.
+    /// All after the last step that ended well, with what was due after it, when an error has left the device alive.
+    /// Frees the memory of a step first. Only for a trainer that is dropped or replaced next.
     ///
     /// # Errors
     /// Those of the device, which may be lost or still without memory.
@@ -61,17 +60,18 @@ impl Trainer {
             step.running.wait()?;
             let Some(Step { inputs, results, .. }) = self.in_flight.pop_front() else { break };
             if !matches!(self.end(&inputs, &results), Ok(true)) {
-                // Those behind it have done nothing.
+                // The steps behind it have done nothing.
                 self.step = inputs.step - 1;
                 self.in_flight.clear();
             }
         }
         (self.work, self.batch) = (None, None);
-        let owed = Owed { density: self.due_round().is_some() && self.controlled != self.step, ..Owed::default() };
-        Ok(Checkpoint { owed, ..self.snapshot()? })
+        let due =
+            DueEvents { density: self.due_round().is_some() && self.controlled != self.step, ..DueEvents::default() };
+        Ok(Checkpoint { due, ..self.snapshot()? })
     }
 
-    /// What the device holds.
+    /// The state on the device.
     fn snapshot(&self) -> Result<Checkpoint> {
         let (first, second) = self.optimiser.moments.download(&self.gpu, &self.scene)?;
         Ok(Checkpoint {
@@ -85,13 +85,13 @@ impl Trainer {
             second,
             state: self.state()?,
             cameras: self.objective.cameras.state(&self.gpu)?,
-            owed: Owed::default(),
+            due: DueEvents::default(),
             room: StepRoom { intersections: self.room.intersections, rounds: self.rounds },
             average: Average::default(),
         })
     }
 
-    /// State of every Gaussian, see [`Optimiser::state`].
+    /// State of every Gaussian, see `Optimiser::state`.
     fn state(&self) -> Result<Vec<[f32; 4]>> {
         let mut all = Vec::with_capacity(self.scene.n as usize);
         for (group, buffer) in self.scene.groups.iter().zip(&self.optimiser.state) {
@@ -100,7 +100,7 @@ impl Trainer {
         Ok(all)
     }
 
-    /// The Gaussians after the steps that were handed over and the density control due, in the frame of the views it is trained on.
+    /// The Gaussians after the submitted steps and the density control due, in the frame of training.
     ///
     /// # Errors
     /// As [`Trainer::train`].
@@ -114,7 +114,7 @@ impl Trainer {
         Ok(splats)
     }
 
-    /// `splats`, in the frame of the views, without Gaussians in the spaces that are kept clear.
+    /// `splats`, in the frame of training, without Gaussians in the spaces that are kept clear.
     ///
     /// # Errors
     /// [`crate::error::Error::OutOfMemory`]
@@ -133,8 +133,8 @@ impl Trainer {
         Ok(splats)
     }
 
-    /// The parameters, caught up with the steps that lazy Adam still owes. On a copy: when the run is looked at must not
-    /// change its bits.
+    /// The parameters after catching up with lazy Adam, on a copy: reading the scene must not change the bits of the
+    /// run.
     fn download_current(&self) -> Result<Splats> {
         let splats = self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?;
         if self.config.adam != AdamMode::Lazy {
@@ -148,37 +148,38 @@ impl Trainer {
         let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
         self.gpu.write(&copy.params, &[self.adam_params(self.step.max(1))])?;
         let mut rec = Recording::new();
-        copy.record_catch_up_all(&mut rec, &scene, &self.gpu.upload("status", &[Status::default()])?, self.step);
+        copy.record_catch_up(&mut rec, &scene, None, &self.gpu.upload("status", &[Status::default()])?, self.step);
         self.gpu.run(&rec)?;
         scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))
     }
 
-    /// Goes on from `checkpoint`, one of this run at its present step whose Gaussians or cameras have been changed.
+    /// Continues from `checkpoint`, one of this run at its present step with other Gaussians or cameras.
     ///
     /// # Errors
     /// As [`Trainer::new`].
     pub fn replace(&mut self, checkpoint: &Checkpoint) -> Result<()> {
         let reports = std::mem::take(&mut self.reports);
         let n_bad = self.gpu.read(&self.optimiser.n_bad)?;
-        // Two scenes need not fit the device.
+        // The device need not have memory for two scenes.
         (self.work, self.batch) = (None, None);
         let mut other = Self::resume(self.gpu.clone(), checkpoint, self.constants, self.setup.clone())?;
-        other.objective.images.inherit(&mut self.objective.images);
-        // They are counted since the start.
+        other.images.inherit(&mut self.images);
+        // The count goes on.
         other.optimiser.n_bad = self.gpu.upload("bad gradients", &n_bad)?;
         *self = Trainer { reports, ranks: self.ranks.take(), shared: self.shared, ..other };
         Ok(())
     }
 
-    /// Goes on to `total` steps with the settings `config`. All that depends on how far the run is (learning rates, the degree of
-    /// the spherical harmonics, density control, the pictures' size, reviews) is from here on as at this step of a run of
-    /// `total` steps.
+    /// Continues to `total` steps with the settings `config`. All that depends on the share of the run (learning
+    /// rates, the degree of the spherical harmonics, density control, the pictures' size, reviews) is from here on as
+    /// at this step of a run of `total` steps.
     ///
     /// # Errors
     /// As [`Trainer::train`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
         self.finish()?;
-        // The steps that are owed are of the rates so far.
+        self.images.restart();
+        // Steps that were put off have the rates so far.
         self.catch_up()?;
         let checkpoint = Checkpoint { config, total, ..self.checkpoint()? };
         self.replace(&checkpoint)

@@ -1,65 +1,56 @@
-//! A step: what it needs, its recording, and what it leaves.
+//! A step: its inputs, its recording, and its results.
 
 use super::report::ImageReport;
-use super::{Image, Inputs, Results, Seen, Step, StepReport, Trainer};
+use super::{Image, Inputs, Results, Step, StepReport, Trainer};
 use crate::error::{Error, Result};
 use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::random::Keyed;
 use crate::scene::View;
-use crate::scene::capture::Picture;
 use crate::stage::{
     AdamMode, Among, Batch, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params,
 };
+use crate::train::cameras::Taken;
 use crate::train::density::noise;
-use crate::train::images::{Loaded, Shot};
-use crate::train::objective::Report;
+use crate::train::images::StepImage;
+use crate::train::objective::{Report, Truth};
 use bytemuck::bytes_of;
 use tracing::debug_span;
 
-/// Steps after which Gaussians leave the spaces that are kept clear: few enough that they do not get far into them.
+/// Every so many steps Gaussians are removed from the spaces that are kept clear, before they get far into them.
 const CLEAR_EVERY: u64 = 10;
-/// Purpose of the random numbers of a step that are its background; a review has 4.
+/// Purpose of the random numbers for a step's background; a review has 4.
 const BACKGROUND: u64 = 5;
 
+/// An image of a step that this process sees.
+struct OwnImage<'a> {
+    step: u64,
+    /// Its place among the images of the step.
+    at: usize,
+    view: &'a View,
+    by: Taken,
+    truth: &'a Truth,
+}
+
 impl Trainer {
-    /// Pixels along each side that become one in the step to come.
-    fn reduction(&self, view: &View) -> u32 {
+    /// The reduction of pictures along each side in the next step.
+    pub(super) fn reduction(&self, view: &View) -> u32 {
         let reduction = self.config.resolution.reduction(self.step + 1, self.total);
         reduction.min(view.intrinsics.width).min(view.intrinsics.height)
     }
 
-    /// Takes the picture of the step to come to where the device can get it.
-    #[tracing::instrument(level = "debug", name = "upload", skip_all)]
-    pub(in crate::train) fn load(&mut self, view: &View, shot: Shot) -> Result<Loaded> {
-        let reduction = self.reduction(view);
-        // A session's cache brings it reduced; others bring it whole.
-        let is_whole =
-            |picture: &Picture| (picture.width, picture.height) == (view.intrinsics.width, view.intrinsics.height);
-        let reduced;
-        let shot = match shot {
-            Shot::Passes(picture) if reduction > 1 && is_whole(picture) => {
-                reduced = picture.reduced(reduction);
-                Shot::Passes(&reduced)
-            }
-            shot => shot,
-        };
-        let loaded = self.objective.images.load(&self.gpu, &self.staging, shot)?;
-        let Some(loaded) = loaded else { unreachable!("callers ask Trainer::has_image first") };
-        Ok(loaded)
-    }
-
-    /// What the step to come needs.
-    pub(super) fn inputs(&mut self, images: Vec<Seen>) -> Inputs {
-        let (step, flow_model) = (self.step + 1, self.setup.flow_model);
-        let of_image = |(index, Seen { camera, view, loaded }): (usize, Seen)| {
+    /// The inputs of the next step.
+    pub(super) fn inputs(&mut self, images: Vec<StepImage>) -> Inputs {
+        let step = self.step + 1;
+        let flow_model = self.setup.flow_model;
+        let of_image = |(index, StepImage { camera, view, resident }): (usize, StepImage)| {
             let background = self.background(step, index as u64);
             let reduction = self.reduction(&view);
             let by = self.objective.taken(camera);
             Image {
                 view: View { background, flow_model, ..view.reduced(reduction) },
                 by,
-                truth: loaded.map(|loaded| self.objective.target(loaded, by, step, reduction)),
+                truth: resident.map(|resident| self.objective.target(resident, by, step, reduction)),
             }
         };
         Inputs { step, images: images.into_iter().enumerate().map(of_image).collect() }
@@ -74,7 +65,7 @@ impl Trainer {
         std::array::from_fn(|channel| numbers.uniform(channel as u64) as f32)
     }
 
-    /// Hands a step to the device.
+    /// Submits a step.
     pub(super) fn start(&mut self, inputs: Inputs) -> Result<()> {
         if let Some(ranks) = self.ranks.clone() {
             return self.start_shared(&*ranks, inputs);
@@ -86,8 +77,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Waits for the oldest step. When its lists did not fit, it and those behind it, which have done nothing, start anew. One
-    /// that cannot be waited for stays: it may have moved the scene.
+    /// Waits for the oldest step. If its lists did not fit, it and those behind it, which have done nothing, start
+    /// again. One that cannot be waited for stays, since it may have changed the scene.
     pub(super) fn end_oldest(&mut self) -> Result<()> {
         let Some(step) = self.in_flight.front() else { return Ok(()) };
         step.running.wait()?;
@@ -100,14 +91,14 @@ impl Trainer {
             step.running.wait()?;
             behind.push(step.inputs);
         }
-        // The first one alone, until it fits.
+        // The first one alone until it fits.
         self.start(inputs)?;
         self.end_oldest()?;
         behind.into_iter().try_for_each(|inputs| self.start(inputs))
     }
 
-    /// Reads what a step that has ended left. `false` when it moved nothing and needs the room that is there now: it is then
-    /// no longer counted.
+    /// Reads the results of a step that has ended. False if it did nothing and needs the larger buffers of now: it is
+    /// then no longer counted.
     pub(super) fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
         let mut images = Vec::new();
         if results.known.is_empty() {
@@ -125,7 +116,7 @@ impl Trainer {
         Ok(true)
     }
 
-    /// Whether all images of a step, which have ended, fitted. If not, there is room from now on.
+    /// True if the lists of all images of a step, which has ended, fitted. If not, the next buffers are large enough.
     pub(super) fn is_complete(&mut self, inputs: &Inputs, reports: &[Report]) -> Result<bool> {
         let own = &inputs.images[inputs.own()];
         for (image, report) in own.iter().zip(reports) {
@@ -155,8 +146,20 @@ impl Trainer {
         Ok(true)
     }
 
-    /// Makes room for the images of a step.
-    fn fit(&mut self, inputs: &Inputs) -> Result<()> {
+    /// Makes room for the images of a step, and records by `record` in the workspace that has it.
+    pub(super) fn in_workspace<T>(
+        &mut self,
+        inputs: &Inputs,
+        record: impl FnOnce(&mut Self, &Workspace) -> Result<T>,
+    ) -> Result<T> {
+        let work = self.fitted(inputs)?;
+        let recorded = record(self, &work);
+        self.work = Some(work);
+        recorded
+    }
+
+    /// A workspace with room for the images of a step: the one that there is, or a new one.
+    fn fitted(&mut self, inputs: &Inputs) -> Result<Workspace> {
         let mut room = self.room;
         for image in &inputs.images[inputs.own()] {
             let (tiles_x, tiles_y) = Strip::whole(&image.view).tiles(&image.view);
@@ -164,56 +167,56 @@ impl Trainer {
             room.pixels = room.pixels.max(image.view.intrinsics.n_pixels() as usize);
         }
         if room.pixels > self.room.pixels || self.work.as_ref().is_some_and(|work| work.room != room) {
-            // A failure stays in the workspace that it happened in.
+            // The mark of a failure is in the workspace of the failed step.
             while !self.in_flight.is_empty() {
                 self.end_oldest()?;
             }
         }
         if room.pixels > self.room.pixels {
-            self.with_memory(|trainer| trainer.objective.fit(&trainer.gpu, room.pixels))?;
-        }
-        self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
-        self.with_memory(|trainer| {
-            Workspace::fit(&mut trainer.work, &trainer.gpu, &trainer.scene, trainer.room).map(drop)
-        })?;
-        if let Some(work) = &mut self.work {
-            work.view = self.optimiser.view.clone();
-        }
-        if self.config.batch > 1 && self.batch.is_none() {
             self.with_memory(|trainer| {
-                trainer.batch = Some(Batch::new(&trainer.gpu, &trainer.scene)?);
-                Ok(())
+                trainer.images.residents.fit(&trainer.gpu, room.pixels)?;
+                trainer.objective.fit(&trainer.gpu, room.pixels)
             })?;
         }
-        Ok(())
+        self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
+        let mut work = match self.work.take().filter(|work| work.room == self.room) {
+            Some(work) => work,
+            None => self.with_memory(|trainer| Workspace::new(&trainer.gpu, &trainer.scene, trainer.room))?,
+        };
+        work.view = self.optimiser.view.clone();
+        if self.config.batch > 1 && self.batch.is_none() {
+            self.batch = Some(self.with_memory(|trainer| Batch::new(&trainer.gpu, &trainer.scene))?);
+        }
+        Ok(work)
     }
 
-    /// The passes of a step, and where its numbers will be. Of one that several processes take, the passes of its own images.
+    /// The passes of a step, and where its results will be; of a shared step, the passes of its own images.
     #[tracing::instrument(level = "debug", name = "record", skip_all)]
     pub(super) fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
-        self.fit(inputs)?;
-        let mut rec = Recording::new();
-        let mut results = Results { n_tiles: 0, n_pixels: 0, lists: None, reports: Vec::new(), known: Vec::new() };
-        for at in inputs.own() {
-            let size = self.record_image(&mut rec, inputs, at, &mut results)?;
-            (results.n_tiles, results.n_pixels) = (size.n_tiles, size.n_pixels);
-            if self.batch.is_some() {
-                results.reports.push(self.record_report(&mut rec)?);
+        self.in_workspace(inputs, |trainer, work| {
+            let mut rec = Recording::new();
+            let mut results = Results { n_tiles: 0, n_pixels: 0, lists: None, reports: Vec::new(), known: Vec::new() };
+            for (at, image) in inputs.images.iter().enumerate() {
+                let Some(truth) = &image.truth else { continue };
+                let of = OwnImage { step: inputs.step, at, view: &image.view, by: image.by, truth };
+                trainer.record_image(&mut rec, work, &of, &mut results)?;
+                if trainer.batch.is_some() {
+                    results.reports.push(trainer.record_report(&mut rec, work)?);
+                }
             }
-        }
-        if self.ranks.is_none() {
-            self.record_step(&mut rec, inputs)?;
-        }
-        if self.batch.is_none() {
-            results.reports.push(self.record_report(&mut rec)?);
-        }
-        Ok((rec, results))
+            if trainer.ranks.is_none() {
+                trainer.record_step(&mut rec, work, inputs)?;
+            }
+            if trainer.batch.is_none() {
+                results.reports.push(trainer.record_report(&mut rec, work)?);
+            }
+            Ok((rec, results))
+        })
     }
 
-    fn record_report(&mut self, rec: &mut Recording) -> Result<Report> {
-        let Some(work) = &self.work else { unreachable!("it fits the step") };
+    fn record_report(&self, rec: &mut Recording, work: &Workspace) -> Result<Report> {
         rec.section("report");
-        self.objective.record_report(rec, &self.staging, (&work.status, &self.optimiser.n_bad))
+        self.objective.record_report(rec, &self.staging, &work.status, &self.optimiser.n_bad)
     }
 
     /// Appends the upload of a view, as training sees it, and of the rates of the step.
@@ -228,76 +231,75 @@ impl Trainer {
         Ok(())
     }
 
-    /// Appends what image `at` of a step needs: its frame, the loss, and the way back, which ends in the step where it is the only
-    /// one and in sums of gradients otherwise.
-    fn record_image(&mut self, rec: &mut Recording, inputs: &Inputs, at: usize, results: &mut Results) -> Result<Size> {
-        let (step, Image { view, by, truth }) = (inputs.step, &inputs.images[at]);
+    /// Appends the passes of an image: its frame, the loss, and the way back, which ends in the step if it is the only
+    /// image and in sums of gradients otherwise.
+    fn record_image(
+        &mut self,
+        rec: &mut Recording,
+        work: &Workspace,
+        image: &OwnImage,
+        results: &mut Results,
+    ) -> Result<()> {
+        let OwnImage { step, at, view, by, truth } = *image;
         self.record_inputs(rec, view, step)?;
-        let Trainer { gpu, scene, optimiser, objective, work: Some(work), batch, rounds, .. } = self else {
-            unreachable!("there is room for the step")
-        };
-        let Some(truth) = truth else { unreachable!("it is one of this process") };
-        objective.record_upload(rec, work, truth, self.total);
-        let status = &work.status;
+        let Trainer { gpu, scene, optimiser, objective, images, batch, rounds, .. } = self;
+        images.residents.record_upload(rec, &truth.resident);
+        objective.cameras.record_view(rec, work, by.camera, step);
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_pixels = view.intrinsics.width * view.intrinsics.height;
         let size = Size { n_tiles: tiles_x * tiles_y, n_pixels, rounds: *rounds };
         let forward = debug_span!("forward").entered();
         let lists = work.record_forward(rec, scene, size, |rec| {
-            optimiser.record_catch_up(rec, scene, &work.cull, status, step - 1);
+            optimiser.record_catch_up(rec, scene, Some(&work.cull), &work.status, step - 1);
         });
         drop(forward);
-        debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, truth))?;
-        // Of a single image Gaussians in view take their step with the last pass of it.
+        debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, &images.residents, truth))?;
+        // With a single image the last pass takes the step of the Gaussians in view.
         let target = batch.as_ref().map_or(Target::Step(optimiser), |batch| Target::Sums(batch, optimiser));
         debug_span!("backward").in_scope(|| work.record_backward(rec, scene, &lists, size, &target));
         if batch.is_some() {
-            objective.record_keep(rec, work, *by, at);
+            objective.cameras.record_keep(rec, work, by.grid, at);
         }
-        results.lists = Some(lists);
-        Ok(size)
+        (results.n_tiles, results.n_pixels, results.lists) = (size.n_tiles, size.n_pixels, Some(lists));
+        Ok(())
     }
 
     /// Appends the step itself, after its images.
-    pub(super) fn record_step(&mut self, rec: &mut Recording, inputs: &Inputs) -> Result<()> {
+    pub(super) fn record_step(&self, rec: &mut Recording, work: &Workspace, inputs: &Inputs) -> Result<()> {
         let _stepping = debug_span!("optimiser").entered();
         let Inputs { step, images } = inputs;
-        let at = (*step, self.total);
-        let needs_views = self.batch.is_some() && self.objective.cameras.reads_view(at);
-        // The rates are those that the images' passes had.
+        let (scene, cameras) = (&self.scene, &self.objective.cameras);
+        let needs_views = self.batch.is_some() && cameras.reads_view(*step);
+        // The rates are still those of the images' passes.
         for (index, Image { view, by, .. }) in images.iter().enumerate() {
             if needs_views {
                 self.record_inputs(rec, view, *step)?;
             }
-            let (Some(work), scene, optimiser) = (&self.work, &self.scene, &self.optimiser) else {
-                unreachable!("there is room for the step")
-            };
             if index == 0 {
                 match &self.batch {
-                    Some(batch) => batch.record_step(rec, scene, optimiser, &work.status),
-                    None => optimiser.record_idle(rec, scene, &work.cull, &work.status),
+                    Some(batch) => batch.record_step(rec, scene, &self.optimiser, &work.status),
+                    None => self.optimiser.record_idle(rec, scene, &work.cull, &work.status),
                 }
             }
             if self.batch.is_some() {
-                self.objective.record_take(rec, work, *by, index);
+                cameras.record_take(rec, work, by.grid, index);
             }
             if needs_views {
-                self.objective.record_view(rec, work, *by, at);
+                cameras.record_view(rec, work, by.camera, *step);
             }
-            self.objective.record_step(rec, work, *by, at, index);
+            cameras.record_step(rec, work, *by, *step, index);
         }
-        let Some(work) = &self.work else { unreachable!("there is room for the step") };
         let noise = noise(&self.config, *step, self.total, self.setup.extent.radius);
         if let Some((rate, key)) = noise {
-            record_mcmc_noise(rec, &self.scene, &work.status, rate, key);
+            record_mcmc_noise(rec, scene, &work.status, rate, key);
         }
         let clears = self.clearings.as_ref().filter(|_| step.is_multiple_of(CLEAR_EVERY));
         if let Some(clearings) = clears {
-            clearings.record(rec, &self.scene, &work.status);
+            clearings.record(rec, scene, &work.status);
         }
         let moves_all = self.config.adam == AdamMode::Dense || self.batch.is_some();
         let among = if moves_all || noise.is_some() || clears.is_some() { Among::All } else { Among::Live };
-        self.scene.record_bounds(rec, &self.constants, &self.n_undrawable, among);
+        scene.record_bounds(rec, &self.constants, &self.n_undrawable, among);
         Ok(())
     }
 }

@@ -13,15 +13,12 @@ mod votes;
 
 use super::module::{assembled, built_ins, id, ids, load};
 use super::uniform::Uniform;
-use crate::common::device::gpu;
-use crate::common::notes::skip;
 use ivv::gpu::table::KERNELS;
 use ivv::gpu::{Rewrite, kernel_named};
 use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Capability, Decoration, ExecutionMode, LoopControl, Op};
 use rspirv::spirv::{Scope, StorageClass, Word};
 use std::collections::{HashMap, HashSet};
-use std::process::Command;
 
 /// Subgroups of 32.
 pub const LANES_32: Rewrite = Rewrite { subgroup_size: Some(32), spirv: |kernel| emulated(kernel.spirv, 32) };
@@ -30,16 +27,6 @@ pub const LANES_64: Rewrite = Rewrite { subgroup_size: Some(64), spirv: |kernel|
 
 /// Most words of a thread that one exchange hands around.
 const BATCH: u32 = 16;
-
-/// Whether the device is one that the emulation can run on; a skip is noted where it is not.
-#[track_caller]
-pub fn is_possible() -> bool {
-    let is_known = gpu().caps().driver.contains("llvmpipe Mesa 22.");
-    if !is_known {
-        skip("subgroups are emulated on lavapipe of Mesa 22 alone");
-    }
-    is_known
-}
 
 /// The module with subgroups of `width` lanes; one without subgroup operations stays as it is.
 pub fn emulated(spirv: &[u8], width: u32) -> Vec<u8> {
@@ -412,29 +399,4 @@ fn every_kernel_with_subgroup_operations_can_be_emulated() {
         n_kernels += 1;
     }
     assert!(n_kernels > 100, "only {n_kernels} kernels have subgroup operations");
-}
-
-/// Tests of kernels in which the width of subgroups matters most: `sort_exchange`, the scans, `emit`, and the blends of 4
-/// pixels, forward and backward.
-const CENTRAL: [&str; 5] = [
-    "kernel::sort::the_sort_of_any_length_is_the_twins_and_stable",
-    "kernel::scan::the_prefix_sum_of_any_length_is_the_twins",
-    "kernel::tiles::the_lists_hold_every_needed_pair_and_few_others_in_depth_order",
-    "kernel::blend::frames_of_random_scenes_are_those_of_float64",
-    "grad::golden::gradients_match_the_golden_truth_to_1e_4_with_a_cosine_of_0_99999",
-];
-
-/// Here and not in a lane alone, so that a kernel that depends on the width fails at once.
-#[test]
-fn central_kernels_are_right_with_32_and_64_lanes() {
-    if !is_possible() {
-        return;
-    }
-    for lanes in ["lanes32", "lanes64"] {
-        let mut tests = Command::new(std::env::current_exe().unwrap());
-        let output = tests.args(CENTRAL).arg("--exact").env("IVV_TEST_REWRITE", lanes).output().unwrap();
-        let told = String::from_utf8_lossy(&output.stdout);
-        let all = format!("{} passed", CENTRAL.len());
-        assert!(output.status.success() && told.contains(&all), "{lanes}: {told}");
-    }
 }

@@ -154,7 +154,7 @@ impl Live {
         let begun = Instant::now();
         let made = tokio::task::spawn_blocking(move || {
             let splats = if is_end { read_scene(&file)? } else { Checkpoint::read(&file)?.splats() };
-            clip.bytes(&Source::open(&folder)?, &splats)
+            clip.bytes(&Source::open(&folder)?, splats)
         });
         let made = made.await;
         self.spent.set(self.spent.get() + begun.elapsed().as_secs_f64());

@@ -90,7 +90,7 @@ fn scene(source: &Path, clip: &ClipArgs) -> anyhow::Result<Shown> {
         return Ok(Shown::Scene(Scene::of_file(&beside.0.clone(), Some(beside))?));
     }
     let splats = source.scene()?.splats;
-    Ok(Shown::Scene(Scene::new(clip.bytes(&source, &splats)?.into())))
+    Ok(Shown::Scene(Scene::new(clip.bytes(&source, splats)?.into())))
 }
 
 /// A server of a training in this process, which ends with it.

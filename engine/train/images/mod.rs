@@ -1,0 +1,141 @@
+//! The images of a run, decoded ahead and kept on the device as far as its memory goes.
+//!
+//! Which image stays on the device is planned for all steps that are listed ([`residency`]). If images had to give way
+//! to something else meanwhile, the plan no longer holds, and a new one is made for as many bytes as there are left.
+
+mod order;
+mod residency;
+mod resident;
+mod stream;
+
+pub(super) use order::training_frames;
+pub use order::{reduced_order, training_order};
+pub(super) use resident::{Counts, Planes, Resident, Residents};
+pub(super) use stream::{ImageLimits, Source, Steps};
+
+use crate::error::Result;
+use crate::gpu::{Gpu, Staging};
+use crate::scene::View;
+use crate::train::terms::TermData;
+use residency::Residency;
+use std::time::{Duration, Instant};
+use stream::{ImageStream, Next};
+
+/// An image of the next step.
+pub(super) struct StepImage {
+    /// The camera that took it.
+    pub camera: usize,
+    /// As that camera saw.
+    pub view: View,
+    /// The image itself; none if another process sees it.
+    pub resident: Option<Resident>,
+}
+
+/// The images of the next step; none at the end of the run.
+pub(super) struct StepImages {
+    pub images: Vec<StepImage>,
+    /// How long it took to bring them to where the device can get them, without the wait for their decoding.
+    pub loading: Duration,
+}
+
+/// The images of a run.
+pub(super) struct ImageStore {
+    pub residents: Residents,
+    /// For the next stream.
+    pub limits: ImageLimits,
+    /// Made for the first step that needs it.
+    stream: Option<ImageStream>,
+    /// How long steps waited for streams that have ended.
+    waited: Duration,
+}
+
+impl ImageStore {
+    pub fn new(gpu: &Gpu, data: TermData) -> Result<Self> {
+        let residents = Residents::new(gpu, data)?;
+        Ok(ImageStore { residents, limits: ImageLimits::default(), stream: None, waited: Duration::ZERO })
+    }
+
+    /// The images of the next step.
+    ///
+    /// # Errors
+    /// Those of the images, and of the device.
+    pub fn next(&mut self, gpu: &Gpu, staging: &Staging, source: &Source, steps: &Steps) -> Result<StepImages> {
+        loop {
+            let mut stream = match self.stream.take() {
+                Some(stream) => stream,
+                None => {
+                    self.residents.release();
+                    ImageStream::new(source, steps, &self.limits)?
+                }
+            };
+            let found = self.of_step(gpu, staging, source, steps, &mut stream)?;
+            let is_short = found.as_ref().is_some_and(|found| found.images.is_empty()) && steps.done < steps.total;
+            match found {
+                Some(found) if !is_short => {
+                    self.stream = Some(stream);
+                    return Ok(found);
+                }
+                // All that were listed have been seen.
+                Some(_) => {}
+                // Images gave way to what needed the device's memory more. From here on as many stay as there are now.
+                None => self.limits.device_bytes = self.residents.bytes(),
+            }
+            self.waited += stream.stats().waited;
+        }
+    }
+
+    /// The next images of `stream`; none if one that should be on the device is not.
+    fn of_step(
+        &mut self,
+        gpu: &Gpu,
+        staging: &Staging,
+        source: &Source,
+        steps: &Steps,
+        stream: &mut ImageStream,
+    ) -> Result<Option<StepImages>> {
+        let batch = steps.config.batch as usize;
+        let mut images = Vec::with_capacity(batch);
+        let mut loading = Duration::ZERO;
+        for at in 0..batch {
+            let Some((camera, frame)) = stream.next_image() else { break };
+            let next = if steps.own.contains(&at) { stream.next_own()? } else { None };
+            let view = source.capture.view(camera, frame)?;
+            let mut resident = None;
+            if let Some(next) = next {
+                let begun = Instant::now();
+                let Some(loaded) = self.load(gpu, staging, &next)? else { return Ok(None) };
+                resident = Some(loaded);
+                loading += begun.elapsed();
+            }
+            images.push(StepImage { camera, view, resident });
+        }
+        Ok(Some(StepImages { images, loading }))
+    }
+
+    /// Brings an image to where the device can get it; none if it should be on the device and is not.
+    fn load(&mut self, gpu: &Gpu, staging: &Staging, next: &Next) -> Result<Option<Resident>> {
+        match (&next.picture, next.residency) {
+            (Some(picture), Residency::Stays) => self.residents.keep(gpu, staging, next.asked, picture).map(Some),
+            (Some(picture), _) => self.residents.pass(gpu, staging, picture).map(Some),
+            (None, Residency::Leaves) => Ok(self.residents.take(&next.asked)),
+            (None, _) => Ok(self.residents.get(&next.asked)),
+        }
+    }
+
+    /// Seconds in which steps waited for images.
+    pub fn waited_s(&self) -> f64 {
+        let own = self.stream.as_ref().map_or(Duration::ZERO, |stream| stream.stats().waited);
+        (self.waited + own).as_secs_f64()
+    }
+
+    /// Lists the images anew before the next step, for a run of another length.
+    pub fn restart(&mut self) {
+        self.waited += self.stream.take().map_or(Duration::ZERO, |stream| stream.stats().waited);
+    }
+
+    /// Takes over all images of `other`, the store of an earlier trainer of the same run.
+    pub fn inherit(&mut self, other: &mut ImageStore) {
+        self.residents.inherit(&mut other.residents);
+        (self.limits, self.stream, self.waited) = (other.limits, other.stream.take(), other.waited);
+    }
+}
