@@ -10,9 +10,7 @@ use crate::error::{Error, Result};
 use crate::files::{cannot_list, read_text};
 use crate::scene::undistort::Lens;
 
-/// Largest file of keypoints, bytes.
 const MAX_BYTES: u64 = 1 << 31;
-/// Most frames of a clip.
 const MAX_FRAMES: u32 = 1 << 20;
 /// How far beyond the picture a detector may guess, relative to its size.
 const BEYOND: f64 = 0.05;

@@ -66,7 +66,6 @@ pub fn lags(recordings: &[Vec<f32>], rate: f64) -> Vec<Option<Lag>> {
     found
 }
 
-/// A recording whose ends fade over so many samples.
 fn faded(recording: &[f32], over: usize) -> impl Iterator<Item = f64> {
     let n = recording.len();
     recording.iter().enumerate().map(move |(at, sample)| {

@@ -50,7 +50,6 @@ impl Live {
         Listener { live: self, heard: self.sources.iter().map(|_| None).collect() }
     }
 
-    /// Filter and gain of a source at `t` seconds.
     fn state(&self, source: &AudioSource, t: f64, head: &PoseTrack) -> State {
         let (source, head) = (source.state_at(t), head.at(t));
         let place = DVec3::from(source.position);
@@ -84,7 +83,6 @@ pub struct Listener<'a> {
     heard: Vec<Option<Playing<'a>>>,
 }
 
-/// A source on its way to the ears.
 struct Playing<'a> {
     voice: Voice<'a>,
     /// The sample of its signal that comes next.

@@ -29,7 +29,6 @@ struct Image {
     camera: usize,
     frame: u32,
     posed: Camera,
-    /// Where the calibration has it.
     stated: Pose,
 }
 

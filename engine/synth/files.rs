@@ -18,7 +18,6 @@ pub(super) fn json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     })
 }
 
-/// Writes a PNG of 8 bits per channel, `kind` being `Rgb8` or `L8`.
 pub(super) fn png(path: &Path, pixels: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<()> {
     write_atomic(path, |to| PngEncoder::new(to).write_image(pixels, width, height, kind).map_err(io::Error::other))
 }

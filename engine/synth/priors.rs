@@ -29,7 +29,6 @@ pub(super) fn depth_affine(options: &Options, index: usize, frame: u32) -> (f64,
     (random.uniform(0.4, 1.6), random.uniform(-0.15, 0.15))
 }
 
-/// The estimated depth, [H][W], in inverse depth up to the picture's affine map.
 pub(super) fn depth(picture: &Picture, options: &Options, index: usize, camera: &Camera, frame: u32) -> Vec<f32> {
     let (scale, shift) = depth_affine(options, index, frame);
     let mut random = math::random(options.seed, Stream::Depth, index, frame);

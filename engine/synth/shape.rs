@@ -16,7 +16,6 @@ pub(super) enum Shape {
     },
 }
 
-/// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Touch {
     /// Along the ray, in lengths of its direction; positive.

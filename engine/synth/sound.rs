@@ -44,7 +44,6 @@ pub(super) fn n_samples(options: &Options) -> u64 {
     u64::from(RATE) * u64::from(options.frames) / u64::from(options.fps)
 }
 
-/// Where the mouth is, world, at a time in frames.
 pub(super) fn mouth(world: &World, frame: f64) -> DVec3 {
     let (to_world, position) = world.bodies[world.head].motion.pose(world.moving_time(frame));
     to_world * on_face(0.0, MOUTH_Y) + position

@@ -7,7 +7,6 @@ use crate::random::Random;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
-/// A point light under the ceiling.
 const LAMP: DVec3 = DVec3::new(0.2, -1.2, -0.6);
 /// Light that reaches every surface, and the most that the lamp adds.
 const AMBIENT: f64 = 0.5;
@@ -118,7 +117,6 @@ impl Placed<'_> {
     }
 }
 
-/// Where a ray first meets a body.
 pub(super) struct Hit {
     /// Along the ray, in lengths of its direction.
     pub t: f64,

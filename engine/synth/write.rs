@@ -17,7 +17,6 @@ use serde_json::json;
 use std::fs;
 use std::path::Path;
 
-/// The file that marks a folder as made here.
 const MARKER: &str = "synth.json";
 /// All that a capture consists of, in the order in which an old one is removed: what makes it valid goes first.
 const PARTS: [&str; 13] = [
@@ -56,10 +55,8 @@ pub struct Summary {
 
 #[derive(Clone, Copy)]
 enum Job {
-    /// Everything that is made from one picture.
     Picture(usize, u32),
     Points(u32),
-    /// Recording and keypoints of a camera.
     Sound(usize),
 }
 

@@ -56,7 +56,6 @@ pub fn read(folder: &Path) -> Result<Measured> {
     })
 }
 
-/// Azimuth and elevation of a file's name, degrees.
 fn angles(name: &str) -> Option<[f64; 2]> {
     let stem = name.strip_suffix(".wav")?;
     let (_, rest) = stem.split_once("azi_")?;

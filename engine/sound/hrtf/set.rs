@@ -271,7 +271,6 @@ impl HrtfSet {
     }
 }
 
-/// By direction and ear, the onset, samples.
 fn onsets(aligner: &mut Aligner, directions: &[DVec3], irs: &[[Vec<f32>; 2]], hull: &Hull) -> Vec<[f64; 2]> {
     let neighbours = hull.neighbours();
     let by_ear = [(0, DVec3::Y), (1, -DVec3::Y)].map(|(ear, side)| {
@@ -288,7 +287,6 @@ fn onsets(aligner: &mut Aligner, directions: &[DVec3], irs: &[[Vec<f32>; 2]], hu
     by_ear[0].iter().zip(&by_ear[1]).map(|(left, right)| [*left, *right]).collect()
 }
 
-/// Mean energy of both ears.
 fn energy(filter: &Filter) -> f64 {
     0.5 * filter.responses.iter().flatten().map(|value| f64::from(*value).powi(2)).sum::<f64>()
 }

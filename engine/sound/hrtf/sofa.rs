@@ -24,7 +24,6 @@ const MAX_BYTES: u64 = 1 << 30;
 /// Types of HDF5 may hold types, and the parser recurses without a limit, 10 kB a level without optimisation. Real files have some
 /// fifty places that look like such a type; a file with more than this is refused.
 const DEEPEST: usize = 20_000;
-/// Bytes of that stack.
 const STACK: usize = 256 << 20;
 /// Parts of a file may refer to parts many times, and the parser follows each: a file that takes longer than this, and another second
 /// for each million bytes, is given up.
@@ -80,7 +79,6 @@ fn in_time(bytes: Arc<Vec<u8>>, limit: Duration) -> std::result::Result<File, (S
     })
 }
 
-/// The unchecked contents of a file.
 struct File {
     attributes: HashMap<String, String>,
     arrays: HashMap<&'static str, Array>,

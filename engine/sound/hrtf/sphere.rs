@@ -16,7 +16,6 @@ use crate::sound::spectrum::Spectra;
 
 /// Speed of sound of the model, metres per second.
 pub const SPEED_OF_SOUND: f64 = 343.0;
-/// Taps of a response.
 const TAPS: usize = 256;
 /// Samples by which responses are late, so that none begins before 0.
 const LEAD: f64 = 48.0;
