@@ -177,6 +177,8 @@ pub mod prepare;
 pub mod profile;
 pub mod random;
 mod recon;
+#[doc(hidden)]
+#[allow(missing_docs)]
 pub mod report;
 pub mod scene;
 pub mod settings;

@@ -6,6 +6,15 @@ pub fn count(n: impl TryInto<u64>, thing: &str) -> String {
     format!("{n} {thing}{}", if n == 1 { "" } else { "s" })
 }
 
+/// Names that a message shows of a list.
+const SHOWN: usize = 8;
+
+/// The names of a list, a long one's first: `a, b` or `a, b and 3 more`.
+pub fn listed<S: AsRef<str>>(names: &[S]) -> String {
+    let shown = names.iter().take(SHOWN).map(AsRef::as_ref).collect::<Vec<_>>().join(", ");
+    if names.len() > SHOWN { format!("{shown} and {} more", names.len() - SHOWN) } else { shown }
+}
+
 /// The longest name that a misspelling is looked for in, bytes.
 const LONGEST_NAME: usize = 100;
 

@@ -13,8 +13,6 @@ use crate::error::{self, Error};
 pub(crate) struct Archive(ZipSliceArchive<Vec<u8>>);
 
 impl Archive {
-    /// # Errors
-    /// [`Error::Data`] with `remedy` when the file cannot be read or is no zip archive.
     pub(crate) fn open(path: &Path, remedy: &str) -> error::Result<Self> {
         let archive = ZipArchive::from_slice(read_bytes(path)?);
         let damaged = |cause| Error::data(path, "", format!("not a zip archive that can be read: {cause}"), remedy);
@@ -22,9 +20,6 @@ impl Archive {
     }
 
     /// The first file `name`, of `most` bytes at most; its size and checksum are those that the archive says.
-    ///
-    /// # Errors
-    /// What is wrong with it: missing, encrypted, damaged, too large or packed in another way.
     pub(crate) fn read(&self, name: &str, most: u64) -> Result<Vec<u8>, String> {
         let damaged = |cause| format!("cannot be read: {cause}");
         let mut entries = self.0.entries();

@@ -28,11 +28,7 @@ pub fn write_atomic(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Resul
     temporary.keep()
 }
 
-/// As [`write_atomic`], for bytes that are made while they are written: `make` hands them to its argument, and its own errors are
-/// passed on.
-///
-/// # Errors
-/// As [`write_atomic`]; those of `make`.
+/// As [`write_atomic`], for bytes that `make` hands over while it makes them; its own errors are passed on.
 pub(crate) fn write_made(
     path: &Path,
     make: impl FnOnce(&mut dyn FnMut(&[u8]) -> Result<()>) -> Result<()>,
@@ -105,9 +101,6 @@ impl Temporary {
     }
 
     /// Makes the file durable and gives it its name.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the file; the temporary one is then removed.
     pub fn keep(self) -> Result<()> {
         let kept = self.file.sync_all().and_then(|()| fs::rename(&self.at, &self.target));
         kept.and_then(|()| sync_folder(&self.target)).map_err(|fault| cannot_write(&self.target, &fault))
@@ -121,7 +114,7 @@ impl Drop for Temporary {
     }
 }
 
-/// Whether `name` is that of a [`Temporary`]: `.NAME.PID-SERIAL.tmp`, with or without an ending.
+/// True if `name` is that of a [`Temporary`]: `.NAME.PID-SERIAL.tmp`, with or without an ending.
 fn is_temporary(name: &str) -> bool {
     let parts = || {
         let (head, ending) = name.strip_prefix('.')?.rsplit_once(".tmp")?;
@@ -139,8 +132,7 @@ fn is_temporary(name: &str) -> bool {
 /// # Errors
 /// [`Error::Data`] naming a folder that cannot be listed.
 pub fn remove_temporaries(folder: &Path, depth: usize) -> Result<()> {
-    let cannot_list = |fault| Error::data(folder, "", format!("cannot be listed: {fault}"), "check its permissions");
-    for entry in fs::read_dir(folder).map_err(cannot_list)?.flatten() {
+    for entry in fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?.flatten() {
         let Ok(kind) = entry.file_type() else { continue };
         if kind.is_dir() && depth > 0 {
             remove_temporaries(&entry.path(), depth - 1)?;
@@ -161,7 +153,7 @@ fn remove_abandoned(path: &Path) {
     }
 }
 
-/// Whether a temporary file belongs to nobody, by the outcome of an attempt to lock it. Where files are not locked while they
+/// True if a temporary file belongs to nobody, by the outcome of an attempt to lock it. Where files are not locked while they
 /// are written, or cannot be locked at all, that attempt says nothing.
 fn is_abandoned(lock: &std::result::Result<(), fs::TryLockError>) -> bool {
     cfg!(unix) && lock.is_ok()
@@ -200,6 +192,17 @@ fn cannot_write(path: &Path, fault: &io::Error) -> Error {
     )
 }
 
+/// Makes a folder that is absent.
+pub(crate) fn make_folder(path: &Path) -> Result<()> {
+    let remedy = "choose another folder with -o";
+    fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
+}
+
+/// The error of a folder that cannot be listed.
+pub(crate) fn cannot_list(path: &Path, fault: &io::Error) -> Error {
+    Error::data(path, "", format!("cannot be listed: {fault}"), "check the path and its permissions")
+}
+
 /// A path for a reader: JSON is text, and not every name of a file is.
 pub(crate) fn as_text<S: serde::Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
     to.collect_str(&path.display())
@@ -219,7 +222,6 @@ pub fn open_file(path: &Path) -> io::Result<File> {
     Err(io::Error::new(io::ErrorKind::InvalidInput, format!("expected a regular file, found {found}")))
 }
 
-/// What there is instead of a regular file.
 #[cfg(unix)]
 fn kind_of(kind: &fs::FileType) -> &'static str {
     use std::os::unix::fs::FileTypeExt;
@@ -237,10 +239,7 @@ fn kind_of(kind: &fs::FileType) -> &'static str {
     if kind.is_dir() { "a folder" } else { "something else" }
 }
 
-/// The bytes of a whole file.
-///
-/// # Errors
-/// As [`open_file`].
+/// The bytes of a whole file, as [`open_file`] opens it.
 pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     let mut file = open_file(path)?;
     let mut bytes = Vec::new();
@@ -248,10 +247,7 @@ pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
     Ok(bytes)
 }
 
-/// The text of a whole file.
-///
-/// # Errors
-/// As [`open_file`]; [`io::ErrorKind::InvalidData`] where it is not UTF-8.
+/// The text of a whole file; [`io::ErrorKind::InvalidData`] where it is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(read_file(path)?).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8"))
 }
@@ -259,6 +255,24 @@ pub fn read_text(path: &Path) -> io::Result<String> {
 /// A whole file in memory.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     read_file(path).map_err(|fault| cannot_read(path, &fault))
+}
+
+/// Reads a JSON file that should be a `what`, such as "meta file".
+pub(crate) fn read_json<T: serde::de::DeserializeOwned>(path: &Path, what: &str, remedy: &str) -> Result<T> {
+    parse_json(path, &read_bytes(path)?, what, remedy)
+}
+
+/// As [`read_json`], of bytes that were read.
+pub(crate) fn parse_json<T: serde::de::DeserializeOwned>(
+    path: &Path,
+    bytes: &[u8],
+    what: &str,
+    remedy: &str,
+) -> Result<T> {
+    serde_json::from_slice(bytes).map_err(|fault| {
+        let place = format!("line {}, column {}", fault.line(), fault.column());
+        Error::data(path, place, format!("is no {what}: {fault}"), remedy)
+    })
 }
 
 /// The error of a file that cannot be opened or read.

@@ -1,11 +1,18 @@
 //! NumPy's `.npy` (NEP 1): arrays of little-endian floats in C order.
 
 use std::io::{ErrorKind, Read};
+use std::path::Path;
 
 use exr::prelude::f16;
 
+use super::archive::Archive;
+use super::file::read_bytes;
+use crate::error::{self, Error};
+
 /// Longest header that is read; NumPy's own are a few hundred bytes.
 const MAX_HEADER_BYTES: usize = 1 << 16;
+const MAX_ARRAY_BYTES: u64 = 1 << 31;
+const REMEDY: &str = "save the array again with numpy.savez";
 
 /// The type of an array's entries.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -39,7 +46,7 @@ fn fixed<const N: usize>(bytes: &[u8]) -> [u8; N] {
     std::array::from_fn(|i| bytes[i])
 }
 
-/// What stands before the entries.
+/// The header before the entries.
 #[derive(Debug)]
 pub(crate) struct Header {
     /// Extent along each axis, the slowest first.
@@ -94,4 +101,35 @@ fn read_exact(from: &mut impl Read, to: &mut [u8]) -> Result<(), String> {
         ErrorKind::UnexpectedEof => "is no .npy array".to_owned(),
         _ => format!("cannot be read: {fault}"),
     })
+}
+
+#[derive(Debug)]
+pub(crate) struct Array {
+    pub shape: Vec<usize>,
+    /// Row-major; as many as the product of `shape`.
+    pub values: Vec<f64>,
+}
+
+/// Reads the array `name` of an `.npz`, a zip archive of `.npy` files.
+pub(crate) fn read_npz(path: &Path, name: &str) -> error::Result<Array> {
+    let archive = Archive::open(path, REMEDY)?;
+    let array = archive.read(&format!("{name}.npy"), MAX_ARRAY_BYTES).and_then(|content| Array::parse(&content));
+    array.map_err(|reason| Error::data(path, format!("array `{name}`"), reason, REMEDY))
+}
+
+pub(crate) fn read_npy(path: &Path) -> error::Result<Array> {
+    Array::parse(&read_bytes(path)?)
+        .map_err(|reason| Error::data(path, "", reason, "save the array again with numpy.save"))
+}
+
+impl Array {
+    fn parse(mut content: &[u8]) -> Result<Array, String> {
+        let header = Header::read(&mut content)?;
+        let shape = header.shape;
+        let n_bytes = shape.iter().try_fold(header.float.size(), |n, side| n.checked_mul(*side));
+        if n_bytes != Some(content.len()) {
+            return Err(format!("has the shape {shape:?} and {} values", content.len() / header.float.size()));
+        }
+        Ok(Array { values: header.float.values(content).collect(), shape })
+    }
 }

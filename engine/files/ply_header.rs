@@ -87,7 +87,7 @@ impl Element {
 pub(crate) struct Header {
     pub encoding: Encoding,
     pub elements: Vec<Element>,
-    /// What the `comment` lines say, single spaces between words; those that are not UTF-8 are left out.
+    /// The text of the `comment` lines, single spaces between words; those that are not UTF-8 are left out.
     pub comments: Vec<String>,
     /// Bytes up to and including the line break after `end_header`.
     pub size: u64,

@@ -33,7 +33,7 @@ impl Column {
         None
     }
 
-    /// Whether the column holds values of type `scalar`.
+    /// True if the column holds values of type `scalar`.
     pub fn is(&self, scalar: Scalar) -> bool {
         self.scalar == scalar
     }
@@ -109,7 +109,13 @@ impl Rows {
             let n = rows_at_once.min(element.count - row);
             block.clear();
             match self.encoding {
-                Encoding::Ascii => self.parse_block(element, row, n, &mut block)?,
+                Encoding::Ascii => {
+                    for (row, property) in
+                        (row..row + n).flat_map(|row| element.properties.iter().map(move |p| (row, p)))
+                    {
+                        self.value(element, row, &property.name, property.scalar, &mut block)?;
+                    }
+                }
                 _ => self.read_block(element, row, n as usize * row_size, &mut block)?,
             }
             if self.encoding == Encoding::BigEndian {
@@ -129,8 +135,7 @@ impl Rows {
         self.source.seek(to).map(drop).map_err(|fault| cannot_read(&self.path, &fault))
     }
 
-    /// As [`Rows::read`] for an element with lists: `take` is given the row without its lists, and the items of the list
-    /// `name`; other lists are passed over.
+    /// As [`Rows::read`] for an element with lists: `take` gets the row without lists, and the items of the list `name`.
     pub fn read_with_list(
         &mut self,
         element: &Element,
@@ -143,17 +148,17 @@ impl Rows {
             items.clear();
             for property in &element.properties {
                 let Some(length) = property.list_length else {
-                    self.value(element, row, property.scalar, &mut plain)?;
+                    self.value(element, row, &property.name, property.scalar, &mut plain)?;
                     continue;
                 };
-                let n = self.list_length(element, row, length)?;
+                let n = self.list_length(element, row, &property.name, length)?;
                 if property.name != name {
                     self.skip_values(element, row, n, property.scalar)?;
                     continue;
                 }
                 for _ in 0..n {
                     bytes.clear();
-                    self.value(element, row, property.scalar, &mut bytes)?;
+                    self.value(element, row, name, property.scalar, &mut bytes)?;
                     items.push(Column { offset: 0, scalar: property.scalar }.f64(&bytes));
                 }
             }
@@ -170,7 +175,7 @@ impl Rows {
         for row in 0..element.count {
             for property in &element.properties {
                 let n = match property.list_length {
-                    Some(length) => self.list_length(element, row, length)?,
+                    Some(length) => self.list_length(element, row, &property.name, length)?,
                     None => 1,
                 };
                 self.skip_values(element, row, n, property.scalar)?;
@@ -197,28 +202,14 @@ impl Rows {
         if read < n_bytes { Err(self.ends_in(element, row)) } else { Ok(()) }
     }
 
-    fn parse_block(&mut self, element: &Element, first: u64, n_rows: u64, block: &mut Vec<u8>) -> Result<()> {
-        for row in first..first + n_rows {
-            for property in &element.properties {
-                let word = self.word()?.ok_or_else(|| self.ends_in(element, row))?;
-                if push_word(&word, property.scalar, block).is_none() {
-                    let place = format!("element `{}`, row {row}, property `{}`", element.name, property.name);
-                    let reason = format!("`{}` is no {:?} value", word.escape_debug(), property.scalar);
-                    return Err(Error::data(&self.path, place, reason, REMEDY));
-                }
-            }
-        }
-        Ok(())
-    }
-
     /// Appends the next value of the file as little-endian bytes.
-    fn value(&mut self, element: &Element, row: u64, scalar: Scalar, to: &mut Vec<u8>) -> Result<()> {
+    fn value(&mut self, element: &Element, row: u64, name: &str, scalar: Scalar, to: &mut Vec<u8>) -> Result<()> {
         let start = to.len();
         if self.encoding == Encoding::Ascii {
             let word = self.word()?.ok_or_else(|| self.ends_in(element, row))?;
             return push_word(&word, scalar, to).ok_or_else(|| {
-                let reason = format!("`{}` is no {scalar:?} value", word.escape_debug());
-                Error::data(&self.path, format!("element `{}`, row {row}", element.name), reason, REMEDY)
+                let place = format!("element `{}`, row {row}, property `{name}`", element.name);
+                Error::data(&self.path, place, format!("`{}` is no {scalar:?} value", word.escape_debug()), REMEDY)
             });
         }
         self.read_block(element, row, scalar.size(), to)?;
@@ -228,9 +219,9 @@ impl Rows {
         Ok(())
     }
 
-    fn list_length(&mut self, element: &Element, row: u64, scalar: Scalar) -> Result<u64> {
+    fn list_length(&mut self, element: &Element, row: u64, name: &str, scalar: Scalar) -> Result<u64> {
         let mut bytes = Vec::new();
-        self.value(element, row, scalar, &mut bytes)?;
+        self.value(element, row, name, scalar, &mut bytes)?;
         let length = Column { offset: 0, scalar }.f64(&bytes);
         if length < 0.0 {
             let place = format!("element `{}`, row {row}", element.name);

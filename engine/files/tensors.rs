@@ -19,10 +19,6 @@ pub struct Tensor {
 }
 
 /// Reads every tensor of a safetensors file of F32 and F64 tensors.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be read, its header is malformed or disagrees with the file's length, or a
-/// tensor is of another type.
 pub fn read_tensors(path: &Path) -> Result<BTreeMap<String, Tensor>> {
     let bytes = read_bytes(path)?;
     let file = SafeTensors::deserialize(&bytes);
@@ -43,9 +39,6 @@ pub fn read_tensors(path: &Path) -> Result<BTreeMap<String, Tensor>> {
 }
 
 /// Writes f32 tensors, each as (name, shape, row-major values).
-///
-/// # Errors
-/// [`Error::Data`] when a tensor's values do not fill its shape or the file cannot be written.
 pub fn write_tensors(path: &Path, tensors: &[(&str, &[usize], &[f32])]) -> Result<()> {
     let mut views = Vec::new();
     let bytes: Vec<Vec<u8>> = tensors.iter().map(|t| t.2.iter().flat_map(|v| v.to_le_bytes()).collect()).collect();

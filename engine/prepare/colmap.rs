@@ -14,7 +14,6 @@ use crate::scene::undistort::Lens;
 pub(super) const ON: &str = "1";
 pub(super) const OFF: &str = "0";
 
-/// Options of a command and their values.
 pub(super) type Arguments<'a> = [(&'a str, &'a OsStr)];
 
 /// Options and their names in newer versions: the last one since COLMAP 3.12, the others since 3.13.
@@ -28,9 +27,8 @@ const RENAMED: [(&str, &str); 7] = [
     ("--Mapper.fix_existing_images", "--Mapper.fix_existing_frames"),
 ];
 
-/// Runs a command: what it said, and whether it succeeded. `hear` is given each line while it runs.
-///
-/// COLMAP names one option that it does not know, before it begins; the command then runs again with the newer name.
+/// Runs a command: its output, and the result; `hear` gets each line. Where COLMAP does not know one option, it runs again with the
+/// newer name.
 pub(super) fn attempt(
     verb: &str,
     arguments: &Arguments,
@@ -50,27 +48,21 @@ pub(super) fn attempt(
     }
 }
 
-/// The argument that COLMAP says it does not know, and its newer name.
 fn unknown_option(fault: &str, arguments: &Arguments) -> Option<(usize, &'static str)> {
     let (old, new) = RENAMED.into_iter().find(|(old, _)| fault.contains(&format!("'{old}'")))?;
     let place = arguments.iter().position(|(name, _)| *name == old)?;
     Some((place, new))
 }
 
-/// COLMAP and a database of its own.
 pub(super) struct Colmap<'a> {
-    /// Named in errors.
     pub about: &'a Path,
-    /// Of the images.
     pub folder: PathBuf,
     pub database: PathBuf,
     pub threads: String,
-    /// [`ON`] or [`OFF`].
     pub on_gpu: &'static str,
 }
 
 impl Colmap<'_> {
-    /// What it said, and whether it succeeded.
     pub fn attempt(&self, verb: &str, arguments: &Arguments) -> Result<(Vec<u8>, Result<()>)> {
         let given = [("--database_path", self.database.as_os_str())];
         attempt(verb, &[&given, arguments].concat(), self.about, &mut |_| {})
@@ -80,8 +72,7 @@ impl Colmap<'_> {
         self.attempt(verb, arguments)?.1
     }
 
-    /// Features of all images, lens by lens: each lens becomes a camera of the database, numbered from 1 in this order. Lists of names
-    /// are written to `work`.
+    /// Features of all images, lens by lens: each lens becomes a camera of the database, numbered from 1 in this order.
     pub fn extract(&self, images: &[(Lens, Vec<&str>)], work: &Path, options: &Arguments) -> Result<()> {
         for (number, (lens, names)) in images.iter().enumerate() {
             let list = work.join(format!("images{number}.txt"));
@@ -102,7 +93,6 @@ impl Colmap<'_> {
         Ok(())
     }
 
-    /// What every command that matches is given.
     pub fn matching(&self) -> [(&'static str, &OsStr); 2] {
         [("--SiftMatching.use_gpu", OsStr::new(self.on_gpu)), ("--SiftMatching.num_threads", OsStr::new(&self.threads))]
     }
@@ -132,7 +122,7 @@ impl Colmap<'_> {
     }
 }
 
-/// Whether `point_triangulator` got as far as adjusting no point at all, which ends it with a failed check.
+/// True if `point_triangulator` got as far as adjusting no point at all, which ends it with a failed check.
 fn found_nothing(said: &str) -> bool {
     let mut counts = said.lines().filter_map(|line| line.trim().strip_prefix("=> Triangulated "));
     said.contains("Bundle adjustment") && counts.all(|count| count == "0 points")
@@ -154,7 +144,6 @@ impl Matched {
         (0..poses.len()).flat_map(|a| (a + 1..poses.len()).map(move |b| (a, b))).collect()
     }
 
-    /// About how many pairs there are.
     pub fn count(self, n: usize) -> usize {
         if n > self.all { n * self.neighbours } else { n * n.saturating_sub(1) / 2 }
     }

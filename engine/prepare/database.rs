@@ -1,34 +1,92 @@
-//! COLMAP's database, as far as it says why pictures were not placed: how many features each has, and which share how many.
-//!
-//! COLMAP has no command that tells this. Of SQLite's format no more is read than the rows of three tables: their key and their
-//! first column, which lie at the beginning of each.
+//! COLMAP's database, to say why pictures were not placed: the features of each, and how many they share. COLMAP has no command for this,
+//! so the rows of three tables are read from SQLite's format: their key and first column.
 
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
+use super::pictures::Pictures;
+use crate::error::Error;
+use crate::words::count;
+
 /// Pairs are numbered with this factor: COLMAP's `kMaxNumImages`.
 const MAX_IMAGES: u64 = 2_147_483_647;
 /// Deeper trees than any real one are broken.
 const MAX_DEPTH: u32 = 24;
-/// Kinds of pages: of a table's tree, inner and leaf.
 const INNER: u8 = 0x05;
 const LEAF: u8 = 0x0d;
 /// The header of the file stands before the first page's.
 const HEADER: usize = 100;
 
-/// What pictures have in common.
 #[derive(Debug, Default, PartialEq)]
-pub(super) struct Shared {
-    /// Features of each picture, by name.
-    pub features: BTreeMap<String, u64>,
+struct Shared {
+    features: BTreeMap<String, u64>,
     /// Pairs of pictures that see the same, and the number of features that they share.
-    pub pairs: Vec<(String, String, u64)>,
+    pairs: Vec<(String, String, u64)>,
+}
+
+impl Shared {
+    fn words(&self) -> String {
+        let Shared { features, pairs } = self;
+        let n = features.len();
+        let (least, most) = (features.values().min().unwrap_or(&0), features.values().max().unwrap_or(&0));
+        let mean = features.values().sum::<u64>() / (n as u64).max(1);
+        let mut text = format!(
+            "{} with {mean} features in the mean ({least} to {most}), and {} of {} share some",
+            count(n, "picture"),
+            pairs.len(),
+            count(n * n.saturating_sub(1) / 2, "pair")
+        );
+        if n > NAMED {
+            return text;
+        }
+        let mut of: BTreeMap<&str, Vec<(u64, &str)>> =
+            features.keys().map(|name| (name.as_str(), Vec::new())).collect();
+        for (a, b, n) in pairs {
+            for (one, other) in [(a, b), (b, a)] {
+                of.entry(one).or_default().push((*n, stem(other)));
+            }
+        }
+        for (name, mut others) in of {
+            others.sort_by(|a, b| b.cmp(a));
+            let others: Vec<String> = others.iter().take(3).map(|(n, other)| format!("{n} with {other}")).collect();
+            text +=
+                &format!("; {} {}", stem(name), if others.is_empty() { "none".to_owned() } else { others.join(", ") });
+        }
+        text
+    }
+}
+
+/// Up to so many pictures, each is named with what it shares.
+const NAMED: usize = 12;
+
+/// The error of pictures that hang together too little, from the database of the attempt.
+pub(super) fn unplaced(source: &Path, pictures: &Pictures, database: &Path) -> Error {
+    let what = if matches!(pictures, Pictures::Videos(_)) { "cameras" } else { "pictures" };
+    let found = read(database).map_or_else(String::new, |shared| format!(": {}", shared.words()));
+    let reason = format!("holds {what} that COLMAP cannot place, since too little of each is in others{found}");
+    let remedy = match pictures {
+        Pictures::Videos(_) => {
+            "try another moment (--frames 100: with --force), larger pictures, or photographs of the place taken from between the cameras \
+             (--static PHOTOS); or calibrate the cameras with caliscope or Pose2Sim, or with RealityScan and its export for COLMAP, and \
+             give that"
+        }
+        _ => {
+            "take more pictures with much overlap, sharp and large, of a scene with texture, from different places; or give the poses of \
+             another program as a COLMAP model or transforms.json"
+        }
+    };
+    Error::data(source, "", reason, remedy)
+}
+
+/// A picture's name without ending: of a video, that of its camera.
+fn stem(name: &str) -> &str {
+    name.rsplit_once('.').map_or(name, |(stem, _)| stem)
 }
 
 /// Reads a database; nothing where it is not understood.
-pub(super) fn read(path: &Path) -> Option<Shared> {
+fn read(path: &Path) -> Option<Shared> {
     let mut database = Database::open(path)?;
     let mut roots = BTreeMap::new();
     // Kind, name, table, root page.

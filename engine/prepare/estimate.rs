@@ -1,4 +1,4 @@
-//! What a preparation will take, from a few frames that are prepared for that and thrown away.
+//! An estimate of a preparation, from a few frames that are prepared for that and thrown away.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -6,20 +6,19 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use super::settings::{PrepareSettings, Progress, Triangulate};
-use super::{Begun, prepare_posed, triangulate};
+use super::{Preparation, prepare_posed, triangulate};
 use crate::error::{Error, Result};
 use crate::scene::capture::Frames;
 
 /// Frames that are prepared, from the middle of the clip.
 const SAMPLED: u32 = 4;
-/// What each stage makes.
 const STAGES: [(&str, &[&str]); 3] = [
     ("images", &["images", "masks", "foreground", "covisible", "depth", "audio", "keypoints"]),
     ("points", &["points", "sparse"]),
     ("flow", &["flow"]),
 ];
 
-/// What all frames will take.
+/// Estimate of all frames.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Estimate {
     /// Cameras.
@@ -34,7 +33,7 @@ pub struct Estimate {
     pub stages: Vec<StageEstimate>,
 }
 
-/// What a stage will take.
+/// Estimate of a stage.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct StageEstimate {
     /// Its name.
@@ -52,23 +51,19 @@ struct Scratch(PathBuf);
 
 impl Drop for Scratch {
     fn drop(&mut self) {
-        // What cannot be removed does no harm.
+        // A folder that cannot be removed does no harm.
         let _ = fs::remove_dir_all(&self.0);
     }
 }
 
-/// Prepares some frames of a source that has cameras in a folder beside the output, and tells from that what all frames will take. The
-/// folder is removed.
-///
-/// # Errors
-/// As [`super::prepare`]; [`Error::Data`] for the first fault of the source, or of what the sample became.
+/// Prepares some frames of a source that has cameras in a folder beside the output, which is removed, and estimates all from them.
 pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Estimate> {
     settings.check()?;
-    let Begun { source, images, settings, .. } = Begun::faultless(settings)?;
+    let Preparation { source, images, settings, .. } = Preparation::faultless(settings)?;
     let (n, every) = (images.n_frames(), settings.frames.every);
     let sampled = SAMPLED.min(n);
     let from = settings.frames.from + (n - sampled) / 2 * every;
-    let scratch = Scratch(beside(&settings.output)?);
+    let scratch = Scratch(scratch_folder(&settings.output)?);
     let sample = PrepareSettings {
         frames: Frames { from, to: Some(from + sampled * every), every },
         output: scratch.0.clone(),
@@ -79,13 +74,13 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
     // When each stage was last heard of.
     let heard: Mutex<Vec<(&'static str, Instant)>> = Mutex::new(Vec::new());
     let start = Instant::now();
-    let prepared = prepare_posed(&sample, None, Vec::new(), &|told| {
+    let prepared = prepare_posed(&sample, None, Vec::new(), &|update| {
         let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
-        match heard.iter_mut().find(|(stage, _)| *stage == told.stage) {
+        match heard.iter_mut().find(|(stage, _)| *stage == update.stage) {
             Some((_, at)) => *at = Instant::now(),
-            None => heard.push((told.stage, Instant::now())),
+            None => heard.push((update.stage, Instant::now())),
         }
-        progress(told);
+        progress(update);
     })?;
     if let Some(fault) = prepared.report.faults.into_iter().next() {
         return Err(fault.into());
@@ -94,7 +89,7 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
     let mut before = start;
     let mut stages = Vec::new();
     for (stage, parts) in STAGES {
-        let Some((_, end)) = heard.iter().find(|(told, _)| *told == stage) else { continue };
+        let Some((_, end)) = heard.iter().find(|(update, _)| *update == stage) else { continue };
         let sampled_seconds = end.duration_since(before).as_secs_f64();
         before = *end;
         let times = match (stage, triangulate::asked(&source, &settings).0) {
@@ -115,7 +110,7 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
 }
 
 /// A folder on the disk of `output` that nobody else uses.
-fn beside(output: &Path) -> Result<PathBuf> {
+fn scratch_folder(output: &Path) -> Result<PathBuf> {
     let Some(name) = output.file_name() else {
         return Err(Error::data(output, "", "this names no folder", "choose another folder with -o"));
     };
@@ -125,7 +120,6 @@ fn beside(output: &Path) -> Result<PathBuf> {
     Ok(output.with_file_name(hidden))
 }
 
-/// Bytes of all files of a folder, or of a file; 0 where there is none.
 fn size(path: &Path) -> u64 {
     match fs::read_dir(path) {
         Ok(entries) => entries.flatten().map(|entry| size(&entry.path())).sum(),

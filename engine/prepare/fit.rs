@@ -11,32 +11,29 @@ const BLACK: u64 = 16;
 
 /// The part of recorded pictures that is used, pixels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Part {
+pub(super) struct Crop {
     pub x: u32,
     pub y: u32,
     pub width: u32,
     pub height: u32,
 }
 
-impl Part {
+impl Crop {
     pub fn whole((width, height): (u32, u32)) -> Self {
-        Part { x: 0, y: 0, width, height }
+        Crop { x: 0, y: 0, width, height }
     }
 }
 
-/// The lens and the part of pictures of another size than the calibration's, and what was done.
-///
-/// Both sides in the same proportion: the pictures were scaled. Black bars above and below or beside: they were scaled into a
-/// frame of another shape. One side shorter by less than a block of a video, the other the same: a codec cut them at the right
-/// or the bottom. `first` gives the first picture.
+/// The lens and the part of pictures of another size than the calibration's, and a note: pictures that were scaled, scaled into a frame
+/// with black bars, or cut by a codec at the right or the bottom. `first` gives the first picture.
 pub(super) fn fitted(
     lens: &Lens,
     size: (u32, u32),
     first: impl FnOnce() -> Result<Vec<[u8; 3]>>,
-) -> Result<Option<(Lens, Part, Option<String>)>> {
+) -> Result<Option<(Lens, Crop, Option<String>)>> {
     let ((width, height), Intrinsics { width: w, height: h, .. }) = (size, lens.intrinsics);
     if (w, h) == (width, height) {
-        return Ok(Some((*lens, Part::whole(size), None)));
+        return Ok(Some((*lens, Crop::whole(size), None)));
     }
     let sizes = format!("the pictures are {width} x {height}, the calibration is for {w} x {h}");
     let [width_f, height_f, w_f, h_f] = [width, height, w, h].map(f64::from);
@@ -45,9 +42,9 @@ pub(super) fn fitted(
     let (across, down) = (width.saturating_sub(inner_width), height.saturating_sub(inner_height));
     // Rounding the scaled size may have moved either side by a pixel.
     if across <= 1 && down <= 1 {
-        return Ok(Some((lens.resized(width, height), Part::whole(size), Some(format!("{sizes}: it is scaled")))));
+        return Ok(Some((lens.resized(width, height), Crop::whole(size), Some(format!("{sizes}: it is scaled")))));
     }
-    let part = Part { x: across / 2, y: down / 2, width: inner_width, height: inner_height };
+    let part = Crop { x: across / 2, y: down / 2, width: inner_width, height: inner_height };
     let row = |y: u32| (y as usize * width as usize)..((y + 1) as usize * width as usize);
     let picture = first()?;
     let bars = (0..height).flat_map(|y| {
@@ -65,7 +62,7 @@ pub(super) fn fitted(
     if (w == width && cut(h, height)) || (h == height && cut(w, width)) {
         let note = format!("{sizes}: taken as cut off at the right or the bottom");
         let intrinsics = Intrinsics { width, height, ..lens.intrinsics };
-        return Ok(Some((Lens { intrinsics, ..*lens }, Part::whole(size), Some(note))));
+        return Ok(Some((Lens { intrinsics, ..*lens }, Crop::whole(size), Some(note))));
     }
     Ok(None)
 }

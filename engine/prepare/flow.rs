@@ -29,15 +29,11 @@ fn at_once(threads: usize, pixels: u64, memory: u64) -> usize {
     threads.min(usize::try_from(fit).unwrap_or(usize::MAX)).max(1)
 }
 
-/// The frames of which a camera has a picture, and of the next one too.
 fn frames<'a>(images: &Images, camera: &'a Camera) -> impl Iterator<Item = u32> + use<'a> {
     (0..images.n_frames().saturating_sub(1)).filter(|frame| camera.has(*frame) && camera.has(frame + 1))
 }
 
 /// The cameras that do not bring all of their flow along.
-///
-/// # Errors
-/// [`Error::Data`] that names flow to which none can be added.
 fn estimated(images: &Images) -> Result<Vec<&Camera>> {
     let lacks = |camera: &&Camera| frames(images, camera).any(|frame| camera.flow(frame).is_none());
     let cameras: Vec<&Camera> = images.cameras.iter().filter(lacks).collect();
@@ -58,8 +54,7 @@ fn estimated(images: &Images) -> Result<Vec<&Camera>> {
     }
 }
 
-/// Estimates what is not estimated yet: flow to the next frame of every frame but the last. Flow that comes along with the source's
-/// pictures stays, and the other frames of its camera are estimated.
+/// Estimates the missing flow to the next frame, of every frame but the last; the source's own flow stays.
 #[tracing::instrument(level = "info", name = "flow", skip_all)]
 pub(super) fn make(
     images: &Images,
@@ -96,17 +91,13 @@ pub(super) fn make(
     in_parallel(left.len(), at_once, |index| estimate(python, output, left[index], &tell), |_| {}).map(|_| ())
 }
 
-/// Whether some of the flow of a camera is not estimated yet.
 fn is_left(images: &Images, camera: &Camera) -> bool {
     let folder = images.output.join("flow").join(&camera.name);
     frames(images, camera)
         .any(|frame| camera.flow(frame).is_none() && !folder.join(format!("{frame:05}.npy")).is_file())
 }
 
-/// What the script will need, unless there is nothing to estimate.
-///
-/// # Errors
-/// As [`estimated`]; [`Error::Data`] that names the package.
+/// Finds the script's programs, unless there is nothing to estimate.
 pub(super) fn require(images: &Images, settings: &PrepareSettings) -> Result<()> {
     if !settings.flow {
         return Ok(());
@@ -119,9 +110,6 @@ pub(super) fn require(images: &Images, settings: &PrepareSettings) -> Result<()>
 }
 
 /// A Python that has what the script needs.
-///
-/// # Errors
-/// [`Error::Data`] that names the package.
 fn python(about: &Path) -> Result<&'static str> {
     let has_opencv = |python: &&str| {
         let mut command = Command::new(python);

@@ -19,20 +19,16 @@ const RAW: [&str; 11] = ["arw", "cr2", "cr3", "dng", "nef", "nrw", "orf", "raf",
 /// Bytes that decoding a picture takes beyond its pixels, at most.
 const SLACK: u64 = 1 << 20;
 
-/// How a file is read as a picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// As it is.
     Own,
     /// Through ffmpeg.
     Converted,
     /// Not at all: it must be developed first.
     Raw,
-    /// It is no picture.
     Other,
 }
 
-/// What a file is, by its ending.
 pub(super) fn kind(path: &Path) -> Kind {
     let ending = ending(path).unwrap_or_default().to_lowercase();
     match ending.as_str() {
@@ -66,13 +62,13 @@ fn by_ending(files: &[PathBuf]) -> Vec<(String, Vec<&PathBuf>)> {
 
 /// How many files there are of each ending: `3 .HEIC, 2 .csv and 1 folder`.
 pub(super) fn counts(files: &[PathBuf]) -> String {
-    let told = by_ending(files).into_iter().map(|(ending, files)| match ending.as_str() {
+    let kinds = by_ending(files).into_iter().map(|(ending, files)| match ending.as_str() {
         "/" => count(files.len(), "folder"),
         "" => count(files.len(), "file") + " without an ending",
         ending => format!("{} .{ending}", files.len()),
     });
-    let told: Vec<String> = told.collect();
-    match told.as_slice() {
+    let kinds: Vec<String> = kinds.collect();
+    match kinds.as_slice() {
         [] => "nothing".to_owned(),
         [one] => one.clone(),
         [first @ .., last] => format!("{} and {last}", first.join(", ")),
@@ -102,7 +98,6 @@ pub(super) fn readable(files: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<PathBuf>) {
     files.into_iter().partition(is_read)
 }
 
-/// What converts pictures that are not read.
 pub(super) fn remedy(files: &[PathBuf]) -> String {
     let commands = by_ending(files).into_iter().map(|(ending, files)| {
         let command = match ending.to_lowercase().as_str() {
@@ -123,7 +118,6 @@ pub(super) fn remedy(files: &[PathBuf]) -> String {
     format!("convert them in their folder with {}", commands.collect::<Vec<_>>().join(" and "))
 }
 
-/// Notes which pictures are converted.
 pub(super) fn converted(files: &[PathBuf]) -> Option<String> {
     let foreign: Vec<PathBuf> = files.iter().filter(|path| kind(path) == Kind::Converted).cloned().collect();
     let linear = by_ending(&foreign).iter().any(|(ending, _)| ending.eq_ignore_ascii_case("exr"));
@@ -131,7 +125,7 @@ pub(super) fn converted(files: &[PathBuf]) -> Option<String> {
     (!foreign.is_empty()).then(|| format!("{}: read by ffmpeg and kept with 8 bits a colour{how}", counts(&foreign)))
 }
 
-/// Whether a picture has more than 8 bits a colour: COLMAP reads none of them.
+/// True if a picture has more than 8 bits a colour: COLMAP reads none of them.
 pub(super) fn is_deep(path: &Path) -> bool {
     // The depth is the 25th byte of a PNG.
     let mut start = [0; 25];
@@ -151,9 +145,6 @@ struct Stream {
 }
 
 /// Width and height of a picture in pixels.
-///
-/// # Errors
-/// [`Error::Data`] where it cannot be read.
 pub(super) fn read_size(path: &Path) -> Result<(u32, u32)> {
     if kind(path) != Kind::Converted {
         return Ok(capture::read_size(path)?);
@@ -177,9 +168,6 @@ pub(super) fn size_for(path: &Path, calibrated: (u32, u32)) -> Result<(u32, u32)
 }
 
 /// The pixels of a picture of so many pixels.
-///
-/// # Errors
-/// [`Error::Data`] where it cannot be read, or is of another size.
 pub(super) fn decode_image(path: &Path, width: u32, height: u32) -> Result<DynamicImage> {
     if kind(path) != Kind::Converted {
         return capture::decode_image(path, width, height);

@@ -10,7 +10,7 @@ use serde_json::{Value, json};
 
 use super::settings::PrepareSettings;
 use crate::error::{Error, Result};
-use crate::files::{read_file, remove_temporaries, write_atomic};
+use crate::files::{cannot_list, make_folder, read_file, remove_temporaries, write_atomic};
 use crate::scene::capture::JOURNAL;
 
 /// The parts of a capture that each stage makes. All depend on the first two, which come in this order.
@@ -23,8 +23,7 @@ const STAGES: [(&str, &[&str]); 5] = [
 ];
 /// Files beside the pictures: one that comes later is taken over too.
 pub(super) const SOUND: &str = "sound";
-/// Flow and depth of the source, in what the images are made from. Earlier versions did not note them, or noted them
-/// with the pictures: captures of the latter are made again.
+/// Flow and depth of the source, which earlier versions did not note.
 pub(super) const PRIORS: &str = "priors";
 const MANIFEST: &str = "capture.toml";
 const LOCK: &str = ".prepare.lock";
@@ -32,7 +31,6 @@ const LOCK: &str = ".prepare.lock";
 #[derive(Default, serde::Serialize, serde::Deserialize)]
 struct Record {
     made_by: String,
-    /// By stage.
     made_from: BTreeMap<String, Value>,
 }
 
@@ -62,7 +60,7 @@ impl Journal {
         Ok(file)
     }
 
-    /// What the journal holds; nothing yet in a folder that is empty.
+    /// The journal's record; an empty one in an empty folder.
     fn read(&self) -> Result<Record> {
         let (output, path) = (&self.output, self.output.join(JOURNAL));
         match read_file(&path) {
@@ -85,14 +83,13 @@ impl Journal {
         }
     }
 
-    /// Begins a stage or continues it. When its files were made from something else they are removed first, and with the
-    /// images all that was made from them; that needs `force`, as does removing files of which nothing is known.
+    /// Begins or continues a stage. Where its files were made from something else, they are removed, with the images all that was made
+    /// from them; that needs `force`, as does removing unknown files.
     pub fn begin(&self, stage: &'static str, made_from: Value) -> Result<()> {
         self.begin_beside(stage, made_from, &[])
     }
 
-    /// As [`Journal::begin`], for a stage whose folder also holds what came along with the images: the folders `kept`, which
-    /// stay.
+    /// As [`Journal::begin`], but the folders `kept`, which came along with the images, stay.
     pub fn begin_beside(&self, stage: &'static str, made_from: Value, kept: &[PathBuf]) -> Result<()> {
         let _lock = self.lock()?;
         let mut record = self.read()?;
@@ -135,8 +132,8 @@ impl Journal {
     }
 }
 
-/// Whether what was made from `before` can stay. A list of files may have grown. What earlier versions made stays, though they noted less:
-/// see [`was_noted`] and [`PRIORS`].
+/// True if files made from `before` can stay. A list of files may have grown, and earlier versions noted less: see [`was_noted`] and
+/// [`PRIORS`].
 fn agree(before: &Value, now: &Value) -> bool {
     match (before, now) {
         (Value::Array(before), Value::Array(now)) => before.iter().all(|file| now.contains(file)),
@@ -151,8 +148,7 @@ fn agree(before: &Value, now: &Value) -> bool {
     }
 }
 
-/// Whether `before` is what an earlier version noted in place of the list `now`: of files their name alone, or the number that is the
-/// first of the list today. Where no list but a number is noted today too, another number is a change.
+/// True if an earlier version noted `before` in place of the list `now`: the files' name, or the number that is the list's first.
 fn was_noted(before: &Value, now: &Value) -> bool {
     match before {
         Value::String(_) => now.is_array(),
@@ -161,7 +157,7 @@ fn was_noted(before: &Value, now: &Value) -> bool {
     }
 }
 
-/// What is removed of a part: all of it, or of a folder that holds some of `kept` what else it holds.
+/// The paths of a part to remove: all of it, or those beside some of `kept`.
 fn without(part: PathBuf, kept: &[PathBuf]) -> Vec<PathBuf> {
     if !kept.iter().any(|path| path.starts_with(&part)) {
         return vec![part];
@@ -199,19 +195,9 @@ fn stamp(file: &Path) -> Value {
     json!([file.to_string_lossy(), data.map(|data| data.len()), seconds])
 }
 
-/// A folder, made when it is absent.
-pub(super) fn make_folder(path: &Path) -> Result<()> {
-    let remedy = "choose another folder with -o";
-    fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
-}
-
 fn is_empty(path: &Path) -> Result<bool> {
     let mut entries = fs::read_dir(path).map_err(|fault| cannot_list(path, &fault))?.flatten();
     Ok(entries.all(|entry| entry.file_name() == LOCK))
-}
-
-pub(super) fn cannot_list(path: &Path, fault: &std::io::Error) -> Error {
-    Error::data(path, "", format!("cannot be listed: {fault}"), "check the path and its permissions")
 }
 
 #[cfg(test)]

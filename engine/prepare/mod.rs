@@ -1,20 +1,16 @@
-//! From what others recorded to the project's capture folder (SPEC 8): video decoded, lenses undistorted, points
-//! triangulated frame by frame, optical flow estimated.
+//! From recordings to the project's capture folder (SPEC 8): video decoded, lenses undistorted, points triangulated frame by frame,
+//! optical flow estimated.
 //!
-//! Every stage continues where an earlier, interrupted run stopped: each file is written whole and renamed, and `prepare.json`
-//! in the folder says from what the files of a stage were made. `capture.toml` comes last.
+//! Every stage continues where an interrupted run stopped: files are written whole, and `prepare.json` notes from what each stage was
+//! made. `capture.toml` comes last.
 
-mod announce;
-mod clocks;
 mod colmap;
-mod costs;
 mod database;
 mod estimate;
 mod fit;
 mod flow;
 mod forecast;
 mod foreign;
-mod frames;
 mod images;
 mod journal;
 mod model;
@@ -26,13 +22,12 @@ mod settings;
 mod shifts;
 mod sound;
 mod source;
-mod timecodes;
 mod timeline;
 mod track;
 mod triangulate;
-mod unplaced;
 mod video;
 
+use std::collections::BTreeMap;
 use std::path::Path;
 
 pub use self::estimate::{Estimate, StageEstimate, estimate};
@@ -44,27 +39,22 @@ use self::pictures::Pictures;
 use self::program::{FFMPEG, FFPROBE};
 pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate};
 pub use self::source::Recognised;
-use self::source::{Footage, Source, SourceCamera};
+use self::source::{Clocks, Footage, Source, SourceCamera};
 use crate::error::{Error, Result};
 use crate::scene::capture::{
     CaptureSettings, Faults, Manifest, Report, check_asked, check_capture, write_true_offsets,
 };
 
-/// What [`prepare`] can make a capture from in a folder or file; nothing where it is a capture already, or unknown.
+/// The recording that [`prepare`] can make a capture from; nothing where the path is a capture already, or unknown.
 pub fn recognise(path: &Path) -> Option<Recognised> {
     source::recognise(path)
 }
 
-/// What COLMAP will have to do before pictures without cameras can be prepared, and how long about that takes; nothing where
-/// the source has cameras.
-///
-/// # Errors
-/// [`Error::Data`] when COLMAP or ffmpeg is needed and missing, or a video cannot be read.
+/// The work of COLMAP before pictures without cameras can be prepared; nothing where the source has cameras.
 pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
     pictures(settings)?.map(|pictures| forecast::forecast(settings, &pictures)).transpose()
 }
 
-/// Pictures without cameras, where the source is nothing else.
 fn pictures(settings: &PrepareSettings) -> Result<Option<Pictures>> {
     settings.check()?;
     let pictures = source::pictures(settings);
@@ -76,12 +66,12 @@ fn pictures(settings: &PrepareSettings) -> Result<Option<Pictures>> {
     Ok(pictures)
 }
 
-/// What was made.
+/// The outcome of [`prepare`].
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Prepared {
     /// The format of the source; empty when it is unknown.
     pub source_format: &'static str,
-    /// What is worth knowing: cameras whose rates or counts differ, calibrations that were fitted, points per frame.
+    /// Notes: cameras whose rates or counts differ, calibrations that were fitted, points per frame.
     pub notes: Vec<String>,
     /// Points of each triangulated frame, by frame.
     pub points: Vec<(u32, usize)>,
@@ -89,14 +79,8 @@ pub struct Prepared {
     pub report: Report,
 }
 
-/// Makes a capture folder, or completes one that an interrupted run began. A second run changes nothing.
-///
-/// Faults of the source, and of the finished capture, are in the report.
-///
-/// # Errors
-/// [`Error::Data`] when a setting is out of its range, when the output holds what was not made from this source with these
-/// settings (and [`PrepareSettings::force`] is off), when ffmpeg, COLMAP or Python is needed and missing or fails, or when
-/// a file cannot be read or written.
+/// Makes a capture folder, or completes one that an interrupted run began; a second run changes nothing. Faults of the source, and of
+/// the finished capture, are in the report.
 pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
     let Some(pictures) = pictures(settings)? else { return prepare_posed(settings, None, Vec::new(), progress) };
     let (settings, mut notes) = in_step(settings, &pictures)?;
@@ -111,14 +95,11 @@ pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync))
 fn in_step(settings: &PrepareSettings, pictures: &Pictures) -> Result<(PrepareSettings, Vec<String>)> {
     let Pictures::Videos(folder) = pictures else { return Ok((settings.clone(), Vec::new())) };
     let videos: Vec<_> = reconstruct::videos(folder).map(|(name, path)| (name, Some(path))).collect();
-    shifts::found(settings, &videos)
+    shifts::resolved(settings, &videos)
 }
 
-/// Makes a share of what one stage of [`prepare`] makes, so that several machines with one file system do it together. Stages come in
-/// the order of [`Stage`], each when all shares of the one before are made; [`prepare`] then completes the capture.
-///
-/// # Errors
-/// As [`prepare`]; [`Error::Data`] for the first fault of the source, and where an earlier stage is not done.
+/// Makes a share of one stage of [`prepare`], so that several machines with one file system do it together: stage by stage, each when all
+/// shares of the one before are made. [`prepare`] then completes the capture.
 pub fn prepare_share(
     settings: &PrepareSettings,
     stage: Stage,
@@ -144,8 +125,8 @@ pub fn prepare_share(
     if stage == Stage::Cameras {
         return Ok(());
     }
-    let begun = Begun::faultless(posed.as_ref().unwrap_or(settings))?;
-    let Begun { source, images, settings, .. } = &begun;
+    let planned = Preparation::faultless(posed.as_ref().unwrap_or(settings))?;
+    let Preparation { source, images, settings, .. } = &planned;
     let journal = Journal::open(settings)?;
     if stage == Stage::Images {
         return images.make(share, &journal, progress);
@@ -161,18 +142,16 @@ pub fn prepare_share(
 }
 
 /// A preparation of a source that has cameras, before anything is made.
-struct Begun {
+struct Preparation {
     source: Source,
     images: Images,
     settings: PrepareSettings,
-    /// What is wrong with the source.
     faults: Faults,
-    /// The photographs of the place.
-    photos: Option<Box<Begun>>,
+    photos: Option<Box<Preparation>>,
 }
 
-impl Begun {
-    fn new(settings: &PrepareSettings) -> Result<Begun> {
+impl Preparation {
+    fn new(settings: &PrepareSettings) -> Result<Preparation> {
         let mut faults = Faults::default();
         let mut source = Source::read(settings, &mut faults)?;
         // Missing programs are reported before a picture is decoded.
@@ -183,22 +162,20 @@ impl Begun {
         if source.cameras.iter().any(needs_ffmpeg) {
             [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
         }
-        let (settings, notes) = shifts::found(settings, &shifts::videos_of(&source))?;
+        let (settings, notes) = shifts::resolved(settings, &shifts::videos_of(&source))?;
         source.notes.extend(notes);
         let images = Images::plan(&source, &settings, &mut faults);
-        let photos = photos::settings_of(&settings, &source).map(|of_photos| Begun::new(&of_photos)).transpose()?;
-        Ok(Begun { source, images, settings, faults, photos: photos.map(Box::new) })
+        let photos =
+            photos::settings_of(&settings, &source).map(|of_photos| Preparation::new(&of_photos)).transpose()?;
+        Ok(Preparation { source, images, settings, faults, photos: photos.map(Box::new) })
     }
 
     /// One without a fault.
-    ///
-    /// # Errors
-    /// As [`Begun::new`]; [`Error::Data`] for the first fault.
-    fn faultless(settings: &PrepareSettings) -> Result<Begun> {
-        let mut begun = Begun::new(settings)?;
-        match begun.faulty().and_then(|report| report.faults.into_iter().next()) {
+    fn faultless(settings: &PrepareSettings) -> Result<Preparation> {
+        let mut planned = Preparation::new(settings)?;
+        match planned.faulty().and_then(|report| report.faults.into_iter().next()) {
             Some(fault) => Err(fault.into()),
-            None => Ok(begun),
+            None => Ok(planned),
         }
     }
 
@@ -213,29 +190,27 @@ impl Begun {
     }
 }
 
-/// Prepares a source that has cameras.
 fn prepare_posed(
     settings: &PrepareSettings,
     journal: Option<Journal>,
     notes: Vec<String>,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Prepared> {
-    let mut begun = Begun::new(settings)?;
-    if let Some(report) = begun.faulty() {
-        let Source { format, notes, .. } = begun.source;
+    let mut planned = Preparation::new(settings)?;
+    if let Some(report) = planned.faulty() {
+        let Source { format, notes, .. } = planned.source;
         return Ok(Prepared { source_format: format, notes, points: Vec::new(), report });
     }
-    make(begun, journal, notes, progress)
+    make(planned, journal, notes, progress)
 }
 
-/// Makes what was begun and has no fault.
 fn make(
-    begun: Begun,
+    planned: Preparation,
     journal: Option<Journal>,
     notes: Vec<String>,
     progress: &(dyn Fn(Progress) + Sync),
 ) -> Result<Prepared> {
-    let Begun { source, images, settings, photos, .. } = begun;
+    let Preparation { source, images, settings, photos, .. } = planned;
     let settings = &settings;
     triangulate::require(&images, &source, settings)?;
     flow::require(&images, settings)?;
@@ -244,7 +219,7 @@ fn make(
         None => Journal::open(settings)?,
     };
     let output = &settings.output;
-    if let Some(text) = announce::announced(&images, &source, settings) {
+    if let Some(text) = forecast::announced(&images, &source, settings) {
         progress(Progress { stage: "all", done: 0, total: 0, piece: &text });
     }
     images.make(Share::ALL, &journal, progress)?;
@@ -253,7 +228,7 @@ fn make(
         flow::make(&images, settings, Share::ALL, &journal, progress)?;
     }
     sound::carry(&images, settings, &journal)?;
-    let true_offsets = clocks::true_offsets(&source, &images);
+    let true_offsets = true_offsets(&source, &images);
     if !true_offsets.is_empty() {
         write_true_offsets(output, true_offsets)?;
     }
@@ -295,4 +270,37 @@ fn make(
     }
     let report = check_capture(output, &CaptureSettings::default());
     Ok(Prepared { source_format: source.format, notes, points, report })
+}
+
+/// By camera, the frames by which its pictures show a later time than their number says; the mean camera's are the zero of measured
+/// times. A camera whose clock is unknown at a chosen frame is left out.
+fn true_offsets(source: &Source, images: &Images) -> BTreeMap<String, f64> {
+    let select = images.select();
+    let every = f64::from(select.every);
+    match &source.clocks {
+        Clocks::Unknown => images.rests.clone(),
+        Clocks::Offsets(offsets) => {
+            let shifted = images.cameras.iter().filter_map(|camera| {
+                let shift = f64::from(camera.start) - f64::from(select.start);
+                Some((camera.name.clone(), (offsets.get(&camera.name)? + shift) / every))
+            });
+            shifted.collect()
+        }
+        Clocks::Times(times) => {
+            let known = images.cameras.iter().filter_map(|camera| {
+                let times = times.get(&camera.name)?;
+                let frames = (0..select.n).filter(|frame| camera.has(*frame));
+                let late = |frame: u32| {
+                    let time = times.get(camera.source_frame(frame, select.every)? as usize).copied().flatten()?;
+                    Some(time * images.fps - f64::from(frame))
+                };
+                let late: Vec<f64> = frames.map(late).collect::<Option<_>>()?;
+                Some((camera.name.clone(), late.iter().sum::<f64>() / late.len().max(1) as f64))
+            });
+            let mut offsets: BTreeMap<String, f64> = known.collect();
+            let mean = offsets.values().sum::<f64>() / offsets.len().max(1) as f64;
+            offsets.values_mut().for_each(|offset| *offset -= mean);
+            offsets
+        }
+    }
 }

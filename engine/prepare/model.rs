@@ -3,16 +3,13 @@
 use std::fmt::Write as _;
 use std::path::Path;
 
-use super::journal::make_folder;
 use crate::error::Result;
-use crate::files::write_atomic;
+use crate::files::{make_folder, write_atomic};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose, quaternion};
 use glam::{DVec2, DVec3};
 
-/// A camera of the model.
 pub(super) struct ModelCamera {
-    /// From 1.
     pub id: u32,
     pub lens: Lens,
     /// Name and pose of its images: one, or one for each frame of a moving camera.
@@ -104,7 +101,6 @@ pub(super) fn parameters(lens: &Lens) -> (&'static str, Vec<f64>) {
     (kind, [vec![fx, fy, cx, cy], more].concat())
 }
 
-/// Numbers as text.
 pub(super) fn joined(numbers: &[f64], between: &str) -> String {
     numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(between)
 }

@@ -1,33 +1,25 @@
-//! Photographs of what rests, taken at another time than the clip (`ivv prepare --static`): a capture of one frame inside the clip's,
-//! in its world.
-//!
-//! Where the source has no cameras, neither have the photographs: COLMAP places both together, so that a rig whose cameras share little
-//! is tied together by the photographs between them. Else they are a capture whose world is that of the source.
+//! Photographs of the static scene, taken at another time than the clip (`ivv prepare --static`): a capture of one frame inside the
+//! clip's. Without cameras, COLMAP places both together, so that photographs tie cameras together; else they share the source's world.
 
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
-use super::journal::make_folder;
 use super::pictures::{Photos, Pictures};
 use super::program::COLMAP;
 use super::settings::{PrepareSettings, Triangulate};
 use super::source::Source;
 use crate::error::{Error, Result};
-use crate::files::write_atomic;
+use crate::files::{make_folder, write_atomic};
 use crate::scene::capture::{CaptureSettings, Frames, PHOTOS, is_capture};
 
 /// Photographs that COLMAP places together with the cameras.
 pub(super) struct Together {
     /// Below the folder of all pictures, with its name, as COLMAP knows them.
     pub names: Vec<OsString>,
-    /// What is worth knowing of them.
     pub notes: Vec<String>,
 }
 
-/// Whether the photographs of the settings are what the source needs.
-///
-/// # Errors
-/// [`Error::Data`] that says what is needed.
+/// Refuses photographs that the source cannot use.
 pub(super) fn check(settings: &PrepareSettings, pictures: Option<&Pictures>) -> Result<()> {
     let Some(photos) = &settings.photos else { return Ok(()) };
     let bad = |reason: &str, remedy: &str| Err(Error::data(photos, "--static", reason, remedy));
@@ -52,9 +44,6 @@ pub(super) fn check(settings: &PrepareSettings, pictures: Option<&Pictures>) -> 
 
 impl Together {
     /// Takes the photographs over to where COLMAP finds them, below `images`; none where the settings have none.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when a file cannot be read or written.
     pub fn take(settings: &PrepareSettings, images: &Path) -> Result<Together> {
         let Some(Pictures::Photos(from)) = settings.photos.as_deref().and_then(Pictures::at) else {
             return Ok(Together { names: Vec::new(), notes: Vec::new() });
@@ -68,16 +57,11 @@ impl Together {
         })
     }
 
-    /// Whether an image of COLMAP's model is one of them.
     pub fn has(&self, name: &Path) -> bool {
         self.names.iter().any(|own| Path::new(own) == name)
     }
 
-    /// Splits `model`, in which COLMAP placed the `cameras` and these, into one of the cameras and one of the photographs, which come to
-    /// folders beside it. The model itself where there are no photographs.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when COLMAP fails or a file cannot be written.
+    /// Splits `model` into one of the `cameras` and one of the photographs, in folders beside it; the model itself without photographs.
     pub fn split(&self, model: &Path, cameras: &[OsString], about: &Path) -> Result<(PathBuf, Option<PathBuf>)> {
         if self.names.is_empty() {
             return Ok((model.to_owned(), None));

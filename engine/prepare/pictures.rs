@@ -5,20 +5,18 @@ use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
+use image::{DynamicImage, ExtendedColorType};
 
 use super::foreign::{Kind, counts, decode_image, is_deep, kind, read_size, readable, remedy};
 use super::images::take_over;
-use super::journal::{cannot_list, make_folder};
 use super::program::{FFMPEG, FFPROBE};
+use super::settings::ImageFormat;
 use super::source::footage::{has_video, is_video};
-use super::source::others::poses;
 use crate::error::{Error, Result};
-use crate::files::write_atomic;
+use crate::files::{cannot_list, make_folder};
 use crate::parallel::in_parallel;
-use crate::scene::capture::is_image;
+use crate::scene::capture::{is_image, unread_poses};
 
-/// Pictures without cameras.
 pub(super) enum Pictures {
     /// A folder of photos of something that stands still.
     Photos(PathBuf),
@@ -29,7 +27,7 @@ pub(super) enum Pictures {
 }
 
 impl Pictures {
-    /// What a path without any calibration holds; nothing where it is neither photos nor videos.
+    /// The pictures of a path without calibration; nothing where it holds neither photos nor videos.
     pub fn at(path: &Path) -> Option<Pictures> {
         if is_video(path) {
             return Some(Pictures::Video(path.to_owned()));
@@ -44,7 +42,6 @@ impl Pictures {
         [path.to_owned(), path.join("images")].into_iter().find(|folder| holds_photos(folder)).map(Pictures::Photos)
     }
 
-    /// For messages.
     pub fn name(&self) -> &'static str {
         match self {
             Pictures::Photos(_) => "photos",
@@ -53,12 +50,9 @@ impl Pictures {
         }
     }
 
-    /// What is worth knowing of the pictures of `source` before any is placed.
-    ///
-    /// # Errors
-    /// As [`Photos::of`].
+    /// Notes about the pictures of `source` before any is placed.
     pub fn notes(&self, source: &Path) -> Result<Vec<String>> {
-        let mut notes = Vec::from_iter(poses(source));
+        let mut notes = unread_poses(source);
         if let Pictures::Photos(folder) = self {
             notes.extend(Photos::of(folder)?.notes());
         }
@@ -73,7 +67,6 @@ pub(super) fn images(folder: &Path) -> Result<Vec<OsString>> {
     Ok(files.iter().filter_map(|file| file.file_name().map(OsStr::to_owned)).collect())
 }
 
-/// The files of a folder, sorted by name.
 fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
     let files = fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?.flatten();
     let mut files: Vec<PathBuf> = files.map(|file| file.path()).filter(|file| file.is_file()).collect();
@@ -81,22 +74,18 @@ fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
     Ok(files)
 }
 
-/// The photos of a folder.
 pub(super) struct Photos {
     folder: PathBuf,
-    /// Those that are read, sorted by name.
     pub files: Vec<PathBuf>,
     /// Those that cannot be read, and that have no other form.
     pub unread: Vec<PathBuf>,
     /// By what name COLMAP knows each.
     pub names: Vec<OsString>,
-    /// Whether COLMAP could not read some of them, or their names, as they are: then it is given copies of all.
+    /// True if COLMAP could not read some of them, or their names, as they are: then it is given copies of all.
     pub are_copied: bool,
 }
 
 impl Photos {
-    /// # Errors
-    /// [`Error::Data`] when the folder cannot be listed, or ffmpeg is needed and missing.
     pub fn of(folder: &Path) -> Result<Photos> {
         let mut all = listed(folder)?;
         all.retain(|file| kind(file) != Kind::Other);
@@ -126,10 +115,7 @@ impl Photos {
         Ok(Photos { folder: folder.to_owned(), files, unread, names, are_copied })
     }
 
-    /// Whether they are `least` or more.
-    ///
-    /// # Errors
-    /// [`Error::Data`] that says which are there.
+    /// True if they are `least` or more.
     pub fn require(&self, least: usize) -> Result<()> {
         if self.files.len() >= least {
             return Ok(());
@@ -142,7 +128,6 @@ impl Photos {
         bad(reason, "give more pictures that overlap".to_owned())
     }
 
-    /// What is worth knowing.
     pub fn notes(&self) -> Vec<String> {
         let unread = (!self.unread.is_empty()).then(|| {
             format!(
@@ -159,9 +144,6 @@ impl Photos {
     }
 
     /// Copies them to a folder where COLMAP can read all of them.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when a file cannot be read or written.
     pub fn copy(&self, to: &Path, threads: usize, tell: &(dyn Fn(usize, &str) + Sync)) -> Result<()> {
         make_folder(to)?;
         let one = |index: usize| {
@@ -189,10 +171,10 @@ fn write_png(image: &DynamicImage, to: &Path) -> Result<()> {
     } else {
         (image.to_rgb8().into_raw(), ExtendedColorType::Rgb8)
     };
-    write_atomic(to, |to| PngEncoder::new(to).write_image(&bytes, width, height, kind).map_err(std::io::Error::other))
+    ImageFormat::Png.write(to, &bytes, (width, height), kind)
 }
 
-/// Whether COLMAP's lists of names, which have a line for each, can hold a file's name.
+/// True if COLMAP's lists of names, which have a line for each, can hold a file's name.
 fn is_plain(file: &Path) -> bool {
     file.file_name().and_then(OsStr::to_str).is_some_and(|name| name == name.trim() && !name.contains(char::is_control))
 }

@@ -11,18 +11,15 @@ use std::time::{Duration, Instant};
 
 use crate::error::{Error, Result};
 
-/// A program that sleeps for so long and computes nothing never wakes: the threads of COLMAP 3.8 at times wait for each other
-/// when all is done (its queue tells its end without a lock).
+/// A program that sleeps for so long never wakes: the threads of COLMAP 3.8 at times wait for each other when all is done.
 const PATIENCE: Duration = Duration::from_secs(30);
 /// How often such a program is run. What it had done it finds, and does not do again.
 const ATTEMPTS: usize = 3;
 
-/// A program and what to install when it is missing.
 #[derive(Clone, Copy)]
 pub(super) struct Program {
     pub name: &'static str,
     pub install: &'static str,
-    /// What to do when it fails.
     pub failure: &'static str,
 }
 
@@ -39,21 +36,16 @@ pub(super) const COLMAP: Program = Program {
               --threads (each takes memory), or install another version of COLMAP",
 };
 
-/// All that comes from a pipe until it closes.
-type Heard = JoinHandle<std::io::Result<Vec<u8>>>;
+type OutputReader = JoinHandle<std::io::Result<Vec<u8>>>;
 
-/// A running program whose standard error is read.
 pub(super) struct Running {
     pub child: Child,
     program: Program,
-    said: Option<Heard>,
+    said: Option<OutputReader>,
 }
 
 impl Program {
-    /// Looks for the program on the path, before anything is begun that needs it.
-    ///
-    /// # Errors
-    /// [`Error::Data`] that names the program and what to install.
+    /// Looks for the program on the path, before anything is planned that needs it.
     pub fn require(self, about: &Path) -> Result<()> {
         let folders = std::env::var_os("PATH").unwrap_or_default();
         let name = format!("{}{}", self.name, std::env::consts::EXE_SUFFIX);
@@ -151,7 +143,6 @@ impl Program {
         (output, Err(self.failed(about, status, last)))
     }
 
-    /// The error of a program that ended badly.
     pub fn failed(self, about: &Path, status: ExitStatus, last: Option<String>) -> Error {
         let last = last.map_or_else(String::new, |line| format!(": {line}"));
         let reason = format!("{} failed ({status}){last}", self.name);
@@ -168,8 +159,7 @@ impl Running {
         Ok((status, String::from_utf8_lossy(&said).into_owned()))
     }
 
-    /// Waits for the end, or until the program has slept for longer than it may.
-    /// `meanwhile` is called again and again.
+    /// Waits for the end, calling `meanwhile`, or until the program has slept for longer than it may.
     fn is_done(&mut self, about: &Path, meanwhile: &mut dyn FnMut()) -> Result<bool> {
         let (mut pause, mut computed, mut since) = (Duration::from_millis(1), None, Instant::now());
         loop {
@@ -203,15 +193,14 @@ impl Drop for Running {
     }
 }
 
-fn listen(mut pipe: impl Read + Send + 'static) -> Heard {
+fn listen(mut pipe: impl Read + Send + 'static) -> OutputReader {
     std::thread::spawn(move || {
         let mut heard = Vec::new();
         pipe.read_to_end(&mut heard).map(|_| heard)
     })
 }
 
-/// As [`listen`], and sends each line as it comes.
-fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> Heard {
+fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> OutputReader {
     std::thread::spawn(move || {
         let (mut heard, mut pipe) = (Vec::new(), BufReader::new(pipe));
         loop {
@@ -225,8 +214,7 @@ fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) 
     })
 }
 
-/// Clock ticks that a process has computed, in all its threads, if it sleeps: does not compute now and waits for no disk.
-/// Nothing where the system has no `/proc`.
+/// Clock ticks that all threads of a sleeping process have computed; nothing while it works, or without `/proc`.
 fn ticks_of_sleeper(id: u32) -> Option<u64> {
     let stat = fs::read_to_string(format!("/proc/{id}/stat")).ok()?;
     // After the name, which is in brackets and may hold anything: the state, and ten fields later the two times.

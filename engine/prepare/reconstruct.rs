@@ -1,6 +1,4 @@
-//! Cameras for pictures that have none: COLMAP finds features, matches them and places the pictures, on the CPU.
-//!
-//! The result is a plain COLMAP project in `reconstruction/` of the output; from there on it is prepared as any other.
+//! Cameras for pictures that have none: COLMAP places them, on the CPU, as a plain project in `reconstruction/` of the output.
 
 use std::cell::Cell;
 use std::collections::HashSet;
@@ -12,8 +10,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use serde_json::json;
 
 use super::colmap::{self, Arguments};
-use super::frames::take;
-use super::journal::{Journal, cannot_list, make_folder, stamps};
+use super::database;
+use super::journal::{Journal, stamps};
 use super::photos::Together;
 use super::pictures::{Photos, Pictures, images};
 use super::program::{COLMAP, FFMPEG, FFPROBE};
@@ -22,14 +20,13 @@ use super::source::Footage;
 use super::source::footage::{find, video_names};
 use super::timeline::Timeline;
 use super::track::Track;
-use super::unplaced;
 use super::video::{self, Video};
 use crate::error::{Error, Result};
-use crate::files::write_atomic;
+use crate::files::{cannot_list, make_folder, write_atomic};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{Faults, Frames, PHOTOS, read_images};
 use crate::video::chapters;
-use crate::words::count;
+use crate::words::{count, listed};
 
 /// Most pictures that are taken of a single video, evenly chosen.
 const OF_VIDEO: u32 = 120;
@@ -44,7 +41,6 @@ const NOTHING_PLACED: &str = "failed to create sparse model";
 /// Pictures of a block of pairs; progress is reported after each block.
 const BLOCK: usize = 10;
 
-/// The programs that will be needed.
 pub(super) fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result<()> {
     match pictures {
         Pictures::Photos(folder) => Photos::of(folder)?.require(LEAST_PLACED)?,
@@ -53,7 +49,7 @@ pub(super) fn require(settings: &PrepareSettings, pictures: &Pictures) -> Result
     COLMAP.require(&settings.source)
 }
 
-/// Whether COLMAP has placed the pictures that `output` is made from: the file of a model that is written last is there.
+/// True if COLMAP has placed the pictures: the model's last file is there.
 pub(super) fn is_placed(output: &Path) -> bool {
     is_whole(&output.join("reconstruction/sparse/0"))
 }
@@ -63,7 +59,7 @@ fn is_whole(model: &Path) -> bool {
     ["images.bin", "points3D.txt"].iter().any(|file| model.join(file).is_file())
 }
 
-/// Whether cameras that move can be followed in what the source holds.
+/// Refuses `--moving` for sources other than folders of videos.
 pub(super) fn check_moving(settings: &PrepareSettings, pictures: Option<&Pictures>) -> Result<()> {
     if settings.moving.is_none() {
         return Ok(());
@@ -133,7 +129,7 @@ pub(super) fn make(
     let mut notes = before;
     notes.extend(work.notes(&names)?);
     if let (Some(step), Pictures::Videos(folder)) = (settings.moving, pictures) {
-        let track = Track::new(settings, (folder, &model, &work.project), step, progress)?;
+        let track = Track::new(settings, folder, &model, &work.project, step, progress)?;
         if !is_placed(&settings.output) {
             track.make(&model, &work.project.join("sparse/0"))?;
         }
@@ -154,7 +150,6 @@ pub(super) fn make(
     Ok((derived, notes))
 }
 
-/// The names and paths of the videos of a folder.
 pub(super) fn videos(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
     video_names(folder).into_iter().filter_map(move |name| match find(folder, &name) {
         Some(Footage::Video(path)) => Some((name, path)),
@@ -162,7 +157,6 @@ pub(super) fn videos(folder: &Path) -> impl Iterator<Item = (String, PathBuf)> {
     })
 }
 
-/// The pictures that are placed, or the videos that they are taken of.
 fn files(pictures: &Pictures) -> Result<Vec<PathBuf>> {
     Ok(match pictures {
         Pictures::Photos(folder) => Photos::of(folder)?.files,
@@ -171,8 +165,7 @@ fn files(pictures: &Pictures) -> Result<Vec<PathBuf>> {
     })
 }
 
-/// Which pictures of a video are placed: those of the frames that are asked for, or evenly chosen ones among them where none is to be left
-/// out. Frames are its pictures, or what `--fps` makes of them.
+/// The pictures of a video to place: the frames that are asked for, or evenly chosen ones where none is to be left out.
 pub(super) fn of_video(settings: &PrepareSettings, video: &Video) -> Vec<usize> {
     let timeline = settings.fps.and_then(|_| Timeline::new([("", video)], settings));
     let n_frames = timeline.as_ref().and_then(|timeline| timeline.n("")).unwrap_or(video.n_frames());
@@ -192,7 +185,6 @@ struct Reconstruction<'a> {
     settings: &'a PrepareSettings,
     pictures: &'a Pictures,
     project: PathBuf,
-    /// Where COLMAP finds the pictures.
     images: PathBuf,
     together: Together,
     progress: &'a (dyn Fn(Progress) + Sync),
@@ -208,7 +200,6 @@ impl Reconstruction<'_> {
         self.project.join(if self.settings.moving.is_some() { "first" } else { "sparse/0" })
     }
 
-    /// Frames of videos as pictures.
     fn take_pictures(&self) -> Result<()> {
         match self.pictures {
             Pictures::Photos(folder) => {
@@ -225,7 +216,7 @@ impl Reconstruction<'_> {
             Pictures::Video(path) => {
                 let video = video::probe(path)?;
                 let pictures = of_video(self.settings, &video);
-                self.take((path, &video), &pictures, |place| format!("{place:05}.jpg"))
+                self.take(&video, &pictures, |place| format!("{place:05}.jpg"))
             }
             Pictures::Videos(folder) => {
                 let (names, paths): (Vec<String>, Vec<PathBuf>) = videos(folder).unzip();
@@ -233,22 +224,21 @@ impl Reconstruction<'_> {
                 let probed = in_parallel(paths.len(), self.settings.threads, probe, |_| {})?;
                 let named = names.iter().map(String::as_str).zip(&probed);
                 let Some(timeline) = Timeline::new(named.clone(), self.settings) else { return Ok(()) };
-                for ((name, video), path) in named.zip(&paths) {
+                for (name, video) in named {
                     // The frame may be lost: cameras stand still, and the next will do.
                     let picture = timeline.nearest(name, video, self.settings.frames.from);
-                    self.take((path, video), picture.as_slice(), |_| format!("{name}.jpg"))?;
+                    self.take(video, picture.as_slice(), |_| format!("{name}.jpg"))?;
                 }
                 Ok(())
             }
         }
     }
 
-    fn take(&self, video: (&Path, &Video), pictures: &[usize], name: impl Fn(u32) -> String) -> Result<()> {
+    fn take(&self, video: &Video, pictures: &[usize], name: impl Fn(u32) -> String) -> Result<()> {
         make_folder(&self.images)?;
-        take(&self.images, video, pictures, self.settings.threads, name, self.progress)
+        video::write_pictures(&self.images, video, pictures, self.settings.threads, name, self.progress)
     }
 
-    /// Features, matches, places.
     fn place(&self, names: &[OsString]) -> Result<()> {
         let n = names.len() + self.together.names.len();
         let (database, models) = (self.project.join("database.db"), self.project.join("models"));
@@ -341,15 +331,13 @@ impl Reconstruction<'_> {
     }
 
     fn unplaced(&self) -> Error {
-        unplaced::error(&self.settings.source, self.pictures, &self.project.join("database.db"))
+        database::unplaced(&self.settings.source, self.pictures, &self.project.join("database.db"))
     }
 
-    /// The project of the photographs.
     fn of_photos(&self) -> PathBuf {
         self.project.join(PHOTOS)
     }
 
-    /// Which pictures were placed.
     fn notes(&self, names: &[OsString]) -> Result<Vec<String>> {
         let mut faults = Faults::default();
         let model = read_images(&self.model(), &mut faults);
@@ -362,11 +350,10 @@ impl Reconstruction<'_> {
             let n = read_images(&self.of_photos().join("sparse/0"), &mut Faults::default()).images.len();
             notes.push(format!("and {n} of {} photographs of the place", self.together.names.len()));
         }
-        let left_out: Vec<_> = names.iter().filter(|name| !placed.contains(name.as_os_str())).collect();
+        let left_out = names.iter().filter(|name| !placed.contains(name.as_os_str()));
+        let left_out: Vec<_> = left_out.map(|name| name.to_string_lossy()).collect();
         if !left_out.is_empty() {
-            let some: Vec<_> = left_out.iter().take(5).map(|name| name.to_string_lossy()).collect();
-            let more = if left_out.len() > some.len() { ", ..." } else { "" };
-            notes.push(format!("left out, since too little of them is in others: {}{more}", some.join(", ")));
+            notes.push(format!("left out, since too little of them is in others: {}", listed(&left_out)));
         }
         Ok(notes)
     }

@@ -1,16 +1,18 @@
-//! What is prepared, and how; and how far it is.
+//! Settings of a preparation, and its progress.
 
 use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
+use image::{ExtendedColorType, ImageEncoder};
 use serde_json::{Value, json};
 
 use crate::error::{Error, Result};
+use crate::files::write_atomic;
 use crate::scene::capture::{CaptureSettings, Frames, RATES};
 
-/// Of images that are made as JPEG.
-pub(super) const JPEG_QUALITY: u8 = 95;
+const JPEG_QUALITY: u8 = 95;
 
 /// The format of images that are made here; images that need no change are taken over as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -27,6 +29,19 @@ impl ImageFormat {
             ImageFormat::Png => "png",
             ImageFormat::Jpeg => "jpg",
         }
+    }
+
+    pub(super) fn write(self, path: &Path, pixels: &[u8], size: (u32, u32), kind: ExtendedColorType) -> Result<()> {
+        let (width, height) = size;
+        write_atomic(path, |to| {
+            let written = match self {
+                ImageFormat::Png => PngEncoder::new(to).write_image(pixels, width, height, kind),
+                ImageFormat::Jpeg => {
+                    JpegEncoder::new_with_quality(to, JPEG_QUALITY).write_image(pixels, width, height, kind)
+                }
+            };
+            written.map_err(std::io::Error::other)
+        })
     }
 }
 
@@ -53,7 +68,7 @@ pub enum ShiftBy {
     Sound,
 }
 
-/// What others made, one after the other: each needs all of what comes before it.
+/// Stages, each of which needs all of those before it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
@@ -80,13 +95,12 @@ impl Share {
     /// All of them.
     pub const ALL: Share = Share { part: 0, of: 1 };
 
-    /// Whether the piece with this number is among them.
     pub(super) fn has(self, piece: usize) -> bool {
         piece % self.of.max(1) as usize == self.part as usize
     }
 }
 
-/// What is prepared, and how.
+/// Settings of a preparation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrepareSettings {
     /// Folder of the recordings and their calibration.
@@ -97,16 +111,14 @@ pub struct PrepareSettings {
     pub footage: Option<PathBuf>,
     /// The frames of the source that are taken.
     pub frames: Frames,
-    /// By name, frames of the clip (before any are left out) by which it begins later in a camera's footage, or earlier where negative:
-    /// for cameras that did not begin to record at one time. Parts of frames choose the nearest picture. The source's points of single
-    /// frames lie at other times then, and are not kept.
+    /// By camera, frames of the clip (before any are left out) by which it begins later in the footage, or earlier where negative; parts
+    /// of frames choose the nearest picture. The source's points of single frames are dropped then.
     pub shifts: BTreeMap<String, f64>,
     /// Where the shifts come from.
     pub shift_by: ShiftBy,
     /// Frames per second of the clip, which videos are paired by. `None`: the lowest of theirs.
     pub fps: Option<f64>,
-    /// The cameras of a folder of videos move, as one: those of every n-th frame and the last are placed, and what lies between is
-    /// interpolated. `None`: they stand still. Sources of other kinds are refused with this.
+    /// The cameras of a folder of videos move, as one: every n-th frame and the last are placed, and poses between are interpolated.
     pub moving: Option<u32>,
     /// Size of the images relative to the source's, in (0, 1].
     pub scale: f64,
@@ -114,17 +126,13 @@ pub struct PrepareSettings {
     pub format: ImageFormat,
     /// `None`: every frame, unless the source has points.
     pub triangulate: Option<Triangulate>,
-    /// Photographs of what rests, taken at another time: without cameras where the source has none, else a capture in the source's
-    /// world.
+    /// Photographs of the static scene: without cameras where the source has none, else a capture in the source's world.
     pub photos: Option<PathBuf>,
-    /// A folder of masks: one for each frame in a folder of each camera's name, or of photographs one of each's name. What is bright
-    /// in them counts.
+    /// A folder of masks, bright where pixels count: one for each frame in a folder of each camera's name, or for each photograph.
     pub masks: Option<PathBuf>,
     /// Estimates optical flow with OpenCV's DIS.
     pub flow: bool,
-    /// How a source is read that is a capture; of every source the test cameras (those that it declares where there are
-    /// none) and the frames per second of image sequences, which do not say. `frames` is [`PrepareSettings::frames`]
-    /// here.
+    /// Settings of a source that is a capture; of every source its test cameras, and the rate of image sequences. Its `frames` are not used.
     pub capture: CaptureSettings,
     /// Replaces what other settings made, and files of a capture that was not made here.
     pub force: bool,
@@ -156,7 +164,6 @@ impl PrepareSettings {
         }
     }
 
-    /// See [`PrepareSettings::shifts`].
     pub(super) fn shift(&self, camera: &str) -> f64 {
         self.shifts.get(camera).copied().unwrap_or(0.0)
     }
@@ -200,7 +207,7 @@ impl PrepareSettings {
         }
     }
 
-    /// What is read and lies in the output, where it would be removed or overwritten.
+    /// An input that lies in the output, where it would be removed or overwritten.
     fn inside(&self) -> Option<&'static str> {
         let absolute = |path: &Path| fs::canonicalize(path).or_else(|_| std::path::absolute(path)).unwrap_or_default();
         let output = absolute(&self.output);

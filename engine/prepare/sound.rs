@@ -1,19 +1,20 @@
 //! Sound and keypoints that lie beside a source's pictures.
 
-use std::path::Path;
+use std::fs;
+use std::path::{Path, PathBuf};
 
 use serde_json::Value;
 
-use super::images::{Camera, Images, keypoints, sounds, take_over};
-use super::journal::{Journal, SOUND, make_folder, stamps};
+use super::images::{Camera, Images, take_over};
+use super::journal::{Journal, SOUND, stamps};
 use super::settings::PrepareSettings;
 use super::video::Selection;
 use crate::error::{Error, Result};
-use crate::files::{read_file, write_atomic};
+use crate::files::{cannot_list, make_folder, read_file, write_atomic};
 use crate::scene::undistort::Undistortion;
 
-/// Writes the sound of the videos. Takes over `audio/*.wav` and `keypoints/<camera>.json` of a source from whose first frame on all is
-/// taken, but for those of cameras of which later frames are taken. Keypoints are undistorted with their pictures.
+/// Writes the sound of the videos, and takes over `audio/*.wav` and `keypoints/<camera>.json` of a source that is taken from its first
+/// frame on. Keypoints are undistorted with their pictures.
 #[tracing::instrument(level = "info", name = "sound", skip_all)]
 pub(super) fn carry(images: &Images, settings: &PrepareSettings, journal: &Journal) -> Result<()> {
     let Selection { start, every, n } = images.select();
@@ -40,8 +41,29 @@ pub(super) fn carry(images: &Images, settings: &PrepareSettings, journal: &Journ
     Ok(())
 }
 
-/// The detections of the chosen frames, `{"frame_id", "instances": [{"keypoints": [[x, y], ..], "keypoint_scores", "bbox"}]}`;
-/// a point that no pinhole shows gets the score 0.
+/// The sound of a source of which the frames from `start` on are taken.
+fn sounds(source: &Path, cameras: &[Camera], start: u32) -> Result<Vec<PathBuf>> {
+    let audio = source.join("audio");
+    if start != 0 || !audio.is_dir() {
+        return Ok(Vec::new());
+    }
+    let is_taken = |path: &PathBuf| {
+        let is_of = |camera: &Camera| path.file_stem().is_some_and(|stem| stem == camera.name.as_str());
+        let is_shifted = cameras.iter().any(|camera| camera.start != 0 && is_of(camera));
+        path.extension().is_some_and(|ending| ending == "wav") && !is_shifted
+    };
+    let entries = fs::read_dir(&audio).map_err(|fault| cannot_list(&audio, &fault))?.flatten();
+    let mut files: Vec<PathBuf> = entries.map(|entry| entry.path()).filter(is_taken).collect();
+    files.sort();
+    Ok(files)
+}
+
+fn keypoints(source: &Path, camera: &Camera) -> Option<PathBuf> {
+    let path = source.join(format!("keypoints/{}.json", camera.name));
+    (camera.start == 0 && path.is_file()).then_some(path)
+}
+
+/// The detections of the chosen frames; a point that no pinhole shows gets the score 0.
 fn moved(path: &Path, camera: &Camera, every: u32, n: u32) -> Result<Value> {
     let fault = |reason: String| Error::data(path, "", reason, "give the list of detections of each frame");
     let bytes = read_file(path).map_err(|fault_of| fault(format!("cannot be read: {fault_of}")))?;

@@ -6,30 +6,27 @@ use super::settings::PrepareSettings;
 use super::video::{RATE_TOLERANCE, Video};
 use crate::report::statistics::median;
 
-/// What rounding of times in containers may add to half a frame, seconds.
+/// The rounding of times in containers, beyond half a frame, seconds.
 const ROUNDED: f64 = 1e-3;
 /// Pictures that tell where a video's frames are between those of the clip.
 const ASKED: usize = 101;
 
-/// The frames of a clip in the time of each video.
 pub(super) struct Timeline {
     /// Frames per second, before any are left out.
     pub fps: f64,
     clips: BTreeMap<String, Clip>,
 }
 
-/// A video's part in a clip.
 struct Clip {
     /// When frame 0 is, seconds of the file's clock.
     begins: f64,
     /// As `begins`, moved to the nearest picture where the video has the clip's rate: then no picture lies between two frames.
     snapped: f64,
-    /// Frames until its last picture.
     n: u32,
 }
 
 impl Timeline {
-    /// The rate is the lowest of the videos, unless the settings have one; frame 0 is when the last camera has begun, later by its shift.
+    /// The rate is the lowest of the videos, unless the settings have one; frame 0 is when the last camera has planned, later by its shift.
     pub fn new<'a>(
         videos: impl IntoIterator<Item = (&'a str, &'a Video)>,
         settings: &PrepareSettings,
@@ -62,8 +59,7 @@ impl Timeline {
         self.clips.get(name).map_or(0.0, |clip| clip.begins + f64::from(frame) / self.fps)
     }
 
-    /// The number that a frame has among those that a video would have at the clip's rate from its first picture on; below 0 where that
-    /// comes later.
+    /// The number of a frame in a video of the clip's rate from its first picture on; below 0 before that.
     pub fn index(&self, name: &str, video: &Video, frame: u32) -> Option<i64> {
         Some(((self.snapped(name, frame)? - video.times[0]) * self.fps).round() as i64)
     }
@@ -85,7 +81,7 @@ impl Timeline {
     }
 
     /// How much later than its frame a picture is, frames.
-    pub fn rest(&self, name: &str, video: &Video, (frame, picture): (u32, usize)) -> f64 {
+    pub fn rest(&self, name: &str, video: &Video, frame: u32, picture: usize) -> f64 {
         (video.times[picture] - self.time(name, frame)) * self.fps
     }
 
@@ -94,7 +90,6 @@ impl Timeline {
     }
 }
 
-/// Whether two rates are one, but for rounding.
 pub(super) fn is_same(a: f64, b: f64) -> bool {
     (a / b - 1.0).abs() < RATE_TOLERANCE
 }

@@ -11,15 +11,15 @@ use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
 use super::colmap::{Colmap, Matched, OFF, ON};
-use super::images::{Camera, Images};
-use super::journal::{Journal, make_folder, stamps};
+use super::images::{Camera, Images, take_over};
+use super::journal::{Journal, stamps};
 use super::model::{self, ModelCamera, ModelPoint};
 use super::program::COLMAP;
 use super::settings::{PrepareSettings, Progress, Share, Triangulate};
 use super::source::Source;
 use super::video::Selection;
 use crate::error::{Error, Result};
-use crate::files::{read_file, read_text};
+use crate::files::{make_folder, read_file, read_text};
 use crate::parallel::in_parallel;
 use crate::scene::capture::{FramePoints, tracks};
 use crate::scene::undistort::Lens;
@@ -27,7 +27,6 @@ use crate::scene::{Pose, SeenPoint, write_points};
 
 /// The frame of `sparse/0/points3D.txt`.
 const REFERENCE: u32 = 0;
-/// Cameras that are matched with each other.
 const MATCHED: Matched = Matched { all: 40, neighbours: 20 };
 /// Frames whose features one process of COLMAP finds, lens by lens: its start takes as long as those of a small picture.
 const FRAMES_AT_ONCE: usize = 8;
@@ -115,14 +114,12 @@ pub(super) fn make(
     frames.into_iter().step_by(every as usize).map(|frame| Ok((frame, n_points(&file(frame))?))).collect()
 }
 
-/// The frame of the source that a frame of the capture is.
 fn source_frame(images: &Images, frame: u32) -> u32 {
     let Selection { start, every, .. } = images.select();
     start + frame * every
 }
 
-/// The points of the source that are not of single frames, for the journal: each format has them in another file. Where none of
-/// them is taken, how many there are.
+/// The source's points of no single frame, for the journal: a digest, or their number where none is taken.
 fn digest(source: &Source, what: Triangulate) -> Value {
     if what != Triangulate::None || source.points.is_empty() {
         return json!(source.points.len());
@@ -136,7 +133,7 @@ fn digest(source: &Source, what: Triangulate) -> Value {
     json!([source.points.len(), format!("{:x}", hash.finalize())])
 }
 
-/// Of which frames points are triangulated, and whether the source's are kept.
+/// The frames whose points are triangulated, and whether the source's are kept.
 pub(super) fn asked(source: &Source, settings: &PrepareSettings) -> (Triangulate, bool) {
     let has_points = source.frame_points.is_some() || !source.points.is_empty();
     // A camera that is shifted shows other times than those of the points.
@@ -153,15 +150,11 @@ pub(super) fn of_frames(what: Triangulate, n: usize) -> usize {
     }
 }
 
-/// Pairs of cameras that are matched in a frame.
 pub(super) fn n_pairs(cameras: usize) -> usize {
     MATCHED.count(cameras)
 }
 
-/// What COLMAP will need, unless all points that are asked for are there from an earlier run: itself, and two cameras.
-///
-/// # Errors
-/// [`Error::Data`] that says what is missing.
+/// Refuses what COLMAP cannot triangulate, unless all points are there from an earlier run.
 pub(super) fn require(images: &Images, source: &Source, settings: &PrepareSettings) -> Result<()> {
     let points = |frame: u32| images.output.join(format!("points/{frame:05}.ply")).is_file();
     let has_points = match asked(source, settings).0 {
@@ -179,7 +172,6 @@ pub(super) fn require(images: &Images, source: &Source, settings: &PrepareSettin
     COLMAP.require(&settings.source)
 }
 
-/// The number in the header of a file of points.
 fn n_points(path: &Path) -> Result<usize> {
     let fault = || Error::data(path, "", "is no file of points", "remove it and prepare again");
     let bytes = read_file(path).map_err(|_| fault())?;
@@ -193,12 +185,11 @@ struct Triangulation<'a> {
     /// Everything that COLMAP needs and nobody else.
     work: PathBuf,
     threads: usize,
-    /// Whether COLMAP finds and matches features on a GPU.
+    /// True if COLMAP finds and matches features on a GPU.
     on_gpu: bool,
 }
 
 impl Triangulation<'_> {
-    /// The id of a camera in COLMAP's files.
     fn id(index: usize) -> u32 {
         index as u32 + 1
     }
@@ -289,7 +280,9 @@ impl Triangulation<'_> {
             make_folder(&folder.join(format!("{index:03}")))?;
             for frame in frames.iter().filter(|frame| camera.has(**frame)) {
                 let from = self.images.output.join("images").join(self.images.image_name(camera, *frame));
-                lend(&from, &folder.join(self.name(*index, *frame)))?;
+                let to = folder.join(self.name(*index, *frame));
+                // No copy where the file system can do without.
+                fs::hard_link(&from, &to).or_else(|_| take_over(&from, &to))?;
             }
         }
         let colmap = Colmap {
@@ -310,7 +303,7 @@ impl Triangulation<'_> {
             _ => self.triangulated(&colmap, models, &work.join(frame.to_string())),
         });
         let found = found.collect();
-        // What stays is removed with the whole folder at the end.
+        // The whole folder is removed at the end.
         let _ = fs::remove_dir_all(&work);
         found
     }
@@ -339,18 +332,6 @@ impl Triangulation<'_> {
         fs::remove_dir_all(&self.work)
             .map_err(|fault| Error::data(&self.work, "", format!("cannot be removed: {fault}"), "remove it by hand"))
     }
-}
-
-/// Puts a picture where COLMAP finds it by a name of ours, without a copy where the file system can.
-fn lend(from: &Path, to: &Path) -> Result<()> {
-    fs::hard_link(from, to).or_else(|_| fs::copy(from, to).map(|_| ())).map_err(|fault| {
-        Error::data(
-            from,
-            "",
-            format!("cannot be copied to {}: {fault}", to.display()),
-            "check permissions and free space",
-        )
-    })
 }
 
 /// Matches every pair of images of each frame, or of many cameras those that are likely to see the same.
@@ -387,14 +368,13 @@ fn by_lens(models: &[ModelCamera]) -> Vec<(Lens, Vec<&str>)> {
     groups
 }
 
-/// Whether COLMAP can find and match features on a GPU: it was built with CUDA, and the machine has a GPU of NVIDIA.
+/// True if COLMAP can find and match features on a GPU: it was built with CUDA, and the machine has a GPU of NVIDIA.
 fn on_gpu() -> bool {
     let has_gpu = || fs::read_dir("/proc/driver/nvidia/gpus").is_ok_and(|mut gpus| gpus.next().is_some());
     has_gpu()
         && COLMAP.run(["help"], Path::new("COLMAP")).is_ok_and(|said| is_with_cuda(&String::from_utf8_lossy(&said)))
 }
 
-/// What COLMAP's help says of how it was built.
 fn is_with_cuda(said: &str) -> bool {
     said.contains("with CUDA")
 }

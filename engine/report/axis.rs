@@ -12,8 +12,6 @@ pub struct Axis {
     span: [f64; 2],
     /// Values and what is written beside them.
     ticks: Vec<(f64, String)>,
-    /// Whether lines go through the plot at its ticks.
-    pub(super) has_grid: bool,
 }
 
 impl Axis {
@@ -41,7 +39,7 @@ impl Axis {
         let span = padded(values.into_iter().map(logarithm), least.ln());
         let shown = ticks.iter().filter(|tick| (span[0]..=span[1]).contains(&logarithm(**tick)));
         let ticks = shown.map(|tick| (*tick, tick.to_string())).collect();
-        Axis { label: label.to_owned(), is_log: true, span, ticks, has_grid: true }
+        Axis { label: label.to_owned(), is_log: true, span, ticks }
     }
 
     /// A logarithmic axis from a power of ten to a power of ten with `values` between, each power written by `text`.
@@ -51,20 +49,7 @@ impl Axis {
         let high = (high.ceil() as i32).max(low + 1);
         let power = |exponent: i32| 10f64.powi(exponent);
         let ticks = (low..=high).map(|exponent| (power(exponent), text(power(exponent)))).collect();
-        Axis {
-            label: label.to_owned(),
-            is_log: true,
-            span: [power(low), power(high)].map(f64::ln),
-            ticks,
-            has_grid: true,
-        }
-    }
-
-    /// The vertical axis of rows with names, the first on top: row k is the value k.
-    pub fn rows(names: impl IntoIterator<Item = String>) -> Self {
-        let ticks: Vec<_> = names.into_iter().enumerate().map(|(row, name)| (row as f64, name)).collect();
-        let span = [ticks.len() as f64 - 0.5, -0.5];
-        Axis { label: String::new(), is_log: false, span, ticks, has_grid: false }
+        Axis { label: label.to_owned(), is_log: true, span: [power(low), power(high)].map(f64::ln), ticks }
     }
 
     fn ticked(label: &str, span: [f64; 2], n: f64) -> Self {
@@ -73,12 +58,7 @@ impl Axis {
 
     fn stepped(label: &str, span: [f64; 2], step: f64) -> Self {
         let ticks = multiples(span, step).map(|value| (value, number(value, step))).collect();
-        Axis { label: label.to_owned(), is_log: false, span, ticks, has_grid: true }
-    }
-
-    /// A linear axis with about `n` ticks instead.
-    pub fn with_ticks(self, n: u32) -> Self {
-        Axis::ticked(&self.label, self.span, f64::from(n))
+        Axis { label: label.to_owned(), is_log: false, span, ticks }
     }
 
     /// A linear axis with ticks at whole numbers only.
@@ -87,7 +67,6 @@ impl Axis {
         Axis::stepped(&self.label, self.span, round_step((last - first) / 5.0).max(1.0))
     }
 
-    /// The values at both ends.
     pub fn ends(&self) -> [f64; 2] {
         if self.is_log { self.span.map(f64::exp) } else { self.span }
     }
@@ -148,7 +127,7 @@ fn number(value: f64, step: f64) -> String {
 mod tests {
     use super::*;
 
-    fn told(axis: &Axis) -> Vec<(String, String)> {
+    fn ticks(axis: &Axis) -> Vec<(String, String)> {
         axis.ticks().map(|(part, text)| (format!("{part:.2}"), text.to_owned())).collect()
     }
 
@@ -159,30 +138,27 @@ mod tests {
     #[test]
     fn ticks_are_round_numbers_within_the_axis() {
         let expected = pairs([("0.00", "0.0"), ("0.25", "0.5"), ("0.50", "1.0"), ("0.75", "1.5"), ("1.00", "2.0")]);
-        assert_eq!(told(&Axis::rounded("", [0.3, 1.9])), expected);
-        assert_eq!(told(&Axis::rounded("", [14.9, 18.6])).len(), 6, "from 14 to 19");
-        assert_eq!(told(&Axis::between("", 0.0, 1.2e7)).last().unwrap().1, "10M");
+        assert_eq!(ticks(&Axis::rounded("", [0.3, 1.9])), expected);
+        assert_eq!(ticks(&Axis::rounded("", [14.9, 18.6])).len(), 6, "from 14 to 19");
+        assert_eq!(ticks(&Axis::between("", 0.0, 1.2e7)).last().unwrap().1, "10M");
         let ends = Axis::around("", [1.0, 3.0], 0.1).ends();
         assert!((ends[0] - 0.88).abs() < 1e-12 && (ends[1] - 3.12).abs() < 1e-12, "{ends:?}");
         let half = Axis::between("", 1.0, 3.0);
-        let tenths = half.clone().with_ticks(20);
-        assert_eq!((half.ticks.len(), half.clone().in_whole_numbers().ticks.len(), tenths.ticks.len()), (5, 3, 21));
-        assert_eq!(told(&half.in_whole_numbers())[0].1, "1");
+        assert_eq!((half.ticks.len(), half.clone().in_whole_numbers().ticks.len()), (5, 3));
+        assert_eq!(ticks(&half.in_whole_numbers())[0].1, "1");
     }
 
     #[test]
     fn logarithmic_axes_have_equal_steps_for_equal_factors() {
         let axis = Axis::decades("", [3.0, 40.0], |value| format!("{value} x"));
-        assert_eq!(told(&axis), pairs([("0.00", "1 x"), ("0.50", "10 x"), ("1.00", "100 x")]));
+        assert_eq!(ticks(&axis), pairs([("0.00", "1 x"), ("0.50", "10 x"), ("1.00", "100 x")]));
         let axis = Axis::log("", [1.0, 4.0], 2.0, &[0.5, 1.0, 2.0, 4.0, 8.0]);
-        assert_eq!(told(&axis).len(), 3);
+        assert_eq!(ticks(&axis).len(), 3);
         assert!((axis.part(2.0) - 0.5).abs() < 1e-9);
     }
 
     #[test]
-    fn rows_go_down_and_axes_of_nothing_have_a_length() {
-        let axis = Axis::rows(["a", "b"].map(str::to_owned));
-        assert_eq!(told(&axis), pairs([("0.75", "a"), ("0.25", "b")]));
+    fn axes_of_nothing_have_a_length() {
         assert!(Axis::around("", [], 1.0).part(0.5).is_finite() && Axis::rounded("", [2.0]).part(2.0).is_finite());
     }
 }

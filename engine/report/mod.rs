@@ -1,14 +1,12 @@
 //! What all reports are made of: plots as SVG, tables, pages and statistics.
 
 mod axis;
-mod bars;
 mod page;
 mod plot;
 pub mod statistics;
 mod table;
 
 pub use axis::Axis;
-pub use bars::{Bar, bars};
-pub use page::{escape, note, page, section};
+pub use page::{Bar, bars, escape, note, page, section};
 pub use plot::{Anchor, Chart, Look, Mark, Note, Panel, Row, Series};
 pub use table::Table;

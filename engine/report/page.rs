@@ -1,4 +1,13 @@
-//! The frame of a page: one HTML file that needs nothing else, neither files nor network nor scripts.
+//! The frame of a page, one HTML file that needs nothing else, and its bars.
+
+use super::plot::{Anchor, inline, text};
+use std::fmt::Write;
+
+/// Height of a bar with its distance to the next.
+const BAR: f64 = 26.0;
+/// Where the bars begin, how long the longest is, and the room for what is written behind it.
+const LEFT: f64 = 130.0;
+const WIDTH: f64 = 190.0;
 
 /// Text for HTML and SVG.
 pub fn escape(text: &str) -> String {
@@ -25,4 +34,30 @@ pub fn section(heading: &str, body: &str) -> String {
 /// A paragraph of less weight; `text` is no HTML.
 pub fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(text))
+}
+
+/// A row of [`bars`].
+#[derive(Clone, Debug)]
+pub struct Bar {
+    pub label: String,
+    pub ms: f64,
+}
+
+/// A figure of horizontal bars of milliseconds.
+pub fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
+    let longest = rows.iter().map(|row| row.ms).fold(1e-9, f64::max);
+    let total: f64 = rows.iter().map(|row| row.ms).sum();
+    let mut svg = String::new();
+    for (index, Bar { label, ms }) in rows.iter().enumerate() {
+        let top = BAR * index as f64;
+        svg += &text([LEFT - 8.0, top + 16.0], Anchor::End, "", label);
+        let (y, long) = (top + 5.0, WIDTH * ms / longest);
+        let _ =
+            writeln!(svg, "<rect class=\"key s0\" x=\"{LEFT}\" y=\"{y}\" width=\"{long:.1}\" height=\"14\" rx=\"2\"/>");
+        let value = format!("{ms:.2} ms, {:.0} %", 100.0 * ms / total);
+        svg += &text([LEFT + long + 6.0, top + 16.0], Anchor::Start, "", &value);
+    }
+    let size = [LEFT + 2.0 * WIDTH, BAR * rows.len() as f64];
+    let picture = inline(id, title, size, &svg);
+    format!("<figure class=\"sections\"><figcaption>{}</figcaption>\n{picture}</figure>\n", escape(title))
 }

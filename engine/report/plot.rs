@@ -18,33 +18,26 @@ pub struct Chart {
     pub panel: [f64; 2],
     /// What the colours mean, from the first on; may be empty.
     pub legend: Vec<String>,
-    /// From the top.
     pub rows: Vec<Row>,
 }
 
-/// Panels side by side.
 #[derive(Clone, Debug)]
 pub struct Row {
     /// What they all show; may be empty.
     pub heading: String,
-    /// From the left.
     pub panels: Vec<Panel>,
 }
 
 /// A plot. The vertical axis runs upwards, or as its ends say.
 #[derive(Clone, Debug)]
 pub struct Panel {
-    /// What it shows; may be empty.
     pub title: String,
     /// Room left of the axes, above, right and below.
     pub margin: [f64; 4],
-    /// The horizontal axis.
     pub x: Axis,
-    /// The vertical axis.
     pub y: Axis,
     /// What is drawn, the last on top.
     pub series: Vec<Series>,
-    /// What is written into it.
     pub notes: Vec<Note>,
     /// Lines of text to the right of the axes.
     pub list: Vec<String>,
@@ -55,13 +48,12 @@ pub struct Panel {
 pub struct Series {
     /// One of the colours; none is grey.
     pub colour: Option<usize>,
-    /// Whether a line joins them.
+    /// True if a line joins them.
     pub is_joined: bool,
     /// In the order of the line.
     pub marks: Vec<Mark>,
 }
 
-/// A point.
 #[derive(Clone, Debug, Default)]
 pub struct Mark {
     /// On the two axes.
@@ -83,43 +75,29 @@ pub struct Note {
     pub shift: [f64; 2],
     /// Which part of the text is there.
     pub anchor: Anchor,
-    /// How it looks.
     pub look: Look,
-    /// What is written.
     pub text: String,
 }
 
 /// The part of a text that is where it is put.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
-    /// Its beginning.
     Start,
-    /// Its middle.
     Middle,
-    /// Its end.
     End,
 }
 
-/// How a text looks.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
-    /// Like all other text.
     Plain,
     /// A number in a circle.
     Number,
-    /// The name of what has this colour.
-    Name(usize),
 }
 
 impl Chart {
     /// A chart of one panel of this size.
     pub fn of(panel: Panel, size: [f64; 2]) -> Self {
         Chart { panel: size, legend: Vec::new(), rows: vec![Row { heading: String::new(), panels: vec![panel] }] }
-    }
-
-    /// The same with a legend.
-    pub fn with_legend(self, names: &[&str]) -> Self {
-        Chart { legend: names.iter().map(|name| (*name).to_owned()).collect(), ..self }
     }
 
     /// The picture as a file.
@@ -176,10 +154,10 @@ impl Panel {
             let _ =
                 writeln!(svg, "<line class=\"{class}\" x1=\"{x1:.1}\" x2=\"{x2:.1}\" y1=\"{y1:.1}\" y2=\"{y2:.1}\"/>");
         };
-        for at in self.y.ticks().filter(|_| self.y.has_grid).map(|(part, _)| bottom - part * (bottom - top)) {
+        for at in self.y.ticks().map(|(part, _)| bottom - part * (bottom - top)) {
             line("grid", [left, right], [at, at]);
         }
-        for at in self.x.ticks().filter(|_| self.x.has_grid).map(|(part, _)| left + part * (right - left)) {
+        for at in self.x.ticks().map(|(part, _)| left + part * (right - left)) {
             line("grid", [at, at], [top, bottom]);
         }
         line("axis", [left, right], [bottom, bottom]);
@@ -205,11 +183,10 @@ impl Panel {
         }
         for Note { at, shift, anchor, look, text: words } in &self.notes {
             let class = match look {
-                Look::Plain => String::new(),
-                Look::Number => "number".to_owned(),
-                Look::Name(index) => format!("name {}", colour(Some(*index))),
+                Look::Plain => "",
+                Look::Number => "number",
             };
-            svg += &text([x(at[0]) + shift[0], y(at[1]) + shift[1]], *anchor, &class, words);
+            svg += &text([x(at[0]) + shift[0], y(at[1]) + shift[1]], *anchor, class, words);
         }
         for (index, words) in self.list.iter().enumerate() {
             svg += &text([right + 30.0, top + LINE * index as f64], Anchor::Start, "", words);
@@ -249,7 +226,6 @@ fn colour(index: Option<usize>) -> String {
     index.map_or("grey".to_owned(), |index| format!("s{}", index % COLOURS))
 }
 
-/// Words in a picture.
 pub(super) fn text([x, y]: [f64; 2], anchor: Anchor, class: &str, words: &str) -> String {
     let class = if class.is_empty() { String::new() } else { format!(" class=\"{class}\"") };
     let anchor = match anchor {
@@ -287,24 +263,24 @@ mod tests {
                 at: [5.0, 1.0],
                 shift: [1.0, -2.0],
                 anchor: Anchor::Middle,
-                look: Look::Name(2),
+                look: Look::Number,
                 text: "here".to_owned(),
             }],
             list: vec!["aside".to_owned()],
         };
-        let svg = Chart::of(panel, [120.0, 140.0]).with_legend(&["first"]).svg();
-        for told in [
+        let svg = Chart { legend: vec!["first".to_owned()], ..Chart::of(panel, [120.0, 140.0]) }.svg();
+        for part in [
             "viewBox=\"0 0 120 166\"",
             "<g transform=\"translate(0 26)\">",
             ">a &amp; b</text>",
             "points=\"20.0,130.0 70.0,80.0\"",
             "<line class=\"range s1\" x1=\"70.0\" x2=\"70.0\" y1=\"130.0\" y2=\"30.0\"/>",
             "cx=\"70.0\" cy=\"80.0\" r=\"3.0\"><title>&lt;m&gt;</title>",
-            "<text class=\"name s2\" x=\"71.0\" y=\"78.0\" text-anchor=\"middle\">here</text>",
+            "<text class=\"number\" x=\"71.0\" y=\"78.0\" text-anchor=\"middle\">here</text>",
             ">first</text>",
             ">aside</text>",
         ] {
-            assert!(svg.contains(told), "{told}:\n{svg}");
+            assert!(svg.contains(part), "{part}:\n{svg}");
         }
         assert_eq!((svg.matches("<circle").count(), svg.matches("<polyline").count()), (2, 1));
     }

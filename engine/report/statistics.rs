@@ -64,7 +64,6 @@ fn student(freedom: usize) -> f64 {
 /// A mean with the half-width of its interval of 95 % confidence.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Estimate {
-    /// The mean.
     pub mean: f64,
     /// Student's interval is the mean plus and minus this; none for less than two values.
     pub half_width: Option<f64>,
@@ -87,11 +86,8 @@ impl Estimate {
 /// The median of paired ratios with its interval.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Ratio {
-    /// The median.
     pub median: f64,
-    /// The lower end of the interval.
     pub low: f64,
-    /// The upper end.
     pub high: f64,
 }
 

@@ -6,7 +6,6 @@ use std::fmt::Write;
 /// A table. Its first columns are text, the others are numbers.
 #[derive(Clone, Debug)]
 pub struct Table {
-    /// Columns of text.
     pub n_text: usize,
     /// A head for each column.
     pub heads: Vec<String>,
@@ -29,7 +28,6 @@ impl Table {
         Table { n_text, ..self }
     }
 
-    /// For a page.
     pub fn html(&self) -> String {
         self.html_marked(|_| false)
     }
@@ -57,7 +55,6 @@ impl Table {
         format!("<details><summary>{}</summary>\n{}</details>\n", escape(title), self.html())
     }
 
-    /// For Markdown.
     pub fn markdown(&self) -> String {
         let line = |cells: &[String]| {
             let cells: Vec<String> = cells.iter().map(|cell| cell.replace('|', "\\|")).collect();

@@ -11,7 +11,7 @@ use crate::report::statistics::median;
 pub const LEAD: usize = 64;
 /// Samples that an aligned response has more than the measured one, with the onset at [`LEAD`].
 pub const EXTRA: usize = 128;
-/// What a response holds before this part of its energy has come is silence.
+/// The part of its energy before which a response counts as silence.
 const SILENT: f64 = 1e-8;
 
 /// Aligns responses of one length.
@@ -43,11 +43,10 @@ impl Aligner {
         Aligner { taps, spectra: Spectra::new(good_length(4 * taps.max(EXTRA))) }
     }
 
-    /// The delays that a response may have, from its correlation with its own minimum-phase version (Nam, Abel and Smith
-    /// 2008): maxima of at least half the highest, which comes first. A threshold would take the ringing before an onset for
-    /// it.
+    /// The delays that a response may have: maxima of its correlation with its own minimum-phase version (Nam, Abel and Smith 2008)
+    /// of at least half the highest, which comes first. A threshold would take the ringing before an onset for it.
     pub fn candidates(&mut self, response: &[f32]) -> Vec<Candidate> {
-        let n = self.spectra.len();
+        let n = self.spectra.size();
         let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
         let minimum = self.minimum_phase(&bins);
         let cross: Vec<Complex64> = bins.iter().zip(&minimum).map(|(h, m)| h * m.conj()).collect();
@@ -65,7 +64,7 @@ impl Aligner {
 
     /// Takes a delay out of a response, so that its onset comes to lie at `lead`, which is [`LEAD`] to `LEAD + taps`.
     pub fn align(&mut self, response: &[f32], delay: f64, lead: usize) -> Aligned {
-        let n = self.spectra.len();
+        let n = self.spectra.size();
         let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
         let signal = self.spectra.inverse(&shifted(&bins, n, lead as f64 - delay));
         let kept = self.taps + EXTRA + lead - LEAD;
@@ -76,7 +75,7 @@ impl Aligner {
 
     /// The spectrum with the same magnitudes whose energy comes as early as it can, by the folded cepstrum.
     fn minimum_phase(&mut self, bins: &[Complex64]) -> Vec<Complex64> {
-        let n = self.spectra.len();
+        let n = self.spectra.size();
         let floor = 1e-6 * bins.iter().map(|bin| bin.norm()).fold(0.0, f64::max).max(f64::MIN_POSITIVE);
         let logs: Vec<Complex64> = bins.iter().map(|bin| Complex64::from(bin.norm().max(floor).ln())).collect();
         let cepstrum = self.spectra.inverse(&logs);
@@ -91,7 +90,7 @@ impl Aligner {
     }
 }
 
-/// The part of a response before an onset that is not silence, whole samples.
+/// Samples of a response before an onset that are not silence.
 pub fn before_onset(response: &[f32], onset: f64) -> usize {
     let energy = |part: &[f32]| part.iter().map(|value| f64::from(*value).powi(2)).sum::<f64>();
     let silent = SILENT * energy(response);
@@ -129,10 +128,8 @@ pub fn peak(bins: &[Complex64], n: usize, coarse: f64) -> f64 {
     })
 }
 
-/// Chooses among the candidates of each direction so that neighbours agree: in the head's shadow the highest correlation may
-/// be a ripple away from the onset, and mixing it with a neighbour's onset would comb.
-///
-/// `expected` are delays by a model of the head, up to a constant; `neighbours` are those of each direction on the sphere.
+/// Chooses among the candidates of each direction so that neighbours agree: in the head's shadow the highest correlation may be a
+/// ripple. `expected` are delays by a model of the head, up to a constant; `neighbours` are those of each direction.
 pub fn choose(candidates: &[Vec<Candidate>], expected: &[f64], neighbours: &[Vec<usize>]) -> Vec<f64> {
     /// Samples by which a head may differ from the model, and a direction from its neighbours.
     const FROM_MODEL: f64 = 8.0;

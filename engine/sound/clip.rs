@@ -26,14 +26,8 @@ const FADE: usize = 16;
 /// Part of a response's energy that may be beyond its taps.
 const SPARED: f64 = 1e-6;
 
-/// The sources of a clip of `seconds` that begins `start` seconds into the recordings: each as a listener hears it who stays where the
-/// microphone was at first, in its gates alone, and its path, up to the ends of the clip. One that is never heard is left out.
-///
-/// A microphone that moves is louder near a source than the law of distance of a player, which knows one place of it, can tell;
-/// that is in the recordings then.
-///
-/// # Errors
-/// [`Error::Data`] where a recording cannot be read, or is too long for a WAV file.
+/// The sources of a clip of `seconds` that begins `start` seconds into the recordings, each as a listener at the microphone's first
+/// place hears it, with its path. Sources that are never heard are left out.
 pub fn sounds(scene: &SoundScene, start: f64, seconds: f64) -> Result<Sounds> {
     let config = RenderConfig { mode: Mode::Paper3d, ..RenderConfig::default() };
     let mic = scene.mic.pose.poses()[0];
@@ -75,8 +69,7 @@ pub fn sounds(scene: &SoundScene, start: f64, seconds: f64) -> Result<Sounds> {
     Ok(Sounds::new(mic.p.to_array(), r_min, found))
 }
 
-/// Ears for a player that takes the nearest of some directions: what a rendering here hears of them, later by 32 samples (0.7 ms)
-/// and of at most 5.3 ms.
+/// Ears for a player that takes the nearest of some directions: 32 samples (0.7 ms) late and at most 5.3 ms long.
 pub fn ears(set: &HrtfSet) -> Ears {
     let elevation = |row: usize| std::f64::consts::PI * (row as f64 / (ROWS - 1) as f64 - 0.5);
     let rows: Vec<u32> = (0..ROWS).map(|row| (ON_HORIZON * elevation(row).cos()).round().max(1.0) as u32).collect();

@@ -4,7 +4,6 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::align::LEAD;
 use super::geometry::{Bearing, Mode, SoundPlane, bearing, direction, gain};
 use super::hrtf::{Filter, HrtfSet, Lookup};
 use super::pose::PoseTrack;
@@ -38,12 +37,8 @@ pub struct RenderConfig {
     pub r_min_m: f64,
     /// Length of the crossfade where the head jumps, physical mode; seconds.
     pub jump_fade: f64,
-    /// Whether the way's delay is heard, physical mode.
+    /// True if the way's delay is heard, physical mode.
     pub propagation: bool,
-    /// Whether the direction is heard; else both ears get the recording (for the paper's ablation).
-    pub direction: bool,
-    /// Whether the distance is; else the recording's level stays (for the paper's ablation).
-    pub distance: bool,
     /// Loudness of the result; `None` to leave it. In any case peaks stay below -1 dBTP.
     pub lufs: Option<f64>,
 }
@@ -59,14 +54,12 @@ impl Default for RenderConfig {
             r_min_m: 0.2,
             jump_fade: 0.02,
             propagation: true,
-            direction: true,
-            distance: true,
             lufs: None,
         }
     }
 }
 
-/// What a source sends to a head at a time.
+/// The sound that a head receives from a source at a time.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Cue {
     /// Seconds.
@@ -83,7 +76,7 @@ pub struct Cue {
     pub delay: f64,
 }
 
-/// What is to be known of a source in a rendering.
+/// Numbers of a source in a rendering.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SourceReport {
     /// Its name.
@@ -92,8 +85,7 @@ pub struct SourceReport {
     pub gain_db: [f64; 2],
     /// Part of the time in which a distance was kept at its floor.
     pub clamped: f64,
-    /// Part of the time in which the gain is beyond 6 dB to either side. There the recorded room is audibly too loud or
-    /// too quiet beside the voice, since one gain moves both.
+    /// Part of the time in which the gain is beyond 6 dB, where the recorded room is too loud or too quiet beside the voice.
     pub beyond_6_db: f64,
     /// Part of the track's samples that were not seen.
     pub unseen: f64,
@@ -101,7 +93,6 @@ pub struct SourceReport {
     pub jumps: u32,
 }
 
-/// The smallest distance, scene units.
 pub(super) fn r_min(scene: &SoundScene, config: &RenderConfig) -> f64 {
     if let Some(metres) = scene.metres_per_unit {
         return config.r_min_m / metres;
@@ -112,12 +103,9 @@ pub(super) fn r_min(scene: &SoundScene, config: &RenderConfig) -> f64 {
     0.02 * distances.get(distances.len() / 2).copied().unwrap_or(1.0)
 }
 
-/// A source beside a head: all that depends on time.
 pub(super) struct Course<'a> {
     mode: Mode,
     propagation: bool,
-    direction: bool,
-    distance: bool,
     pub(super) plane: SoundPlane,
     head: &'a PoseTrack,
     scene: &'a SoundScene,
@@ -130,8 +118,6 @@ pub(super) struct Course<'a> {
 }
 
 impl<'a> Course<'a> {
-    /// # Errors
-    /// [`Error::Data`] where the physical mode lacks a scale, or up has no meaning.
     pub(super) fn new(
         scene: &'a SoundScene,
         source: &'a Source,
@@ -151,8 +137,6 @@ impl<'a> Course<'a> {
         Ok(Course {
             mode: config.mode,
             propagation: config.propagation && config.mode == Mode::Physical,
-            direction: config.direction,
-            distance: config.distance,
             plane,
             head,
             scene,
@@ -164,7 +148,6 @@ impl<'a> Course<'a> {
         })
     }
 
-    /// Whether the way's delay is heard.
     pub(super) fn is_late(&self) -> bool {
         self.propagation
     }
@@ -182,7 +165,6 @@ impl<'a> Course<'a> {
         bearing(self.mode, &self.plane, &self.head.at(t), self.scene.mic.pose.at(t).p, self.place(t))
     }
 
-    /// What it sends at a time.
     pub(super) fn cue(&self, t: f64) -> Cue {
         let bearing = self.bearing(t);
         let way = (bearing.r_l - bearing.r_m) * self.metres / SPEED_OF_SOUND;
@@ -190,14 +172,10 @@ impl<'a> Course<'a> {
             t,
             az: bearing.az,
             el: bearing.el,
-            gain: self.gain * self.gate(t) * self.relative_gain(&bearing),
+            gain: self.gain * self.gate(t) * gain(self.mode, &bearing, self.r_min),
             distance: bearing.r_l,
             delay: if self.propagation { way } else { 0.0 },
         }
-    }
-
-    fn relative_gain(&self, bearing: &Bearing) -> f64 {
-        if self.distance { gain(self.mode, bearing, self.r_min) } else { 1.0 }
     }
 
     fn gate(&self, t: f64) -> f64 {
@@ -213,16 +191,15 @@ impl<'a> Course<'a> {
     /// The gain at a time, as that of [`Course::cue`]; where a gate is closed nothing else is asked.
     pub(super) fn gain(&self, t: f64) -> f64 {
         let gate = self.gate(t);
-        if gate > 0.0 { self.gain * gate * self.relative_gain(&self.bearing(t)) } else { 0.0 }
+        if gate > 0.0 { self.gain * gate * gain(self.mode, &self.bearing(t), self.r_min) } else { 0.0 }
     }
 
-    /// What became of it along the cues of a rendering.
     pub(super) fn report(&self, cues: &[Cue], jumps: u32) -> SourceReport {
         let part = |n: usize, of: usize| n as f64 / of.max(1) as f64;
         let (mut range, mut clamped, mut beyond, mut heard) = ([f64::INFINITY, f64::NEG_INFINITY], 0, 0, 0);
         for cue in cues.iter().filter(|cue| self.gate(cue.t) > 0.0) {
             let bearing = self.bearing(cue.t);
-            let db = 20.0 * self.relative_gain(&bearing).log10();
+            let db = 20.0 * gain(self.mode, &bearing, self.r_min).log10();
             range = [range[0].min(db), range[1].max(db)];
             clamped += usize::from(bearing.r_l.min(bearing.r_m) < self.r_min);
             beyond += usize::from(db.abs() > FAR_FROM_RECORDING_DB);
@@ -240,13 +217,8 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// What the ears hear of a cue. Close to the head both come to hear the same, since no response is measured there.
+    /// The filter of a cue. Close to the head both ears hear the same, since no response is measured there.
     pub(super) fn filter(&self, cue: &Cue, hrtf: &HrtfSet, lookup: Lookup) -> Filter {
-        if !self.direction {
-            let mut response = vec![0.0; hrtf.taps(lookup)];
-            response[LEAD] = 1.0;
-            return Filter { responses: [response.clone(), response], delays: [0.0; 2] };
-        }
         let mut filter = hrtf.filter(direction(cue.az, cue.el), lookup);
         let inside = (NEAR[0] - cue.distance * self.metres) / (NEAR[0] - NEAR[1]);
         let both = if self.mode == Mode::Physical { inside.clamp(0.0, 1.0) } else { 0.0 };

@@ -1,9 +1,7 @@
-//! The physical mode's filtering: a delay that glides, then responses in blocks, from one filter to the next by a linear
-//! crossfade over the block. The signals of old and new filter are alike, so a crossfade of equal power would bulge.
+//! The physical mode's filtering: a delay that glides, then responses in blocks with a linear crossfade from one filter to the next.
 //!
-//! A response sounds at its tap [`LEAD`], so the delay that belongs to it is that of the sample when it is heard, not of the
-//! sample when it is delayed. Behind a turning head that matters: where the wave from the other side begins to arrive first,
-//! the delay has a kink and the response has the opposite one, and both must come at once to cancel.
+//! A response sounds at its tap [`LEAD`], so its delay is that of the sample when it is heard. Behind a turning head the delay has a
+//! kink and the response the opposite one, and both must come at once to cancel.
 
 use std::rc::Rc;
 
@@ -11,7 +9,7 @@ use super::align::LEAD;
 use super::hrtf::Filter;
 use super::sinc::DelayTable;
 
-/// What is heard at a block's edge.
+/// Filter and gain at a block's edge.
 #[derive(Clone)]
 pub struct State {
     /// Responses to both ears; their delays are not used.
@@ -32,8 +30,7 @@ pub struct Voice<'a> {
 }
 
 impl<'a> Voice<'a> {
-    /// A voice that has been in `state` for as long as its responses last, at the sample `start` of `signal`; both ears hear
-    /// it `delays` samples late.
+    /// A voice that has long been in `state` at the sample `start` of `signal`; both ears hear it `delays` samples late.
     pub fn new(table: &'a DelayTable, signal: &'a [f32], start: usize, state: State, delays: [f64; 2]) -> Self {
         let past = state.filter.responses[0].len() - 1;
         let first = (start + LEAD) as f64 - past as f64;
@@ -41,12 +38,8 @@ impl<'a> Voice<'a> {
         Voice { table, signal, ears, state, old: Vec::new(), new: Vec::new() }
     }
 
-    /// Adds the block of `out`, whose first sample is the signal's sample `start`, on the way to `next`, where it is
-    /// `glide` samples after `start`. Only the last block is shorter than that.
-    ///
-    /// `delays` gives for a sample by how many samples each ear hears it late (negative where the microphone was farther
-    /// away than the head); it is asked for those from [`LEAD`] after the block's first on. Each sample is weighted by
-    /// `weight`, a function of its index in the block.
+    /// Adds the block `out`, whose first sample is the signal's `start`, on the way to `next`, `glide` samples after `start`; only the last
+    /// block is shorter. `delays` gives the delay of each ear by sample, from [`LEAD`] after `start` on; `weight` is by index in the block.
     pub fn block(
         &mut self,
         start: usize,
@@ -82,7 +75,7 @@ impl<'a> Voice<'a> {
         self.state = next;
     }
 
-    /// Where the voice has got to.
+    /// The state at the end of the last block.
     pub fn state(&self) -> &State {
         &self.state
     }

@@ -1,7 +1,7 @@
-//! From places to what an ear needs: direction, distances, gain (the paper's section on the sound field, with a sign).
+//! Direction, distances and gain from places.
 //!
-//! The paper takes the angle between facing and source as an arc cosine, which has no sign: every source would be on one
-//! side. Here it is the arc tangent of cross and dot product, counter-clockwise, left positive, as SADIE and SOFA count.
+//! The paper takes the angle between facing and source as an arc cosine, which has no sign. Here it is the arc tangent of cross and
+//! dot product, counter-clockwise, left positive, as SADIE and SOFA count.
 
 use glam::{DVec2, DVec3};
 
@@ -32,8 +32,7 @@ impl SoundPlane {
         DVec2::new(v.dot(self.x), v.dot(self.y))
     }
 
-    /// Yaw of a head from the y axis, counter-clockwise, radians. A head that looks straight up or down has the yaw of
-    /// its sides.
+    /// Yaw of a head from the y axis, counter-clockwise, radians; that of its sides where it looks straight up or down.
     pub fn yaw(&self, head: &HeadPose) -> f64 {
         let forward = self.level(head.forward());
         let forward = if forward.length() > 1e-6 { forward } else { self.level((head.q * DVec3::Y).cross(self.up)) };
@@ -107,9 +106,8 @@ pub fn bearing(mode: Mode, plane: &SoundPlane, head: &HeadPose, microphone: DVec
     }
 }
 
-/// Amplitude relative to the recording, `r_m / r_l`, with both distances kept from zero by `r_min` (scene units).
-///
-/// The paper's modes clamp; the physical mode rounds the floor, so that the gain has no kink.
+/// Amplitude relative to the recording, `r_m / r_l`, with both distances kept from zero by `r_min` (scene units). The physical mode
+/// rounds that floor, so that the gain has no kink.
 pub fn gain(mode: Mode, bearing: &Bearing, r_min: f64) -> f64 {
     let r_m = bearing.r_m.max(r_min);
     match mode {

@@ -94,7 +94,6 @@ impl Hull {
     }
 }
 
-/// A small vector that depends on the index only.
 fn jitter(index: usize) -> DVec3 {
     let mut random = Random::new(index as u64 + 1);
     DVec3::from_array([(); 3].map(|()| random.uniform(-1.0, 1.0))) * JITTER

@@ -1,33 +1,32 @@
-//! What detectors of persons write: one reader for the JSON of MMPose, RTMLib (by `tools/rtmlib_to_json.py`), OpenPose and
-//! Pose2Sim.
-//!
-//! | written by | container | frames |
-//! | --- | --- | --- |
-//! | MMPose's inferencer, of a video; `ivv synth` | `[{"frame_id", "instances": [..]}]` | from 0 |
-//! | MMPose's demo of a top-down model | `{"meta_info", "instance_info": [{"frame_id", "instances"}]}` | from 1 |
-//! | MMPose's inferencer, of pictures | a file for each, `[{"keypoints", "keypoint_scores"}]` | by name |
-//! | OpenPose | a file for each frame, `{"people": [{"pose_keypoints_2d", "face_keypoints_2d"}]}` | by name |
-//! | Pose2Sim | the same; all points stand in `pose_keypoints_2d` | by name |
+//! The mouths in what detectors of persons write: one reader for the JSON of MMPose, RTMLib (by `tools/rtmlib_to_json.py`),
+//! OpenPose and Pose2Sim. Their containers are in `engine/sound/README.md`.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use glam::DVec2;
 
-use super::mouth::{Keypoint, Mouth, mouth};
 use crate::error::{Error, Result};
-use crate::files::read_text;
+use crate::files::{cannot_list, read_text};
 use crate::scene::undistort::Lens;
 
-/// Largest file of keypoints, bytes.
 const MAX_BYTES: u64 = 1 << 31;
-/// Most frames of a clip.
 const MAX_FRAMES: u32 = 1 << 20;
 /// How far beyond the picture a detector may guess, relative to its size.
 const BEYOND: f64 = 0.05;
 /// The part of the mouths that may lie still farther out.
 const MAY_BE_OUTSIDE: f64 = 0.05;
 const REMEDY: &str = "give the JSON of MMPose, RTMLib, OpenPose or Pose2Sim";
+
+/// Points below this score are not there.
+const MIN_SCORE: f64 = 0.3;
+/// With fewer points of the mouth its middle is not known.
+const MIN_POINTS: usize = 6;
+/// Standard deviation of a mouth's middle relative to its width, and the least, pixels.
+const RELATIVE_SIGMA: f64 = 0.02;
+const MIN_SIGMA: f64 = 1.0;
+/// From nose to mouth, relative to the largest distance between nose, eyes and ears.
+const NOSE_TO_MOUTH: f64 = 0.6;
 
 /// How keypoints are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -81,8 +80,7 @@ struct Object {
 /// Persons of a frame whose number is the file's own; of a picture without any.
 type Frame = (Option<u64>, Vec<Vec<Keypoint>>);
 
-/// The keypoints of a camera: `<folder>/<camera>.json`, or one file for each frame in `<folder>/<camera>` or, as Pose2Sim
-/// writes it, `<folder>/<camera>_json`.
+/// The keypoints of a camera: `<folder>/<camera>.json`, or a file for each frame in `<folder>/<camera>` or `<folder>/<camera>_json`.
 pub fn keypoints_of(folder: &Path, camera: &str) -> Option<PathBuf> {
     let names = [format!("{camera}.json"), camera.to_owned(), format!("{camera}_json")];
     names.into_iter().map(|name| folder.join(name)).find(|path| path.exists())
@@ -90,10 +88,6 @@ pub fn keypoints_of(folder: &Path, camera: &str) -> Option<PathBuf> {
 
 impl Mouths {
     /// Reads a file of a clip or a folder with a file for each frame, and brings it to the pixels of `lens`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when a file cannot be read or is of no known kind; when it is not known which frame is the first; when
-    /// the pictures of the detector were of another shape than the camera's, or mouths lie outside of the camera's picture.
     pub fn read(path: &Path, lens: &Lens, settings: &KeypointSettings) -> Result<Mouths> {
         let mut frames = if path.is_dir() { read_folder(path)? } else { read_clip(path)? };
         let base = base(path, &mut frames, settings)?;
@@ -117,7 +111,6 @@ impl Mouths {
         Ok(mouths)
     }
 
-    /// To the camera's pixels.
     fn fit(&mut self, path: &Path, lens: &Lens, image_size: Option<(u32, u32)>) -> Result<()> {
         let (w, h) = (f64::from(lens.intrinsics.width), f64::from(lens.intrinsics.height));
         if let Some((width, height)) = image_size {
@@ -180,8 +173,7 @@ fn base(path: &Path, frames: &mut Numbered, settings: &KeypointSettings) -> Resu
 }
 
 fn read_folder(folder: &Path) -> Result<Numbered> {
-    let listed = std::fs::read_dir(folder)
-        .map_err(|fault| Error::data(folder, "", format!("cannot be listed: {fault}"), "check its permissions"))?;
+    let listed = std::fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?;
     let mut frames = BTreeMap::new();
     let is_json = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "json");
     for path in listed.flatten().map(|entry| entry.path()).filter(is_json) {
@@ -221,7 +213,7 @@ fn number(path: &Path) -> Option<u64> {
     digits.parse().ok()
 }
 
-/// What a file holds, and with which number its writer begins to count.
+/// The frames of a file, and the number with which its writer begins to count.
 fn read_file(path: &Path) -> Result<(Vec<Frame>, Option<u64>)> {
     let fault = |reason: String| Error::data(path, "", reason, REMEDY);
     let size = std::fs::metadata(path).map_err(|e| fault(format!("cannot be read: {e}")))?.len();
@@ -285,4 +277,95 @@ fn open_pose(person: &Person) -> std::result::Result<Vec<Keypoint>, String> {
 fn keypoint(x: Option<f64>, y: Option<f64>, score: Option<f64>) -> Keypoint {
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
     (DVec2::new(number(x), number(y)), number(score))
+}
+
+/// The mouth of a person in a picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Mouth {
+    /// Its middle, pixels of the picture that the detector saw.
+    pub at: DVec2,
+    /// Standard deviation in x and in y, pixels.
+    pub sigma: f64,
+    /// Mean score of its points, 0 to 1.
+    pub weight: f64,
+    /// From corner to corner, pixels; 0 where a corner is not seen.
+    pub width: f64,
+    /// Distance of the lips relative to the width; none where they are not seen.
+    pub opening: Option<f64>,
+    /// Only the nose is seen; `at` is where it is.
+    pub approx: bool,
+}
+
+/// Where a list of points has what is of use.
+struct Layout {
+    /// First of twelve points of the outer lip and eight of the inner; both begin at the speaker's right corner, upper lip first.
+    lips: Option<usize>,
+    /// Nose, and what else of the head gives its size.
+    head: &'static [usize],
+}
+
+const COCO_HEAD: &[usize] = &[0, 1, 2, 3, 4];
+const BODY_25_HEAD: &[usize] = &[0, 15, 16, 17, 18];
+
+/// COCO has 17 points, Halpe 26 or 136, OpenPose 25, the face 68 or 70, COCO-WholeBody 133 or, with a neck, 134.
+fn layout(n_points: usize) -> Option<Layout> {
+    let (lips, head) = match n_points {
+        17 | 26 => (None, COCO_HEAD),
+        25 => (None, BODY_25_HEAD),
+        68 | 70 => (Some(48), &[][..]),
+        133 => (Some(71), COCO_HEAD),
+        134 => (Some(72), COCO_HEAD),
+        136 => (Some(74), COCO_HEAD),
+        _ => return None,
+    };
+    Some(Layout { lips, head })
+}
+
+/// A point with its score. Scores of SimCC heads are no probabilities and exceed 1.
+type Keypoint = (DVec2, f64);
+
+/// The mouth among the points of a person; `None` where too little is seen, `Err` where the number of points is of no known layout.
+fn mouth(points: &[Keypoint]) -> std::result::Result<Option<Mouth>, String> {
+    if points.is_empty() {
+        return Ok(None);
+    }
+    let layout = layout(points.len()).ok_or_else(|| {
+        format!("has a person of {} points; 17, 25, 26, 68, 70, 133, 134 and 136 are known", points.len())
+    })?;
+    let seen = |index: usize| {
+        let (at, score) = points[index];
+        (score >= MIN_SCORE && at.is_finite()).then_some((at, score.min(1.0)))
+    };
+    let by_lips = layout.lips.and_then(|first| by_lips(first, &seen));
+    Ok(by_lips.or_else(|| by_nose(layout.head, &seen)))
+}
+
+fn by_lips(first: usize, seen: &dyn Fn(usize) -> Option<Keypoint>) -> Option<Mouth> {
+    let found: Vec<Keypoint> = (first..first + 20).filter_map(seen).collect();
+    if found.len() < MIN_POINTS {
+        return None;
+    }
+    let total: f64 = found.iter().map(|(_, score)| score).sum();
+    let at = found.iter().map(|(at, score)| *at * *score).sum::<DVec2>() / total;
+    let between = |a: usize, b: usize| Some((seen(first + a)?.0 - seen(first + b)?.0).length());
+    let width = between(0, 6).unwrap_or(0.0);
+    let opening = between(14, 18).filter(|_| width > 0.0).map(|lips| lips / width);
+    let sigma = MIN_SIGMA.max(RELATIVE_SIGMA * width);
+    Some(Mouth { at, sigma, weight: total / found.len() as f64, width, opening, approx: false })
+}
+
+fn by_nose(head: &[usize], seen: &dyn Fn(usize) -> Option<Keypoint>) -> Option<Mouth> {
+    let (nose, weight) = seen(*head.first()?)?;
+    let others: Vec<DVec2> = head.iter().filter_map(|index| Some(seen(*index)?.0)).collect();
+    let pairs = others.iter().flat_map(|a| others.iter().map(|b| (*a - *b).length()));
+    let size = pairs.fold(0.0, f64::max);
+    let sigma = NOSE_TO_MOUTH * size;
+    (size > 0.0).then(|| Mouth {
+        at: nose,
+        sigma: sigma.max(MIN_SIGMA),
+        weight,
+        width: 0.0,
+        opening: None,
+        approx: true,
+    })
 }

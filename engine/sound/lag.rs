@@ -8,15 +8,13 @@ use super::spectrum::{Spectra, good_length};
 const BAND: [f64; 2] = [100.0, 3500.0];
 /// How far loud frequencies are made as loud as faint ones: at 1 all count the same, noise too (GCC-PHAT; Knapp and Carter 1976).
 const WHITENING: f64 = 0.85;
-/// Frequencies that are fainter than this part of the loudest do not count: what else there is in a steady tone is its beginning and its end,
-/// which are those of the recording.
+/// Frequencies fainter than this part of the loudest do not count: beside a steady tone they hold only the recording's ends.
 const FAINT: f64 = 1e-4;
 /// Seconds over which the ends of a recording fade, for the same reason.
 const FADE: f64 = 0.25;
 /// Seconds around the best match within which echoes are no other match.
 const ECHO: f64 = 0.1;
-/// A match that stands out by less may be chance: the best of recordings that share nothing stands out 1.2 times over the
-/// next, that of a steady tone 1.6 times.
+/// A match that stands out by less may be chance: 1.2 for recordings that share nothing, 1.6 for a steady tone.
 pub const CONFIDENT: f64 = 2.0;
 /// A recording whose loudest sample is below this has no sound.
 const SILENT: f32 = 1e-4;
@@ -30,8 +28,8 @@ pub struct Lag {
     pub stands_out: f64,
 }
 
-/// The lags of recordings, one channel of `rate` samples per second, against the longest of them; none for one that is silent. One that
-/// does not match it clearly is compared with those that do, and keeps its best match.
+/// The lags of recordings of `rate` samples per second against the longest; none for a silent one. A recording that does not match it
+/// clearly is compared with those that do, and keeps its best match.
 pub fn lags(recordings: &[Vec<f32>], rate: f64) -> Vec<Option<Lag>> {
     let is_silent = |samples: &[f32]| samples.iter().all(|sample| sample.abs() < SILENT);
     let longest = recordings.iter().map(Vec::len).max().unwrap_or(0);
@@ -56,7 +54,7 @@ pub fn lags(recordings: &[Vec<f32>], rate: f64) -> Vec<Option<Lag>> {
                 continue;
             }
             let b = bins(own);
-            let lag = compared(&mut inverse, (&a, &b), rate);
+            let lag = compared(&mut inverse, &a, &b, rate);
             if found[own].is_none_or(|before| lag.stands_out > before.stands_out) {
                 found[own] = Some(Lag { seconds: base + lag.seconds, ..lag });
             }
@@ -68,7 +66,6 @@ pub fn lags(recordings: &[Vec<f32>], rate: f64) -> Vec<Option<Lag>> {
     found
 }
 
-/// A recording whose ends fade over so many samples.
 fn faded(recording: &[f32], over: usize) -> impl Iterator<Item = f64> {
     let n = recording.len();
     recording.iter().enumerate().map(move |(at, sample)| {
@@ -78,8 +75,8 @@ fn faded(recording: &[f32], over: usize) -> impl Iterator<Item = f64> {
 }
 
 /// How much later `b` hears what `a` hears.
-fn compared(spectra: &mut Spectra, (a, b): (&[Complex64], &[Complex64]), rate: f64) -> Lag {
-    let n = spectra.len();
+fn compared(spectra: &mut Spectra, a: &[Complex64], b: &[Complex64], rate: f64) -> Lag {
+    let n = spectra.size();
     let cross = |(k, (a, b)): (usize, (&Complex64, &Complex64))| {
         let frequency = k as f64 * rate / n as f64;
         if (BAND[0]..BAND[1]).contains(&frequency) { b * a.conj() } else { Complex64::ZERO }

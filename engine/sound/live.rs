@@ -50,7 +50,6 @@ impl Live {
         Listener { live: self, heard: self.sources.iter().map(|_| None).collect() }
     }
 
-    /// What the ears of `head` get of a source at `t` seconds.
     fn state(&self, source: &AudioSource, t: f64, head: &PoseTrack) -> State {
         let (source, head) = (source.state_at(t), head.at(t));
         let place = DVec3::from(source.position);
@@ -81,11 +80,10 @@ fn signal(source: &AudioSource) -> Result<Vec<f32>> {
 /// A listener on the way.
 pub struct Listener<'a> {
     live: &'a Live,
-    heard: Vec<Option<Heard<'a>>>,
+    heard: Vec<Option<Playing<'a>>>,
 }
 
-/// A source on its way to the ears.
-struct Heard<'a> {
+struct Playing<'a> {
     voice: Voice<'a>,
     /// The sample of its signal that comes next.
     next: usize,
@@ -94,10 +92,8 @@ struct Heard<'a> {
 }
 
 impl Listener<'_> {
-    /// Adds to `out`, frames of left and right at [`FS`], the block that begins at `t` seconds of the clip. `head` is where the ears
-    /// are; of a head of which only the present is known, give [`PoseTrack::still`]: filters, delays and gains glide over the block
-    /// to where it is at the end. A source begins anew where `t` does not go on from the block before, and with the first block
-    /// that begins within it.
+    /// Adds to `out`, frames of left and right at [`FS`], the block that begins at `t` seconds of the clip, and glides to where `head` is at
+    /// its end. A source begins anew where `t` does not continue the block before.
     pub fn block(&mut self, t: f64, head: &PoseTrack, out: &mut [[f32; 2]]) {
         let (live, rate, n) = (self.live, f64::from(FS), out.len());
         let sounds = live.sources.iter().zip(&live.signals).zip(&mut self.heard);
@@ -116,7 +112,7 @@ impl Listener<'_> {
             let at = |sample: usize| live.state(source, t + sample as f64 / rate, head);
             let mut now = heard.take().filter(|heard| heard.next.abs_diff(start) <= 1).unwrap_or_else(|| {
                 let delays = at(LEAD).filter.delays;
-                Heard { voice: Voice::new(&live.table, signal, start, at(0), delays), next: start, delays }
+                Playing { voice: Voice::new(&live.table, signal, start, at(0), delays), next: start, delays }
             });
             // What is on its way sounds later, and has the delays of then.
             let (old, new, first) = (now.delays, at(n + LEAD).filter.delays, now.next + LEAD);
@@ -125,18 +121,17 @@ impl Listener<'_> {
                 [0, 1].map(|ear| old[ear] + part * (new[ear] - old[ear]))
             };
             now.voice.block(now.next, at(n), n, delays, out, |_| 1.0);
-            *heard = Some(Heard { voice: now.voice, next: now.next + n, delays: new });
+            *heard = Some(Playing { voice: now.voice, next: now.next + n, delays: new });
         }
     }
 
-    /// Forgets what it has heard, as after a pause.
+    /// Begins anew, as after a pause.
     pub fn rest(&mut self) {
         self.heard.fill_with(|| None);
     }
 }
 
-/// Which part of a clip is to be mixed next, so that it is heard with its picture: sound plays without a gap as long as it stays
-/// near, and jumps where the clip does.
+/// Chooses the part of a clip to mix next, so that it is heard with its picture: without a gap while it stays near.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Chase {
     /// Seconds of the clip that the next block begins at, and the version of the playhead that it belongs to.
@@ -149,8 +144,7 @@ impl Chase {
     /// How far sound may be from the picture on average before it jumps, seconds.
     pub const DRIFT: f64 = 0.02;
 
-    /// Seconds of the clip at which a block of `n` frames begins that is heard at `moment`, less than its length; none while it
-    /// rests, or does not play at its own speed.
+    /// Start in the clip, seconds, of a block of `n` frames that is heard at `moment`; none unless the clip plays at its own speed.
     pub fn next(&mut self, clip: &Playhead, moment: Instant, n: usize) -> Option<f64> {
         if !clip.is_playing() || clip.speed() != 1.0 {
             self.next = None;

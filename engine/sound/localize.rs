@@ -4,19 +4,16 @@ use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec3};
 
-use super::associate::associate;
-use super::keypoints::Mouths;
-use super::mouth::Mouth;
+use super::keypoints::{Mouth, Mouths};
 use super::rig::{Rig, RigCamera};
-use super::smooth::{Motion, smooth};
+use super::smooth::{Motion, State, smooth};
 use super::source_track::{Flag, SourceSample, SourceTrack};
 use super::triangulate::{Fix, Sight, triangulate_all};
 use crate::report::statistics::{mean, median_high};
 
 /// Clocks that are off by less are not interpolated, seconds.
 const SAME_TIME: f64 = 2e-3;
-/// Between two frames a mouth moves at most this far, relative to its width or its standard deviation, whichever is
-/// larger.
+/// Between two frames a mouth moves at most this far, relative to its width or its standard deviation.
 const MOVES: f64 = 3.0;
 /// Spectral density of a head's acceleration, m^2/s^3.
 const DENSITY: f64 = 2.0;
@@ -33,6 +30,9 @@ const HELD: f64 = 3.0;
 const MIN_FRAMES: usize = 3;
 const MIN_SECONDS: f64 = 0.1;
 
+/// Squared Mahalanobis distance beyond which a place is of someone else: 0.999 of chi squared with three degrees.
+const GATE: f64 = 16.27;
+
 /// How sources are localised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LocalizeSettings {
@@ -42,14 +42,14 @@ pub struct LocalizeSettings {
     pub hold: bool,
 }
 
-/// What was localised, and how well.
+/// Tracks, and how good they are.
 #[derive(Clone, Debug)]
 pub struct Localized {
     /// The one that is found most often first; ids `p0`, `p1`, and so on. A sample for each frame of the clip.
     pub tracks: Vec<SourceTrack>,
     /// Mean opening of the lips by track and frame, relative to their width; NaN where it is not seen.
     pub openings: Vec<Vec<f64>>,
-    /// Numbers of it.
+    /// Its numbers.
     pub report: LocalizeReport,
 }
 
@@ -68,7 +68,7 @@ pub struct LocalizeReport {
     pub stray_places: usize,
     /// Metres in a scene unit, as given or estimated; the smoothing uses it.
     pub metres_per_unit: f64,
-    /// Whether it was estimated.
+    /// True if it was estimated.
     pub is_scale_estimated: bool,
     /// The sources.
     pub sources: Vec<SourceReport>,
@@ -85,15 +85,12 @@ pub struct SourceReport {
     pub mean_views: f64,
     /// Root mean square of the distance in the pictures, pixels.
     pub reproj_px: f64,
-    /// Root mean square of the standard deviation of the place in the frames where it is seen, along its worst axis, scene
-    /// units.
+    /// Root mean square of the place's standard deviation along its worst axis in the frames where it is seen, scene units.
     pub worst_sd: f64,
 }
 
-/// Localises all who speak: triangulates the mouths of each frame, joins what is of one person, smooths it.
-///
-/// `mouths` is parallel to the cameras of the rig. The clip has as many frames as the rig says, or as the keypoints have where
-/// the rig's format knows of one alone.
+/// Localises all who speak: triangulates the mouths of each frame, joins those of one person, smooths. `mouths` is parallel to the
+/// rig's cameras; where the rig knows of one frame alone, the clip is as long as the keypoints.
 pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Localized {
     let last = mouths.iter().filter_map(|mouths| mouths.frames.keys().next_back()).max();
     let n_seen = last.map_or(0, |last| *last as usize + 1);
@@ -157,6 +154,40 @@ pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Lo
     localized
 }
 
+/// The places of each person: (frame, index among its fixes), in order of time. The likeliest pairs of predicted persons and places
+/// are taken first, and a place without a person begins a new one.
+pub fn associate(fixes: &[Vec<Fix>], dt: f64, motion: Motion) -> Vec<Vec<(usize, usize)>> {
+    let mut persons: Vec<(State, Vec<(usize, usize)>)> = Vec::new();
+    for (frame, found) in fixes.iter().enumerate() {
+        let mut pairs = Vec::new();
+        for (person, (state, places)) in persons.iter().enumerate() {
+            let steps = places.last().map_or(0, |(last, _)| frame - last);
+            let state = state.predicted(dt * steps as f64, motion);
+            for (index, fix) in found.iter().enumerate() {
+                let (distance, spread) = state.distance(fix.p, fix.cov);
+                // The spread keeps one who was lost long ago from explaining everything.
+                if distance < GATE {
+                    pairs.push((distance + spread, person, index, state));
+                }
+            }
+        }
+        pairs.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let (mut has_place, mut is_taken) = (vec![false; persons.len()], vec![false; found.len()]);
+        for (_, person, index, state) in pairs {
+            if has_place[person] || is_taken[index] {
+                continue;
+            }
+            (has_place[person], is_taken[index]) = (true, true);
+            persons[person].0 = state.updated(found[index].p, found[index].cov);
+            persons[person].1.push((frame, index));
+        }
+        for (index, fix) in found.iter().enumerate().filter(|(index, _)| !is_taken[*index]) {
+            persons.push((State::new(fix.p, fix.cov, motion), vec![(frame, index)]));
+        }
+    }
+    persons.into_iter().map(|(_, places)| places).collect()
+}
+
 fn share(part: usize, whole: usize) -> f64 {
     if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
 }
@@ -185,7 +216,7 @@ fn largest_eigenvalue([xx, xy, xz, yy, yz, zz]: &[f64; 6]) -> f64 {
     v.dot(m * v)
 }
 
-/// What all cameras see at a frame of the clip's time.
+/// The sights of all cameras at a frame of the clip's time.
 fn sights(rig: &Rig, mouths: &[Mouths], frame: f64) -> Vec<(Sight, Mouth)> {
     let mut found = Vec::new();
     for (index, (camera, mouths)) in rig.cameras.iter().zip(mouths).enumerate() {
@@ -208,8 +239,8 @@ fn sight(camera: &RigCamera, index: usize, local: f64, mouth: &Mouth) -> Option<
     })
 }
 
-/// The mouths of a camera at a time of its own clock in frames: those of the nearest frame, moved along the line to where the
-/// same mouth is in the frame on the other side. A mouth without one there is left out.
+/// The mouths of a camera at a time of its own clock, frames: those of the nearest frame, moved towards the same mouth in the frame on
+/// the other side. A mouth without one there is left out.
 fn at(mouths: &Mouths, local: f64, fps: f64) -> Vec<Mouth> {
     let of = |frame: f64| {
         let frame = (frame >= 0.0 && frame <= f64::from(u32::MAX)).then_some(frame as u32);

@@ -10,7 +10,7 @@ use crate::error::{Error, Result};
 /// True peaks are kept below this, dBTP (EBU R 128 for programmes).
 pub const PEAK_LIMIT_DB: f64 = -1.0;
 
-/// What was measured.
+/// Loudness and peak.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Loudness {
     /// Integrated loudness, LUFS; none for silence.
@@ -20,9 +20,6 @@ pub struct Loudness {
 }
 
 /// Measures frames at 48 kHz.
-///
-/// # Errors
-/// [`Error::Data`] where the meter refuses the frames.
 pub fn measure(frames: &[[f32; 2]]) -> Result<Loudness> {
     let lufs = || {
         let mut meter = EbuR128::new(2, FS, Mode::I)?;
@@ -34,9 +31,6 @@ pub fn measure(frames: &[[f32; 2]]) -> Result<Loudness> {
 }
 
 /// The highest true peak of all channels, dBTP; none for silence. Frames are at 48 kHz.
-///
-/// # Errors
-/// As [`measure`].
 pub fn true_peak_db<const N: usize>(frames: &[[f32; N]]) -> Result<Option<f64>> {
     let peak = || {
         let mut meter = EbuR128::new(N as u32, FS, Mode::TRUE_PEAK)?;

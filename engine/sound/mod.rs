@@ -1,31 +1,23 @@
-//! The sound field: where sources are, by what cameras see; from a microphone's recording and the places of sources to
-//! what a head hears on its way.
-//!
-//! What it does, its formats, its limits and its measured trade of speed for accuracy: `engine/sound/README.md`.
+//! The sound field: from cameras and a microphone to the sound at a moving head; see `engine/sound/README.md`.
 
 pub mod align;
-pub mod ambix;
-pub mod associate;
-pub mod bench;
 pub mod clip;
 mod course;
+pub mod emitter;
 pub mod fir;
 pub mod geometry;
 pub mod hrtf;
 pub mod hull;
 pub mod keypoints;
-pub mod lag;
+pub(crate) mod lag;
 pub mod live;
 pub mod localize;
 pub mod loudness;
-pub mod metrics;
-pub mod mouth;
 pub mod path;
 pub mod pose;
 pub mod render;
 pub mod rig;
 pub mod scene_file;
-pub mod simulate;
 pub mod sinc;
 pub mod smooth;
 pub mod source_track;

@@ -54,7 +54,7 @@ impl HeadPose {
     }
 }
 
-/// What a file of a path says.
+/// A path, as its file has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeadPath {
     /// Where the head is.
@@ -77,10 +77,6 @@ pub struct PathCamera {
 }
 
 /// Reads a path; see the module for the kinds of files. `convention` replaces the kind's own.
-///
-/// # Errors
-/// [`Error::Data`] with the line or the pose when the file cannot be read or parsed, has no pose, a number that is not
-/// finite, rows that are not a rotation, or times that do not increase.
 pub fn read_path(path: impl AsRef<Path>, convention: Option<Convention>) -> Result<HeadPath> {
     let path = path.as_ref();
     let text =

@@ -23,10 +23,8 @@ impl HeadPose {
         self.q * DVec3::X
     }
 
-    /// The turn of a head that looks along `forward` with its crown towards `up` as far as that allows.
-    ///
-    /// `forward` and `up` need no unit length; where they are parallel the head's sides are arbitrary but the same in
-    /// every call.
+    /// The turn of a head that looks along `forward` with its crown towards `up` as far as that allows, of any length; where they
+    /// are parallel the sides are arbitrary but the same in every call.
     pub fn looking(forward: DVec3, up: DVec3) -> DQuat {
         let x = forward.normalize_or(DVec3::X);
         let y = up.cross(x).try_normalize().unwrap_or_else(|| x.any_orthonormal_vector());
@@ -42,9 +40,6 @@ pub struct PoseTrack {
 
 impl PoseTrack {
     /// A track of poses whose times increase.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where there is no pose, one is not finite, a turn has no length, or time does not increase.
     pub fn new(mut poses: Vec<HeadPose>) -> Result<Self> {
         let fault = |row: usize, reason: &str| {
             let remedy = "give poses with increasing times, finite places and unit quaternions";

@@ -4,12 +4,13 @@ use std::borrow::Cow;
 use std::path::Path;
 use std::rc::Rc;
 
+use glam::DVec3;
+
 use super::FS;
 use super::align::LEAD;
-use super::ambix;
 use super::course::{Course, r_min};
 use super::fir::{State, Voice};
-use super::geometry::Mode;
+use super::geometry::{Mode, SoundPlane};
 use super::hrtf::{Filter, HrtfSet, Lookup, Meta};
 use super::loudness::{self, Loudness};
 use super::pose::PoseTrack;
@@ -23,7 +24,8 @@ pub use super::course::{Cue, RenderConfig, SPEED_OF_SOUND, SourceReport};
 
 /// Change of a delay per time above which the head is taken to have jumped: 34 m/s.
 const JUMP: f64 = 0.1;
-/// What is to be known of a rendering.
+
+/// Numbers of a rendering.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Report {
     /// Length, seconds.
@@ -55,22 +57,16 @@ pub struct Rendered {
     pub fs: u32,
     /// By source, what was rendered, at the edges of blocks or the centres of frames.
     pub cues: Vec<Vec<Cue>>,
-    /// What is to be known.
+    /// Its numbers.
     pub report: Report,
 }
 
 /// Renders a scene's recordings along a head's path; as long as the longest of them.
-///
-/// # Errors
-/// [`Error::Data`] where a recording cannot be read, the settings make no sense, or the physical mode lacks a scale.
 pub fn render(scene: &SoundScene, head: &PoseTrack, hrtf: &HrtfSet, config: &RenderConfig) -> Result<Rendered> {
     render_signals(scene, &signals(scene)?, head, hrtf, config)
 }
 
 /// By source, what the microphone recorded of it, at [`FS`] from the time 0 on.
-///
-/// # Errors
-/// [`Error::Data`] where a recording cannot be read.
 pub fn signals(scene: &SoundScene) -> Result<Vec<Vec<f32>>> {
     let read = |source: &Source| {
         wav::read_channel(source.wav.as_ref().unwrap_or(&scene.mic.wav), scene.mic.channel, scene.mic.offset_s)
@@ -79,9 +75,6 @@ pub fn signals(scene: &SoundScene) -> Result<Vec<Vec<f32>>> {
 }
 
 /// Renders given signals in place of the scene's recordings: one for each source, at [`FS`].
-///
-/// # Errors
-/// As [`render`].
 pub fn render_signals(
     scene: &SoundScene,
     signals: &[Vec<f32>],
@@ -121,11 +114,8 @@ pub fn render_signals(
     Ok(Rendered { samples, fs: FS, cues, report })
 }
 
-/// Renders given signals as first-order ambisonics at the head's place: channels W, Y, Z, X (AmbiX), as late as for the ears.
+/// Renders given signals as first-order ambisonics at the head's place: channels W, Y, Z, X (AmbiX: ACN, SN3D), as late as for the ears.
 /// The world stays as it is, so that a player can turn the head; x is the sound plane's forward.
-///
-/// # Errors
-/// As [`render`].
 pub fn render_ambix(
     scene: &SoundScene,
     signals: &[Vec<f32>],
@@ -140,11 +130,12 @@ pub fn render_ambix(
             if course.is_late() { Cow::Owned(arrived(&course, signal, config)) } else { Cow::Borrowed(signal) };
         let gains = |at: usize| {
             let t = at as f64 / f64::from(FS);
-            let mut to = ambix::of_world(&course.plane, course.place(t) - head.at(t).p);
+            let mut to = for_players(&course.plane, course.place(t) - head.at(t).p);
             if config.mode == Mode::Paper2d {
                 to.z = 0.0;
             }
-            ambix::encode(to).map(|value| (value * course.cue(t).gain) as f32)
+            let to = to.normalize_or(DVec3::X);
+            [1.0, to.y, to.z, to.x].map(|value| (value * course.cue(t).gain) as f32)
         };
         let mut from = gains(0);
         for start in (0..signal.len()).step_by(config.block.max(1)) {
@@ -160,6 +151,11 @@ pub fn render_ambix(
         }
     }
     Ok(out)
+}
+
+/// A vector of the world in the frame that players turn: x along the sound plane's forward, y left, z up.
+fn for_players(plane: &SoundPlane, v: DVec3) -> DVec3 {
+    DVec3::new(v.dot(plane.y), -v.dot(plane.x), v.dot(plane.up))
 }
 
 /// A signal as it arrives at the head: late by its way, which glides over each block, with a crossfade where the head jumps.
@@ -285,7 +281,7 @@ fn physical(
     Ok((edges.iter().take(n_blocks + 1).map(|edge| edge.cue).collect(), jumps))
 }
 
-/// What a source sends at the edge of a block, and by how many samples each ear hears it late.
+/// Cue at the edge of a block, and by how many samples each ear hears it late.
 struct Edge {
     cue: Cue,
     delays: [f64; 2],

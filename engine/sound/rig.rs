@@ -9,7 +9,7 @@ use super::pose::{HeadPose, PoseTrack};
 use crate::error::{Error, Result};
 use crate::files::read_file;
 use crate::scene::Pose;
-use crate::scene::capture::{Camera, CaptureSettings, Faults, describe};
+use crate::scene::capture::{Camera, CaptureSettings, Faults, camera_place, describe};
 use crate::scene::undistort::Lens;
 
 /// A camera with its clock.
@@ -44,9 +44,6 @@ impl RigCamera {
     }
 
     /// The camera as a head, or as a microphone, in the clip's time.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the poses are not in the order of time.
     pub fn head(&self, fps: f64) -> Result<PoseTrack> {
         let pose = |(frame, rotation, center): &(f64, DQuat, DVec3)| HeadPose {
             t: (frame + self.offset) / fps,
@@ -81,19 +78,12 @@ struct Offset {
 }
 
 impl Rig {
-    /// Reads the calibration of a capture in any format that [`check_capture`](crate::scene::capture::check_capture) knows.
-    /// Lenses may distort: then the keypoints are of the pictures as they were taken.
-    ///
-    /// # Errors
-    /// [`Error::Data`] with the first fault.
+    /// Reads the calibration of a capture in any known format. Keypoints are of the pictures as they were taken, distortion included.
     pub fn open(path: &Path) -> Result<Rig> {
         Self::open_with(path, &CaptureSettings::default())
     }
 
     /// Reads the calibration of a capture as `settings` say.
-    ///
-    /// # Errors
-    /// As [`Rig::open`].
     pub fn open_with(path: &Path, settings: &CaptureSettings) -> Result<Rig> {
         let mut faults = Faults::default();
         let described = describe(path, settings, &mut faults).map(|(_, mut builder)| {
@@ -119,7 +109,7 @@ impl Rig {
             let all_finite = shots.chain([&camera.world_to_camera]).all(is_finite);
             let not_finite = || (!all_finite).then(|| "has a pose that is not finite".to_owned());
             if let Some(reason) = builder.lens(camera).fault().or_else(not_finite) {
-                return bad(format!("camera `{}`", camera.name.escape_debug()), reason);
+                return bad(camera_place(&camera.name), reason);
             }
         }
         let camera = |camera: &Camera| {
@@ -139,9 +129,6 @@ impl Rig {
     }
 
     /// Takes the clocks from the `offsets.json` that `ivv train` writes; a camera that it does not name keeps the true time.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the file cannot be read, is no such table, or names none of the cameras.
     pub fn read_offsets(&mut self, path: &Path) -> Result<()> {
         let remedy = "give the offsets.json of a run on this capture";
         let fault = |reason: String| Error::data(path, "", reason, remedy);

@@ -58,7 +58,7 @@ pub struct Mic {
 pub struct Source {
     /// Where it is.
     pub track: SourceTrack,
-    /// What the microphone records of it alone, where that is known.
+    /// The microphone's recording of it alone, where there is one.
     pub wav: Option<PathBuf>,
     /// Added to its level, decibels.
     pub gain_db: f64,
@@ -112,9 +112,6 @@ struct SourceFile {
 
 impl SoundScene {
     /// Reads a scene and the tracks that it names.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where the file or a track cannot be read, or a value makes no sense.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let fault = |place: &str, reason: String| {
@@ -169,12 +166,7 @@ impl SoundScene {
         })
     }
 
-    /// Writes the scene, and beside it each source's track as `<id>.csv`.
-    ///
-    /// Paths of recordings below the file's folder are written relative to it, others whole.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where a file cannot be written.
+    /// Writes the scene, and beside it each source's track as `<id>.csv`. Paths of recordings below the folder are relative, others whole.
     pub fn write(&self, path: &Path) -> Result<()> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let relative = |wav: &Path| match wav.strip_prefix(folder) {

@@ -82,8 +82,6 @@ impl Default for DelayTable {
 }
 
 /// A change of sample rate, prepared once for any number of signals.
-///
-/// Rates are whole numbers, so the weights of the taps repeat; they are kept by phase.
 pub struct Resampler {
     from: u32,
     to: u32,
@@ -95,9 +93,7 @@ pub struct Resampler {
 }
 
 impl Resampler {
-    /// Sample `i` of the result will be the signal at `i / to - shift` seconds.
-    ///
-    /// The same rate without a shift leaves a signal as it is. A change of rate loses what lies above 0.95 of the lower
+    /// Sample `i` of the result will be the signal at `i / to - shift` seconds. A change of rate loses what lies above 0.95 of the lower
     /// Nyquist frequency.
     pub fn new(from: u32, to: u32, shift: f64) -> Self {
         let (from, to) = (from.max(1), to.max(1));

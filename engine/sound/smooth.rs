@@ -1,5 +1,4 @@
-//! A thing that keeps its velocity but for chance: Kalman's filter over places with covariances, and Rauch, Tung and
-//! Striebel's smoother.
+//! Kalman's filter over places of nearly constant velocity, and Rauch, Tung and Striebel's smoother.
 
 use glam::{DMat3, DVec3};
 
@@ -26,7 +25,7 @@ pub struct Motion {
 }
 
 impl State {
-    /// What has just been found at `p`.
+    /// A new state at `p`.
     pub fn new(p: DVec3, cov: DMat3, motion: Motion) -> State {
         let unknown = DMat3::from_diagonal(DVec3::splat(motion.speed * motion.speed));
         State { p, v: DVec3::ZERO, cov: [[cov, DMat3::ZERO], [DMat3::ZERO, unknown]] }

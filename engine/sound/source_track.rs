@@ -71,8 +71,8 @@ pub struct SourceTrack {
 }
 
 impl SourceTrack {
-    /// Where the source is at `t` seconds: the cubic through the samples with their central differences as slopes. Before the
-    /// first sample it is there, after the last one there; `None` beside a sample that is [`Flag::Inactive`].
+    /// Where the source is at `t` seconds, by the cubic through the samples with central differences as slopes; the ends are held. `None`
+    /// beside a sample that is [`Flag::Inactive`].
     pub fn at(&self, t: f64) -> Option<DVec3> {
         let last = self.samples.len().checked_sub(1)?;
         let next = self.samples.partition_point(|sample| sample.t <= t);
@@ -98,12 +98,7 @@ impl SourceTrack {
         Some(ends + h * ((u3 - 2.0 * u2 + u) * slope(i) + (u3 - u2) * slope(j)))
     }
 
-    /// Reads a CSV file with the columns `t,x,y,z,cxx,cxy,cxz,cyy,cyz,czz,views,reproj_px,flag`. The file's name without
-    /// ending is the id; the rate is that of the times.
-    ///
-    /// # Errors
-    /// [`Error::Data`] with the line when the file cannot be read, has other columns, a number that is malformed or not finite,
-    /// times that do not increase, or no sample.
+    /// Reads a CSV file of these columns; the file's name without ending is the id, the rate is that of the times.
     pub fn read_csv(path: &Path) -> Result<SourceTrack> {
         let text = read_text(path)
             .map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
@@ -132,9 +127,6 @@ impl SourceTrack {
     }
 
     /// Writes the file that [`SourceTrack::read_csv`] reads back as equal samples.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the file cannot be written.
     pub fn write_csv(&self, path: &Path) -> Result<()> {
         let mut text = format!("{HEADER}\n");
         for SourceSample { t, p, cov, views, reproj_px, flag } in &self.samples {

@@ -7,12 +7,11 @@ const WINDOW: f64 = 1.0;
 /// Another takes over with this many times the score of who spoke before.
 const TAKES_OVER: f64 = 1.5;
 
-/// The seconds in which each person speaks, together the whole clip: in each window the one whose lips move most while the
+/// The seconds in which each person speaks, together the whole clip: in each window the one whose lips move most (1 to 8 Hz) while the
 /// recording is loud.
 ///
-/// `openings` has by person and frame how far the lips are apart, NaN where that is not seen; `loudness` has the recording's
-/// RMS by frame. The inner product of the opening's movement (1 to 8 Hz) and the loudness decides. Where nobody's lips move
-/// the last speaker still speaks; at the beginning it is the first person.
+/// `openings` has by person and frame how far the lips are apart, NaN where unseen; `loudness` the recording's RMS by frame. Where
+/// nobody's lips move the last speaker goes on.
 pub fn gates(openings: &[Vec<f64>], loudness: &[f64], fps: f64) -> Vec<Vec<(f64, f64)>> {
     let n_frames = loudness.len();
     let movement: Vec<Vec<f64>> = openings.iter().map(|opening| movement(opening, fps)).collect();

@@ -20,13 +20,8 @@ impl Spectra {
     }
 
     /// Samples of a transform.
-    pub fn len(&self) -> usize {
+    pub fn size(&self) -> usize {
         self.n
-    }
-
-    /// Whether a transform has no samples.
-    pub fn is_empty(&self) -> bool {
-        self.n == 0
     }
 
     /// The bins 0 to n / 2 of a signal, which is cut or padded with zeros.

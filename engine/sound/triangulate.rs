@@ -62,17 +62,14 @@ pub struct Fix {
     pub reproj_px: f64,
 }
 
-/// The place of one thing that all of `sights` see: the point closest to all rays, refined by Huber's Gauss-Newton on the
-/// pixels. `None` with fewer than two sights, with rays that are all nearly parallel, or with a place behind a camera.
-///
-/// The covariance is that of the sights' standard deviations. It is widened where they disagree by significantly more
-/// than these (0.999).
+/// The place that all of `sights` see: closest to all rays, refined by Huber's Gauss-Newton on the pixels. `None` with fewer than two
+/// sights, with rays that are nearly parallel, or behind a camera. The covariance is wider where sights disagree significantly (0.999).
 pub fn triangulate(sights: &[Sight]) -> Option<Fix> {
     refined(sights, (0..sights.len()).collect())
 }
 
-/// The places that `sights` of several things agree on, the best first. Every pair of cameras proposes places, the one with
-/// the most agreement is refined, its sights are taken away, and so on while two sights or more agree.
+/// The places that `sights` of several things agree on, the best first: every pair of cameras proposes one, the one with most agreement
+/// is refined and its sights are taken away.
 pub fn triangulate_all(sights: &[Sight]) -> Vec<Fix> {
     let mut proposals = proposals(sights);
     let mut is_free = vec![true; sights.len()];
@@ -187,8 +184,8 @@ fn refined(sights: &[Sight], chosen: Vec<usize>) -> Option<Fix> {
     (point.is_finite() && cov.is_finite()).then_some(Fix { p: point, cov, excess, sights: chosen, reproj_px })
 }
 
-/// By how much the variance of one is too small, if it is: chi squared over its degrees of freedom where that is beyond the
-/// 0.999 quantile (Wilson and Hilferty), else 1. Without the test the mean would be biased.
+/// The factor by which the variance of one is too small: chi squared over its degrees of freedom beyond the 0.999 quantile (Wilson and
+/// Hilferty), else 1. Without the test the mean would be biased.
 fn excess(chi2: f64, freedom: usize) -> f64 {
     let n = freedom as f64;
     let spread = 2.0 / (9.0 * n);

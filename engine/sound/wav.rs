@@ -11,7 +11,6 @@ use crate::files::{open_file, write_atomic};
 /// Sample rates that are read, per second: those of sound. Far from them a change of rate needs weights without end.
 const RATES: std::ops::RangeInclusive<u32> = 8_000..=400_000;
 
-/// What helps a file that cannot be read.
 const REMEDY: &str = "give a WAV file of 16, 24 or 32 bits (ffmpeg -i IN -c:a pcm_s24le OUT.wav)";
 
 /// Which channel of a recording is the microphone.
@@ -37,19 +36,12 @@ pub struct Recording {
 }
 
 /// Reads a WAV file of 8 to 32 bit integers or 32 bit floats, of 8,000 to 400,000 samples per second.
-///
-/// # Errors
-/// [`Error::Data`] where the file is no WAV, ends early, is empty, has another sample rate, or holds a value that is not
-/// finite.
 pub fn read(path: &Path) -> Result<Recording> {
     let file = open_file(path).map_err(|e| Error::data(path, "", format!("cannot be read: {e}"), REMEDY))?;
     decode(path, BufReader::new(file))
 }
 
-/// As [`read`], of a WAV file that is in memory or in another file; `path` is what its faults are told of.
-///
-/// # Errors
-/// As [`read`].
+/// As [`read`], of a WAV file in memory; its errors name `path`.
 pub fn decode(path: &Path, from: impl std::io::Read) -> Result<Recording> {
     let fault = |place: String, reason: String| Error::data(path, place, reason, REMEDY);
     let reader = hound::WavReader::new(from);
@@ -81,9 +73,6 @@ pub fn decode(path: &Path, from: impl std::io::Read) -> Result<Recording> {
 }
 
 /// One channel of a WAV file at 48 kHz, where sample 0 is the time 0 and the file begins at `offset` seconds.
-///
-/// # Errors
-/// As [`read`]; also where a stereo channel of a mono file is asked for.
 pub fn read_channel(path: &Path, channel: Channel, offset: f64) -> Result<Vec<f32>> {
     let recording = read(path)?;
     let samples = match (channel, recording.channels.as_slice()) {
@@ -107,9 +96,6 @@ pub enum Depth {
 }
 
 /// Writes frames of `N` channels at 48 kHz, atomically.
-///
-/// # Errors
-/// [`Error::NonFinite`] where a sample is not finite; [`Error::Data`] where the file cannot be written.
 pub fn write<const N: usize>(path: impl AsRef<Path>, frames: &[[f32; N]], depth: Depth) -> Result<()> {
     let path = path.as_ref();
     let count = frames.as_flattened().iter().filter(|value| !value.is_finite()).count() as u64;

@@ -1,5 +1,5 @@
-//! The paper's filtering, in the short-time Fourier domain, without its circular wrap: windowed frames, padded, overlapped
-//! and added. The analysis window is the crossfade from one filter to the next, and there is no other window.
+//! The paper's filtering in the short-time Fourier domain, without its circular wrap: windowed frames, padded, overlapped and added. The
+//! analysis window is the only one, and crossfades from one filter to the next.
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -22,15 +22,13 @@ pub struct Wola {
     baker: Baker,
 }
 
-/// What both ears hear of a frame: the filter's spectra.
+/// The spectra of a filter, by ear.
 #[derive(Clone)]
 pub struct EarSpectra([Vec<Complex32>; 2]);
 
 impl Wola {
-    /// Frames of `frame` samples every `hop` samples for filters of `taps` samples and delays of up to `max_delay`.
-    ///
-    /// The window is Hann's, scaled so that the windows over any sample sum to 1; `None` where `hop` does not divide
-    /// `frame` at least twice, since they would not.
+    /// Frames of `frame` samples every `hop` samples for filters of `taps` samples and delays of up to `max_delay`. `None` where `hop` does
+    /// not divide `frame` at least twice: then Hann's windows would not sum to 1.
     pub fn new(frame: usize, hop: usize, taps: usize, max_delay: f64) -> Option<Self> {
         if hop == 0 || !frame.is_multiple_of(hop) || frame / hop < 2 {
             return None;
@@ -38,7 +36,7 @@ impl Wola {
         let scale = 2.0 * hop as f64 / frame as f64;
         let hann = |i: usize| (scale * (0.5 - 0.5 * (2.0 * PI * i as f64 / frame as f64).cos())) as f32;
         let baker = Baker::new(taps, max_delay);
-        let n = good_length(frame + baker.len() - 1);
+        let n = good_length(frame + baker.size() - 1);
         let mut planner = RealFftPlanner::new();
         Some(Wola {
             frame,
@@ -56,11 +54,6 @@ impl Wola {
         &self.window
     }
 
-    /// Length of the transforms: a frame and a response fit in without wrapping.
-    pub fn transform_len(&self) -> usize {
-        self.n
-    }
-
     /// A filter's spectra, its delays included.
     pub fn spectra(&mut self, filter: &Filter) -> EarSpectra {
         let mut baked = self.baker.bake(filter);
@@ -74,10 +67,8 @@ impl Wola {
         }))
     }
 
-    /// Adds what both ears hear of `signal` to `out`, as long as the signal.
-    ///
-    /// `filter` gives for the time of a frame's centre, in samples, the filter's spectra (`None` for those of the frame
-    /// before) and the gain.
+    /// Adds the sound of `signal` at both ears to `out`, of its length. `filter` gives spectra (`None` for those of the frame before) and
+    /// gain at a frame's centre, in samples.
     pub fn process(
         &mut self,
         signal: &[f32],
@@ -129,20 +120,15 @@ impl Baker {
     }
 
     /// Samples of a baked response.
-    pub fn len(&self) -> usize {
-        self.spectra.len()
-    }
-
-    /// Whether a baked response has no samples.
-    pub fn is_empty(&self) -> bool {
-        self.spectra.is_empty()
+    pub fn size(&self) -> usize {
+        self.spectra.size()
     }
 
     /// Both responses, delayed.
     pub fn bake(&mut self, filter: &Filter) -> [Vec<f32>; 2] {
         [0, 1].map(|ear| {
             let bins = self.spectra.forward(filter.responses[ear].iter().map(|value| f64::from(*value)));
-            let later = shifted(&bins, self.spectra.len(), filter.delays[ear]);
+            let later = shifted(&bins, self.spectra.size(), filter.delays[ear]);
             self.spectra.inverse(&later).into_iter().map(|value| value as f32).collect()
         })
     }

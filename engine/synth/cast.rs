@@ -6,22 +6,18 @@ use super::rig::Camera;
 use super::world::{Hit, Snapshot, World};
 use glam::{DVec2, DVec3};
 
-/// Standard deviation of the sensor noise, of the full range of a channel.
 pub(super) const SENSOR_NOISE: f64 = 0.01;
-/// Colour of a lens hood.
 const HOOD: DVec3 = DVec3::splat(0.06);
 
 /// A camera's picture of one frame, row-major, top first.
 pub(super) struct Picture {
-    /// With the camera's colours and noise, 8 bits per channel.
     pub rgb: Vec<u8>,
     /// Of the surface at the pixel's centre, along the optical axis, scene units.
     pub depth: Vec<f64>,
     /// Displacement of the surface point at the pixel's centre until the next frame, pixels.
     pub flow: Vec<DVec2>,
-    /// Index of the body at the pixel's centre.
     pub body: Vec<usize>,
-    /// Whether any ray of the pixel meets a body that moves.
+    /// True if any ray of the pixel meets a body that moves.
     pub dynamic: Vec<bool>,
 }
 
@@ -48,7 +44,7 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
         // The room is closed: every ray meets something, at worst its shell.
         let hit = now.hit(camera.center, direction);
         picture.depth.push(hit.as_ref().map_or(0.0, |hit| hit.t));
-        picture.flow.push(hit.as_ref().map_or(DVec2::ZERO, |hit| flow(&now, &next, (camera, &then), hit)));
+        picture.flow.push(hit.as_ref().map_or(DVec2::ZERO, |hit| flow(&now, &next, camera, &then, hit)));
         picture.body.push(hit.as_ref().map_or(0, |hit| hit.body));
         let (color, dynamic) = pixel(&now, camera, corner, options.samples);
         let seen = if camera.is_hooded(column, row) { HOOD } else { transformed(camera, color) };
@@ -60,7 +56,7 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
     picture
 }
 
-/// Whether the surface at each pixel's centre of the `index`-th camera is seen by a training camera at the same time.
+/// True if the surface at each pixel's centre of the `index`-th camera is seen by a training camera at the same time.
 pub(super) fn covisible(world: &World, cameras: &[Camera], index: usize, frame: u32) -> Vec<bool> {
     let now = world.at(f64::from(frame) + cameras[index].time_offset);
     let cameras: Vec<Camera> = cameras.iter().map(|camera| camera.of_frame(frame)).collect();
@@ -76,7 +72,7 @@ pub(super) fn covisible(world: &World, cameras: &[Camera], index: usize, frame: 
         .collect()
 }
 
-/// Whether a point of a surface is in a camera's picture and nothing is in front of it.
+/// True if a point of a surface is in a camera's picture and nothing is in front of it.
 pub(super) fn sees(now: &Snapshot, camera: &Camera, point: DVec3) -> bool {
     camera.project(point).is_some_and(|(at, _)| camera.intrinsics.holds(at)) && now.sees(camera.center, point)
 }
@@ -95,9 +91,8 @@ fn pixel(now: &Snapshot, camera: &Camera, corner: DVec2, samples: u32) -> (DVec3
     (sum / f64::from(samples * samples), dynamic)
 }
 
-/// The way of a surface point in the picture from one frame to the next, by its own motion and by that of the camera, which is
-/// given at both.
-fn flow(now: &Snapshot, next: &Snapshot, (camera, then): (&Camera, &Camera), hit: &Hit) -> DVec2 {
+/// The way of a surface point in the picture to the next frame, by its own motion and the camera's.
+fn flow(now: &Snapshot, next: &Snapshot, camera: &Camera, then: &Camera, hit: &Hit) -> DVec2 {
     let moved = &next.placed[hit.body];
     if !moved.body.dynamic && camera.center == then.center {
         return DVec2::ZERO;
@@ -108,7 +103,6 @@ fn flow(now: &Snapshot, next: &Snapshot, (camera, then): (&Camera, &Camera), hit
     here.zip(there).map_or(DVec2::ZERO, |(here, there)| there.0 - here.0)
 }
 
-/// A true colour as the camera stores it.
 pub(super) fn transformed(camera: &Camera, color: DVec3) -> DVec3 {
     let row = |[r, g, b, shift]: [f64; 4]| DVec3::new(r, g, b).dot(color) + shift;
     DVec3::from_array(camera.color.map(row))

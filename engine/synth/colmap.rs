@@ -1,4 +1,4 @@
-//! The calibration as COLMAP writes it, in binary and in text, and the points of single frames.
+//! The calibration as COLMAP writes it in text, and the points of single frames.
 
 use super::files;
 use super::math::{self, Stream};
@@ -16,12 +16,9 @@ pub(super) const OBSERVATION_NOISE: f64 = 0.3;
 /// Of a bent rig's cameras: degrees, metres. A real calibration of webcams that were taken for simultaneous is 10 to 14 mm off.
 const BENT_TURN: f64 = 0.2;
 const BENT_SHIFT: f64 = 0.01;
-/// COLMAP's number for the model PINHOLE: fx, fy, cx, cy.
-const PINHOLE: u32 = 1;
 /// The frame whose pictures stand for their cameras.
 pub(super) const REFERENCE_FRAME: u32 = 0;
 
-/// Where a camera saw a point.
 struct Observation {
     at: DVec2,
     point: usize,
@@ -31,18 +28,15 @@ struct Observation {
 struct Image {
     camera: usize,
     frame: u32,
-    /// The camera where it is then.
     posed: Camera,
-    /// Where the calibration has it.
-    told: Pose,
+    stated: Pose,
 }
 
-/// What the files tell, in the order they tell it. Cameras and images count from 1, as COLMAP's do.
+/// The contents of the files, in their order. Cameras and images count from 1, as COLMAP's do.
 struct Model<'a> {
     cameras: &'a [Camera],
     images: Vec<Image>,
     points: &'a [Point],
-    /// By image.
     observations: Vec<Vec<Observation>>,
     /// By point: (image, index among the image's observations).
     tracks: Vec<Vec<(usize, usize)>>,
@@ -50,15 +44,12 @@ struct Model<'a> {
     errors: Vec<f64>,
 }
 
-/// Writes cameras, images and points3D, each as .bin and .txt, to `folder`. `points` are of the reference frame.
+/// Writes cameras.txt, images.txt and points3D.txt to `folder`. `points` are of the reference frame.
 pub(super) fn write(folder: &Path, options: &Options, cameras: &[Camera], points: &[Point]) -> Result<()> {
     let model = Model::new(options, cameras, points);
-    files::bytes(&folder.join("cameras.bin"), &model.cameras_bin())?;
-    files::bytes(&folder.join("images.bin"), &model.images_bin())?;
-    files::bytes(&folder.join("points3D.bin"), &model.points_bin())?;
-    files::bytes(&folder.join("cameras.txt"), model.cameras_txt().as_bytes())?;
-    files::bytes(&folder.join("images.txt"), model.images_txt().as_bytes())?;
-    files::bytes(&folder.join("points3D.txt"), model.points_txt().as_bytes())
+    files::bytes(&folder.join("cameras.txt"), model.cameras_text().as_bytes())?;
+    files::bytes(&folder.join("images.txt"), model.images_text().as_bytes())?;
+    files::bytes(&folder.join("points3D.txt"), model.points_text().as_bytes())
 }
 
 /// Writes the points of a frame with those that saw each, in the numbers of COLMAP's cameras.
@@ -91,8 +82,8 @@ impl<'a> Model<'a> {
             let image = move |frame: u32| {
                 let posed = camera.of_frame(frame);
                 let pose = Pose::at(posed.center, posed.rotation);
-                let told = bend.map_or(pose, |[turn, shift]| pose.corrected(turn, shift));
-                Image { camera: index, frame, posed, told }
+                let stated = bend.map_or(pose, |[turn, shift]| pose.corrected(turn, shift));
+                Image { camera: index, frame, posed, stated }
             };
             frames(camera).map(image)
         };
@@ -119,42 +110,7 @@ impl<'a> Model<'a> {
         Model { cameras, images, points, observations, tracks, errors }
     }
 
-    fn cameras_bin(&self) -> Vec<u8> {
-        let mut to = Packed::count(self.cameras.len());
-        for (index, camera) in self.cameras.iter().enumerate() {
-            let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
-            to.u32(id(index)).u32(PINHOLE).u64(width.into()).u64(height.into()).f64s(&[fx, fy, cx, cy]);
-        }
-        to.0
-    }
-
-    fn images_bin(&self) -> Vec<u8> {
-        let mut to = Packed::count(self.images.len());
-        for (index, image) in self.images.iter().enumerate() {
-            let Pose { rotation, translation } = image.told;
-            to.u32(id(index)).f64s(&quaternion(&rotation)).f64s(&translation.to_array());
-            to.u32(id(image.camera)).0.extend(image.name().bytes().chain([0]));
-            to.u64(self.observations[index].len() as u64);
-            for seen in &self.observations[index] {
-                to.f64s(&seen.at.to_array()).u64(u64::from(id(seen.point)));
-            }
-        }
-        to.0
-    }
-
-    fn points_bin(&self) -> Vec<u8> {
-        let mut to = Packed::count(self.points.len());
-        for (index, point) in self.points.iter().enumerate() {
-            to.u64(u64::from(id(index))).f64s(&point.position.to_array()).0.extend(point.rgb);
-            to.f64s(&[self.errors[index]]).u64(self.tracks[index].len() as u64);
-            for &(image, observation) in &self.tracks[index] {
-                to.u32(id(image)).u32(observation as u32);
-            }
-        }
-        to.0
-    }
-
-    fn cameras_txt(&self) -> String {
+    fn cameras_text(&self) -> String {
         let mut text = String::from("# CAMERA_ID, MODEL, WIDTH, HEIGHT, PARAMS[]\n");
         for (index, camera) in self.cameras.iter().enumerate() {
             let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
@@ -164,11 +120,11 @@ impl<'a> Model<'a> {
         text
     }
 
-    fn images_txt(&self) -> String {
+    fn images_text(&self) -> String {
         let mut text =
             String::from("# IMAGE_ID, QW, QX, QY, QZ, TX, TY, TZ, CAMERA_ID, NAME\n# X, Y, POINT3D_ID, ...\n");
         for (index, image) in self.images.iter().enumerate() {
-            let ([w, x, y, z], t) = (quaternion(&image.told.rotation), image.told.translation);
+            let ([w, x, y, z], t) = (quaternion(&image.stated.rotation), image.stated.translation);
             let ([x_t, y_t, z_t], name) = (t.to_array(), image.name());
             let (own, camera) = (id(index), id(image.camera));
             let _ = writeln!(text, "{own} {w} {x} {y} {z} {x_t} {y_t} {z_t} {camera} {name}");
@@ -179,7 +135,7 @@ impl<'a> Model<'a> {
         text
     }
 
-    fn points_txt(&self) -> String {
+    fn points_text(&self) -> String {
         let mut text = String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
         for (index, point) in self.points.iter().enumerate() {
             let ([x, y, z], [r, g, b]) = (point.position.to_array(), point.rgb);
@@ -201,28 +157,4 @@ fn bend(options: &Options, index: usize, camera: &Camera) -> Option<[DVec3; 2]> 
     let mut random = math::random(options.seed, Stream::Bends, index, REFERENCE_FRAME);
     let mut along = |length: f64| math::normal3(&mut random).normalize_or(DVec3::X) * length;
     Some([along(BENT_TURN.to_radians()), along(BENT_SHIFT)])
-}
-
-/// Little-endian numbers one after another.
-struct Packed(Vec<u8>);
-
-impl Packed {
-    fn count(n: usize) -> Self {
-        Packed((n as u64).to_le_bytes().to_vec())
-    }
-
-    fn u32(&mut self, value: u32) -> &mut Self {
-        self.0.extend(value.to_le_bytes());
-        self
-    }
-
-    fn u64(&mut self, value: u64) -> &mut Self {
-        self.0.extend(value.to_le_bytes());
-        self
-    }
-
-    fn f64s(&mut self, values: &[f64]) -> &mut Self {
-        self.0.extend(values.iter().flat_map(|value| value.to_le_bytes()));
-        self
-    }
 }

@@ -1,24 +1,16 @@
 //! The formats that the capture is written in, each file at once.
 
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::files::write_atomic;
 use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, WritableImage};
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 use std::io::{self, Cursor};
 use std::path::Path;
 
-/// The folder of a file, made when it is absent.
-pub(super) fn make_folder(path: &Path) -> Result<()> {
-    let remedy = "choose another folder with -o";
-    std::fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
-}
-
-/// Writes bytes.
 pub(super) fn bytes(path: &Path, bytes: &[u8]) -> Result<()> {
     write_atomic(path, |to| to.write_all(bytes))
 }
 
-/// Writes JSON on one line.
 pub(super) fn json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     write_atomic(path, |to| {
         serde_json::to_writer(&mut *to, value)?;
@@ -26,7 +18,6 @@ pub(super) fn json(path: &Path, value: &impl serde::Serialize) -> Result<()> {
     })
 }
 
-/// Writes a PNG of 8 bits per channel, `kind` being `Rgb8` or `L8`.
 pub(super) fn png(path: &Path, pixels: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<()> {
     write_atomic(path, |to| PngEncoder::new(to).write_image(pixels, width, height, kind).map_err(io::Error::other))
 }
@@ -48,25 +39,18 @@ pub(super) fn exr(path: &Path, channels: Vec<(&str, Vec<f32>)>, width: u32, heig
 
 /// Writes a WAV file of one channel, 16 bits, from samples in [-1, 1]; what lies beyond is clipped.
 pub(super) fn wav(path: &Path, samples: &[f64], rate: u32) -> Result<()> {
-    // A clip of 9999 frames at 1 frame per second is below 1 GB.
-    let n_bytes = (2 * samples.len()) as u32;
+    let spec =
+        hound::WavSpec { channels: 1, sample_rate: rate, bits_per_sample: 16, sample_format: hound::SampleFormat::Int };
+    let mut encoded = Cursor::new(Vec::new());
+    let encode = |to: &mut Cursor<Vec<u8>>| -> hound::Result<()> {
+        let mut writer = hound::WavWriter::new(to, spec)?;
+        let level = |sample: &f64| (sample.clamp(-1.0, 1.0) * 32_767.0).round() as i16;
+        samples.iter().try_for_each(|sample| writer.write_sample(level(sample)))?;
+        writer.finalize()
+    };
+    let done = encode(&mut encoded);
     write_atomic(path, |to| {
-        to.write_all(b"RIFF")?;
-        to.write_all(&(36 + n_bytes).to_le_bytes())?;
-        to.write_all(b"WAVEfmt ")?;
-        to.write_all(&16_u32.to_le_bytes())?;
-        // PCM, one channel; bytes per second, bytes per sample, bits per sample.
-        to.write_all(&1_u16.to_le_bytes())?;
-        to.write_all(&1_u16.to_le_bytes())?;
-        to.write_all(&rate.to_le_bytes())?;
-        to.write_all(&(2 * rate).to_le_bytes())?;
-        to.write_all(&2_u16.to_le_bytes())?;
-        to.write_all(&16_u16.to_le_bytes())?;
-        to.write_all(b"data")?;
-        to.write_all(&n_bytes.to_le_bytes())?;
-        samples.iter().try_for_each(|&sample| {
-            let level = (sample.clamp(-1.0, 1.0) * 32_767.0).round() as i16;
-            to.write_all(&level.to_le_bytes())
-        })
+        done.map_err(io::Error::other)?;
+        to.write_all(encoded.get_ref())
     })
 }

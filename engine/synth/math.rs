@@ -32,14 +32,13 @@ pub(super) fn sin_cos(angle: f64) -> (f64, f64) {
     }
 }
 
-/// The rotation by `angle` about the unit vector `axis` (Rodrigues).
 pub(super) fn rotation(axis: DVec3, angle: f64) -> DMat3 {
     let (sin, cos) = sin_cos(angle);
     let column = |unit: DVec3| unit * cos + axis.cross(unit) * sin + axis * (axis.dot(unit) * (1.0 - cos));
     DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z))
 }
 
-/// What a stream of random numbers is for; each stream is independent of the others.
+/// The use of a stream of random numbers; each stream is independent of the others.
 #[derive(Clone, Copy)]
 pub(super) enum Stream {
     World,
@@ -63,7 +62,6 @@ pub(super) fn random(seed: u64, stream: Stream, camera: usize, frame: u32) -> Ra
     Random::of_key(&[seed, stream as u64, camera as u64, u64::from(frame)])
 }
 
-/// Nearly normal numbers along three axes.
 pub(super) fn normal3(random: &mut Random) -> DVec3 {
     DVec3::from_array(std::array::from_fn(|_| random.nearly_normal()))
 }
@@ -84,7 +82,6 @@ pub(super) fn value_noise(at: DVec3, seed: u64) -> f64 {
     sum
 }
 
-/// Three octaves of [`value_noise`], in [0, 1].
 pub(super) fn fractal_noise(at: DVec3, seed: u64) -> f64 {
     (4.0 * value_noise(at, seed) + 2.0 * value_noise(at * 2.0, seed ^ 1) + value_noise(at * 4.0, seed ^ 2)) / 7.0
 }

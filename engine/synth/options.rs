@@ -14,13 +14,13 @@ pub enum Rig {
     Moving,
 }
 
-/// What is disturbed by noise.
+/// Parts that noise disturbs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Noise {
     /// Nothing: points, flow, depth and keypoints are exact and no point is an outlier.
     None,
-    /// What other programs estimate from pictures: points (with outliers), flow, depth and keypoints.
+    /// Estimates from pictures: points (with outliers), flow, depth and keypoints.
     Priors,
     /// The same, with points as of a structure from motion that fits badly: 3 cm off, one in five an outlier.
     Rough,
@@ -37,8 +37,7 @@ pub struct Options {
     pub rig: Rig,
     /// Cameras in all, 3 to 99.
     pub cameras: u32,
-    /// How many of them are held out: the first is central, the second peripheral, others lie between; at most
-    /// `cameras - 2`.
+    /// Held out: the first is central, the second peripheral, others lie between; at most `cameras - 2`.
     pub test_cameras: u32,
     /// Pixels, 16 to 8192.
     pub width: u32,
@@ -103,8 +102,7 @@ impl Preset {
         }
     }
 
-    /// Its options. All but `Hard` and `Study` have true clocks, all but `Hard` true colours, so that training without offsets
-    /// and grids is well posed; the priors of all are noisy.
+    /// Its options. All but `Hard` and `Study` have true clocks, all but `Hard` true colours; the priors of all are noisy.
     pub fn options(self, seed: u64) -> Options {
         let small = Options {
             seed,

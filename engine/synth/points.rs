@@ -7,7 +7,6 @@ use super::rig::Camera;
 use super::world::{Hit, Snapshot, World};
 use glam::{DVec2, DVec3};
 
-/// What is wrong with points.
 pub(super) struct Errors {
     /// Standard deviation of a position along each axis, scene units.
     pub sd: f64,
@@ -30,10 +29,8 @@ const OUTLIER_DEPTHS: [f64; 2] = [0.4, 0.9];
 /// Rays cast per point wanted, before a scene with too little to see gives fewer.
 const TRIES: u32 = 60;
 
-/// A triangulated point.
 #[derive(Clone, Debug)]
 pub(super) struct Point {
-    /// World, with noise.
     pub position: DVec3,
     pub rgb: [u8; 3],
     /// Indices of the training cameras that saw it, ascending; two or more.
@@ -88,8 +85,7 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
     points
 }
 
-/// Walls and floor are large and dull; what moves has fewer points than it fills of the pictures, since it is blurred and
-/// hides itself.
+/// Walls and floor are large and dull; moving bodies have fewer points, since they are blurred.
 fn weight(now: &Snapshot, hit: &Hit) -> f64 {
     match now.placed[hit.body].body.dynamic {
         true => 0.4,

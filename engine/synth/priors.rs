@@ -1,4 +1,4 @@
-//! What networks would say of a picture: noisy optical flow, and depth in units of its own.
+//! The estimates of networks: noisy optical flow, and depth in units of its own.
 
 use super::cast::Picture;
 use super::math::{self, Stream, value_noise};
@@ -6,15 +6,13 @@ use super::options::{Noise, Options};
 use super::rig::Camera;
 use glam::{DVec2, DVec3};
 
-/// Noise of the flow: a part that no pixel escapes (at most 0.085 pixels long, below SPEC 5's threshold of 0.1), and one
-/// that grows with the flow.
+/// Noise of the flow, pixels: a constant part (at most 0.085, below SPEC 5's threshold of 0.1), and one that grows with the flow.
 pub(super) const FLOW_NOISE: f64 = 0.017;
 pub(super) const FLOW_RELATIVE_NOISE: f64 = 0.03;
 /// Relative noise of the inverse depth: pixel by pixel, and smooth over the picture (largest magnitude).
 pub(super) const DEPTH_NOISE: f64 = 0.01;
 pub(super) const DEPTH_SMOOTH_NOISE: f64 = 0.03;
 
-/// The estimated flow, [H][W] x (x, y), pixels.
 pub(super) fn flow(picture: &Picture, options: &Options, index: usize, frame: u32) -> Vec<[f32; 2]> {
     let mut random = math::random(options.seed, Stream::Flow, index, frame);
     let noisy = options.noise != Noise::None;
@@ -31,7 +29,6 @@ pub(super) fn depth_affine(options: &Options, index: usize, frame: u32) -> (f64,
     (random.uniform(0.4, 1.6), random.uniform(-0.15, 0.15))
 }
 
-/// The estimated depth, [H][W], in inverse depth up to the picture's affine map.
 pub(super) fn depth(picture: &Picture, options: &Options, index: usize, camera: &Camera, frame: u32) -> Vec<f32> {
     let (scale, shift) = depth_affine(options, index, frame);
     let mut random = math::random(options.seed, Stream::Depth, index, frame);

@@ -7,7 +7,7 @@ use crate::scene::Intrinsics;
 use glam::{DMat3, DVec2, DVec3};
 use std::f64::consts::PI;
 
-/// What the cameras of an inward rig look at, and their distance from it.
+/// The centre of an inward rig's view, and its distance.
 const TARGET: DVec3 = DVec3::new(0.05, 0.35, 0.4);
 const RADIUS: f64 = 3.1;
 /// Half of the arc that they stand on, radians.
@@ -25,8 +25,7 @@ const BOB: f64 = 0.05;
 const TURN: f64 = 0.4;
 /// Largest time offset before the mean is taken out, frames.
 const MAX_OFFSET: f64 = 1.0;
-/// Radius of the ring that photographs are taken from, how far apart its heights are, metres, and the width of what a photograph shows at
-/// depth 1.
+/// Radius of the photographs' ring, distance between its heights, metres, and the width that a photograph shows at depth 1.
 const PHOTO_RING: f64 = 0.6;
 const PHOTO_HEIGHT: f64 = 0.35;
 const PHOTO_FIELD: f64 = 1.6;
@@ -37,8 +36,8 @@ pub(super) struct Camera {
     pub name: String,
     pub is_test: bool,
     pub intrinsics: Intrinsics,
-    /// World to camera (x right, y down, z forward); of a moving camera in the middle of the clip. With the centre and not as a
-    /// [`Pose`](crate::scene::Pose): through its translation all that is seen would have other last bits.
+    /// World to camera (x right, y down, z forward); of a moving camera in the middle of the clip. A [`Pose`](crate::scene::Pose) would
+    /// change last bits.
     pub rotation: DMat3,
     /// Of the lens, world; of a moving camera in the middle of the clip.
     pub center: DVec3,
@@ -48,7 +47,6 @@ pub(super) struct Camera {
     pub time_offset: f64,
     /// Rows of the affine transform from true colours to the picture's.
     pub color: [[f64; 4]; 3],
-    /// Its lens hood covers a corner.
     pub hood: bool,
 }
 
@@ -89,15 +87,13 @@ impl Camera {
         (at.z > 0.01).then(|| (self.intrinsics.project(at), at.z))
     }
 
-    /// Whether a pixel shows the lens hood instead of the room.
     pub fn is_hooded(&self, column: u32, row: u32) -> bool {
         let at = (DVec2::new(column.into(), row.into()) + 0.5) / self.intrinsics.size();
         self.hood && at.x + (1.0 - at.y) < 0.28
     }
 }
 
-/// Where the photographs are taken from, in the order of their names: from a ring, in three heights, looking outward, two and two the
-/// same way, so that there is something that both see.
+/// The places of photographs by name: a ring in three heights, looking outward, two and two the same way to overlap.
 pub(super) fn photographers(options: &Options, n: u32) -> Vec<Camera> {
     let mut random = math::random(options.seed, Stream::Photos, 0, 0);
     let photographer = |index: u32| {
@@ -109,7 +105,7 @@ pub(super) fn photographers(options: &Options, n: u32) -> Vec<Camera> {
         let height = DVec3::Y * (PHOTO_HEIGHT * (f64::from(index % 3) - 1.0));
         let center = MIDDLE + way(index) * PHOTO_RING + height;
         let target = center + way(index / 2 * 2) - 0.3 * height;
-        pinhole(format!("photo{index:02}"), options, (center, target, PHOTO_FIELD), &mut jitter)
+        pinhole(format!("photo{index:02}"), options, center, target, PHOTO_FIELD, &mut jitter)
     };
     (0..n).map(photographer).collect()
 }
@@ -125,7 +121,6 @@ fn moved(center: DVec3, turn: DMat3, shift: DVec3) -> DVec3 {
     MIDDLE + turn * (center - MIDDLE) + shift
 }
 
-/// The cameras in the order of their names.
 pub(super) fn rig(options: &Options) -> Vec<Camera> {
     let mut random = math::random(options.seed, Stream::Rig, 0, 0);
     let tests = test_indices(options);
@@ -172,7 +167,7 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
     };
     Camera {
         way: (options.rig == Rig::Moving).then_some(options.frames),
-        ..pinhole(format!("cam{index:02}"), options, (center, target, field), &mut jitter)
+        ..pinhole(format!("cam{index:02}"), options, center, target, field, &mut jitter)
     }
 }
 
@@ -180,7 +175,9 @@ fn camera(options: &Options, index: u32, random: &mut Random) -> Camera {
 fn pinhole(
     name: String,
     options: &Options,
-    (center, target, field): (DVec3, DVec3, f64),
+    center: DVec3,
+    target: DVec3,
+    field: f64,
     jitter: &mut dyn FnMut(f64) -> f64,
 ) -> Camera {
     let forward = (target - center).normalize();

@@ -11,10 +11,8 @@ use glam::DVec3;
 const HALF: DVec3 = DVec3::new(3.2, FLOOR, 3.0);
 const WIDE_HALF: DVec3 = DVec3::new(4.4, FLOOR, 4.9);
 const FLOOR: f64 = 1.4;
-/// Radius of the speaker's head.
 pub(super) const HEAD: f64 = 0.17;
 
-/// The room of a capture, around its rig.
 pub(super) fn room(options: &Options) -> World {
     let Options { seed, rig, frames, still_frames: still, .. } = *options;
     let half = if rig == Rig::Inward { HALF } else { WIDE_HALF };

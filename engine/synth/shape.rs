@@ -2,20 +2,20 @@
 
 use glam::DVec3;
 
-/// A surface about the origin of its own frame.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
     /// A box of these half sides.
     Block(DVec3),
     /// The inside of a box of these half sides.
     Room(DVec3),
-    /// A sphere of this radius.
     Sphere(f64),
     /// All points at `radius` from the segment of half length `half` along y.
-    Capsule { half: f64, radius: f64 },
+    Capsule {
+        half: f64,
+        radius: f64,
+    },
 }
 
-/// Where a ray meets a surface.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Touch {
     /// Along the ray, in lengths of its direction; positive.

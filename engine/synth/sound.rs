@@ -10,13 +10,10 @@ use glam::DVec3;
 use serde::Serialize;
 use std::f64::consts::{PI, TAU};
 
-/// Samples per second.
 pub(super) const RATE: u32 = 48_000;
-/// Scene units (metres) per second.
 pub(super) const SPEED_OF_SOUND: f64 = 343.0;
 /// Amplitude at a distance of one scene unit, of the full range.
 pub(super) const GAIN: f64 = 0.5;
-/// Tones of the voice.
 const N_TONES: usize = 12;
 /// Noise of a keypoint that is seen, and of one that is guessed; pixels.
 pub(super) const KEYPOINT_NOISE: f64 = 0.3;
@@ -26,12 +23,10 @@ const N_KEYPOINTS: usize = 133;
 
 /// A voice as a function of time, so that it can be evaluated at any delay.
 pub(super) struct Voice {
-    /// (angular frequency, phase).
     tones: Vec<(f64, f64)>,
 }
 
 impl Voice {
-    /// The voice of a seed.
     pub fn new(seed: u64) -> Self {
         let mut random = math::random(seed, Stream::Sound, 0, 0);
         Voice { tones: (0..N_TONES).map(|_| (TAU * random.uniform(150.0, 5000.0), random.uniform(0.0, TAU))).collect() }
@@ -45,12 +40,10 @@ impl Voice {
     }
 }
 
-/// Samples of the clip.
 pub(super) fn n_samples(options: &Options) -> u64 {
     u64::from(RATE) * u64::from(options.frames) / u64::from(options.fps)
 }
 
-/// Where the mouth is, world, at a time in frames.
 pub(super) fn mouth(world: &World, frame: f64) -> DVec3 {
     let (to_world, position) = world.bodies[world.head].motion.pose(world.moving_time(frame));
     to_world * on_face(0.0, MOUTH_Y) + position
@@ -62,8 +55,7 @@ pub(super) fn source(options: &Options) -> Vec<f64> {
     (0..n_samples(options)).map(|i| GAIN * voice.at(i as f64 / f64::from(RATE))).collect()
 }
 
-/// What the microphone at a camera's lens records: delayed by the way of the sound, fainter by its length. The
-/// recording runs by the camera's clock.
+/// The recording at a camera's lens, delayed and faint by the distance, by the camera's clock.
 pub(super) fn recording(world: &World, options: &Options, camera: &Camera) -> Vec<f64> {
     let voice = Voice::new(options.seed);
     let fps = f64::from(options.fps);
@@ -81,7 +73,6 @@ pub(super) fn recording(world: &World, options: &Options, camera: &Camera) -> Ve
     (0..n_samples(options)).map(sample).collect()
 }
 
-/// A frame in MMPose's format.
 #[derive(Serialize)]
 pub(super) struct Detections {
     frame_id: u32,
@@ -96,8 +87,7 @@ struct Instance {
     bbox_score: f64,
 }
 
-/// What a whole-body detector finds in a camera's pictures: nose, eyes and lips of the speaker with their visibility as
-/// scores; the other points have the score 0.
+/// The detections in a camera's pictures: nose, eyes and lips with their visibility as scores; other points have the score 0.
 pub(super) fn keypoints(world: &World, options: &Options, index: usize, camera: &Camera) -> Vec<Detections> {
     (0..options.frames)
         .map(|frame| Detections { frame_id: frame, instances: detect(world, options, index, camera, frame) })
@@ -134,8 +124,7 @@ fn detect(world: &World, options: &Options, index: usize, camera: &Camera, frame
     vec![Instance { keypoints, keypoint_scores: scores, bbox: [[left, top, right, bottom]], bbox_score: 0.9 }]
 }
 
-/// (number, place on the head) of nose, eyes, outer lip and inner lip; the lips begin at the speaker's right corner and
-/// go over the upper lip.
+/// (number, place on the head) of nose, eyes, outer lip and inner lip; lips begin at the speaker's right corner, upper lip first.
 fn face() -> impl Iterator<Item = (usize, DVec3)> {
     let single = [(0, 0.0, 0.1), (1, 0.33, -0.15), (2, -0.33, -0.15)];
     let ring = |first: usize, n: usize, half: [f64; 2]| {

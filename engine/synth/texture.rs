@@ -1,4 +1,4 @@
-//! What surfaces look like: colours as functions of a point in the surface's own frame.
+//! Colours of surfaces as functions of a point in the surface's own frame.
 
 use super::math::{fractal_noise, value_noise};
 use crate::random::hash;
@@ -7,7 +7,6 @@ use glam::DVec3;
 /// A procedural texture; colours are albedos in [0, 1], lengths scene units.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Texture {
-    /// One colour everywhere.
     Plain(DVec3),
     /// Squares of this side in two colours; solid, so that a sphere can wear it too.
     Checker(DVec3, DVec3, f64),
@@ -23,7 +22,6 @@ pub(super) enum Texture {
     Wallpaper(DVec3, DVec3, f64),
     /// A head of this radius that looks along -z: skin, hair, eyes, mouth.
     Head(DVec3, DVec3, f64),
-    /// Octants in two colours.
     Octants(DVec3, DVec3),
 }
 
@@ -127,7 +125,6 @@ fn across(at: DVec3, face: usize) -> (f64, f64) {
     }
 }
 
-/// A random number in [0, 1) for a cell.
 fn tone(i: i64, j: i64, seed: u64) -> f64 {
     (hash(&[seed, i as u64, j as u64]) >> 40) as f64 / (1 << 24) as f64
 }

@@ -7,7 +7,6 @@ use crate::random::Random;
 use glam::{DMat3, DVec3};
 use std::f64::consts::TAU;
 
-/// A point light under the ceiling.
 const LAMP: DVec3 = DVec3::new(0.2, -1.2, -0.6);
 /// Light that reaches every surface, and the most that the lamp adds.
 const AMBIENT: f64 = 0.5;
@@ -18,22 +17,17 @@ const LIFT: f64 = 1e-6;
 /// A rigid motion over the clip; u goes from 0 at frame 0 to 1 at frame F.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Motion {
-    /// Position at u = 0, without the sway.
     pub at: DVec3,
-    /// Scene units per clip.
     pub velocity: DVec3,
     /// Added sin(2 pi u) times.
     pub sway: DVec3,
-    /// Unit axis of the rotation.
     pub axis: DVec3,
     /// Radians at u = 0.
     pub angle: f64,
-    /// Radians per clip.
     pub spin: f64,
 }
 
 impl Motion {
-    /// At rest at a place.
     pub fn rest(at: DVec3) -> Self {
         Motion { at, velocity: DVec3::ZERO, sway: DVec3::ZERO, axis: DVec3::Y, angle: 0.0, spin: 0.0 }
     }
@@ -45,7 +39,6 @@ impl Motion {
     }
 }
 
-/// One rigid surface.
 #[derive(Clone, Debug)]
 pub(super) struct Body {
     pub name: &'static str,
@@ -53,7 +46,6 @@ pub(super) struct Body {
     /// By face of a box; other shapes wear the first.
     pub textures: [Texture; 6],
     pub texture_seed: u64,
-    /// Strength of the highlight.
     pub gloss: f64,
     pub motion: Motion,
     pub dynamic: bool,
@@ -61,7 +53,6 @@ pub(super) struct Body {
     pub life: (f64, f64),
 }
 
-/// Everything there is to see.
 pub(super) struct World {
     pub bodies: Vec<Body>,
     pub frames: u32,
@@ -97,7 +88,6 @@ impl World {
     }
 }
 
-/// A body at a time.
 pub(super) struct Placed<'a> {
     pub body: &'a Body,
     pub to_world: DMat3,
@@ -108,7 +98,6 @@ pub(super) struct Placed<'a> {
 }
 
 impl Placed<'_> {
-    /// The world position of a point of the body.
     pub fn world(&self, local: DVec3) -> DVec3 {
         self.to_world * local + self.position
     }
@@ -128,28 +117,22 @@ impl Placed<'_> {
     }
 }
 
-/// Where a ray first meets a body.
 pub(super) struct Hit {
     /// Along the ray, in lengths of its direction.
     pub t: f64,
-    /// Index of the body.
     pub body: usize,
-    /// World.
     pub at: DVec3,
-    /// World, unit.
     pub normal: DVec3,
     /// The same point in the body's frame.
     pub local: DVec3,
     face: usize,
 }
 
-/// The world at a time.
 pub(super) struct Snapshot<'a> {
     pub placed: Vec<Placed<'a>>,
 }
 
 impl Snapshot<'_> {
-    /// The first body that a ray meets.
     pub fn hit(&self, origin: DVec3, direction: DVec3) -> Option<Hit> {
         let touches = self.placed.iter().enumerate();
         let touches = touches.filter_map(|(i, placed)| Some((i, placed.touch(origin, direction)?)));
@@ -160,19 +143,16 @@ impl Snapshot<'_> {
         Some(Hit { t: touch.t, body, at, normal: placed.to_world * touch.normal, local, face: touch.face })
     }
 
-    /// Whether nothing stands between two points, the ends themselves aside.
+    /// True if nothing stands between two points, the ends themselves aside.
     pub fn sees(&self, from: DVec3, to: DVec3) -> bool {
         self.hit(from, to - from).is_none_or(|hit| hit.t > 1.0 - LIFT)
     }
 
-    /// The texture at a hit.
     pub fn texture(&self, hit: &Hit) -> Texture {
         self.placed[hit.body].body.textures[hit.face]
     }
 
-    /// The colour of a hit seen along `direction`, in [0, 1].
-    ///
-    /// Only bodies at rest cast shadows, and only on bodies at rest: what does not move keeps its colour over time.
+    /// The colour of a hit seen along `direction`, in [0, 1]. Only bodies at rest cast and receive shadows.
     pub fn color(&self, hit: &Hit, direction: DVec3) -> DVec3 {
         let body = self.placed[hit.body].body;
         let albedo = self.texture(hit).albedo(hit.local, hit.face, body.texture_seed);
@@ -203,7 +183,6 @@ fn squared(x: f64) -> f64 {
 pub(super) struct Jitter(pub Random);
 
 impl Jitter {
-    /// A colour near the given one.
     pub fn tint(&mut self, r: f64, g: f64, b: f64) -> DVec3 {
         let shift = DVec3::from_array(std::array::from_fn(|_| self.0.uniform(-0.07, 0.07)));
         (DVec3::new(r, g, b) + shift).clamp(DVec3::splat(0.04), DVec3::splat(0.98))
@@ -214,7 +193,6 @@ impl Jitter {
         DVec3::new(self.0.uniform(-most, most), 0.0, self.0.uniform(-most, most))
     }
 
-    /// A factor near 1.
     pub fn factor(&mut self) -> f64 {
         self.0.uniform(0.88, 1.12)
     }

@@ -9,6 +9,7 @@ use super::truth::truth;
 use super::world::World;
 use super::{colmap, files, priors, sound};
 use crate::error::{Error, Result};
+use crate::files::make_folder;
 use crate::parallel::in_parallel;
 use crate::scene::prior::{write_depth, write_flow};
 use image::ExtendedColorType;
@@ -16,7 +17,6 @@ use serde_json::json;
 use std::fs;
 use std::path::Path;
 
-/// The file that marks a folder as made here.
 const MARKER: &str = "synth.json";
 /// All that a capture consists of, in the order in which an old one is removed: what makes it valid goes first.
 const PARTS: [&str; 13] = [
@@ -36,7 +36,7 @@ const PARTS: [&str; 13] = [
 ];
 const SPARSE: &str = "sparse";
 
-/// What was written.
+/// Counts of the written capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Summary {
     /// Cameras in all.
@@ -53,18 +53,13 @@ pub struct Summary {
     pub outliers: u64,
 }
 
-/// One piece of the work.
 #[derive(Clone, Copy)]
 enum Job {
-    /// Everything that is made from one picture.
     Picture(usize, u32),
-    /// The points of a frame.
     Points(u32),
-    /// Recording and keypoints of a camera.
     Sound(usize),
 }
 
-/// What all pieces of the work share.
 struct Capture<'a> {
     folder: &'a Path,
     options: &'a Options,
@@ -72,14 +67,8 @@ struct Capture<'a> {
     cameras: Vec<Camera>,
 }
 
-/// Writes a synthetic capture to `folder`, which is made when it is absent. A capture that this function wrote there
-/// before is removed first, also an unfinished one. The bytes depend on `options` only, not on `threads`.
-///
-/// `progress` is called on the calling thread as (pieces done, pieces in all).
-///
-/// # Errors
-/// [`Error::Data`] when an option is out of its range, when the folder holds anything and was not made by this function,
-/// or when a file cannot be written.
+/// Writes a synthetic capture to `folder`, where an earlier one is removed first. The bytes depend on `options` only; `progress` is
+/// called on the calling thread as (pieces done, pieces in all).
 #[tracing::instrument(level = "info", name = "write capture", skip_all)]
 pub fn write_capture(
     folder: &Path,
@@ -122,13 +111,13 @@ fn write_photos(folder: &Path, options: &Options, n: u32, threads: usize) -> Res
         let camera: &Camera = &cameras[index];
         let made = picture(&world, options, index, camera, colmap::REFERENCE_FRAME);
         let to = folder.join("images").join(&camera.name);
-        files::make_folder(&to)?;
+        make_folder(&to)?;
         let (width, height) = (camera.intrinsics.width, camera.intrinsics.height);
         files::png(&to.join("00000.png"), &made.rgb, width, height, ExtendedColorType::Rgb8)
     };
     in_parallel(cameras.len(), threads, take, |_| {})?;
     let model = folder.join("sparse/0");
-    files::make_folder(&model)?;
+    make_folder(&model)?;
     let points = points(&world, options, &cameras, colmap::REFERENCE_FRAME);
     colmap::write(&model, &Options { bent: false, ..options.clone() }, &cameras, &points)?;
     let manifest = format!("# Photographs, made by `ivv synth`.\nfps = {}.0\nframes = 1\n", options.fps);
@@ -137,7 +126,7 @@ fn write_photos(folder: &Path, options: &Options, n: u32, threads: usize) -> Res
 
 /// Makes the folder, or empties one that this tool filled.
 fn prepare(folder: &Path) -> Result<()> {
-    files::make_folder(folder)?;
+    make_folder(folder)?;
     let fault = |path: &Path, fault: std::io::Error| {
         Error::data(path, "", format!("cannot be emptied: {fault}"), "choose another folder with -o")
     };
@@ -163,17 +152,17 @@ fn prepare(folder: &Path) -> Result<()> {
 impl Capture<'_> {
     fn make_folders(&self) -> Result<()> {
         for folder in ["sparse/0", "points", "audio", "keypoints"] {
-            files::make_folder(&self.folder.join(folder))?;
+            make_folder(&self.folder.join(folder))?;
         }
         for camera in &self.cameras {
             for kind in ["images", "flow", "depth", "foreground", "truth/exact"] {
-                files::make_folder(&self.folder.join(kind).join(&camera.name))?;
+                make_folder(&self.folder.join(kind).join(&camera.name))?;
             }
             if camera.is_test {
-                files::make_folder(&self.folder.join("covisible").join(&camera.name))?;
+                make_folder(&self.folder.join("covisible").join(&camera.name))?;
             }
             if camera.hood {
-                files::make_folder(&self.folder.join("masks").join(&camera.name))?;
+                make_folder(&self.folder.join("masks").join(&camera.name))?;
             }
         }
         Ok(())

@@ -1,5 +1,4 @@
-//! How ffmpeg is given files that others made: by a name that cannot be taken for a protocol, and with leave to open nothing
-//! but that.
+//! Input of files for ffmpeg: by a name that is no protocol, and with leave to open nothing else.
 
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
@@ -18,8 +17,7 @@ pub(crate) fn file_url(path: &Path) -> OsString {
     url
 }
 
-/// What stands before an input, and the input: it may open local files only, and must not be a playlist. A take that a GoPro
-/// continued in further files is one input, of all its chapters.
+/// An input with its options: local files only, no playlist; a take that a GoPro continued in further files is one input.
 pub(crate) fn input(path: &Path) -> Vec<OsString> {
     let chapters = chapters(path);
     if chapters.len() > 1 {
@@ -53,13 +51,12 @@ pub(crate) fn chapters(path: &Path) -> Vec<PathBuf> {
     std::iter::successors(Some(path.to_owned()), next).collect()
 }
 
-/// Whether a file continues the take of another that lies beside it.
+/// True if a file continues the take of another that lies beside it.
 pub(crate) fn is_later_chapter(path: &Path) -> bool {
     beside(path, -1).is_some()
 }
 
-/// The chapter so many after this one, where it is there. GoPros write GX010123, GX020123 and so on (GH and others likewise), and
-/// older ones GOPR0123, GP010123.
+/// The chapter so many after this one, where it is there: GX010123, GX020123 or, of older GoPros, GOPR0123, GP010123.
 fn beside(path: &Path, by: i32) -> Option<PathBuf> {
     let (stem, ending) = (path.file_stem()?.to_str()?, path.extension()?.to_str()?);
     // A list of files has a line for each.

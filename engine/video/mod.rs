@@ -19,7 +19,7 @@ use local::file_url;
 const INSTALL: &str =
     "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg), or choose a file that ends in .y4m";
 
-/// What a video is made of.
+/// Settings of a video.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoSettings {
     /// Pixels; even, but for .y4m.
@@ -32,7 +32,7 @@ pub struct VideoSettings {
     pub sound: Option<(PathBuf, f64)>,
 }
 
-/// What became of a video.
+/// The written video.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Made {
     /// The file that was asked for, with its sound.
@@ -71,12 +71,8 @@ struct Encoder {
 }
 
 impl Video {
-    /// Begins a video. A name that ends in .y4m gets pictures alone, without loss but for the rounding of colours; .mp4 gets
-    /// H.264 and AAC, .mov and .mkv H.264 and PCM of 24 bits, from an installed ffmpeg. Without one the pictures go to the
-    /// name with .y4m, and [`Video::finish`] tells the command.
-    ///
-    /// # Errors
-    /// [`Error::Data`] for another ending, a size or rate that the format does not allow, or a file that cannot be written.
+    /// Begins a video: .y4m without loss and sound, .mp4 as H.264 and AAC, .mov and .mkv as H.264 and 24-bit PCM, by an installed ffmpeg.
+    /// Without one the pictures go to the name with .y4m, and [`Video::finish`] tells the command.
     pub fn create(path: &Path, settings: VideoSettings) -> Result<Video> {
         let VideoSettings { width, height, fps, .. } = settings;
         let ending = Self::check(path, [width, height], fps)?;
@@ -94,10 +90,7 @@ impl Video {
         Ok(video)
     }
 
-    /// Whether there can be a video of this name, size and rate, before anything is written: its ending.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where there cannot.
+    /// The ending of a video of this name, size and rate, or the reason why there can be none.
     pub fn check(path: &Path, [width, height]: [u32; 2], fps: f64) -> Result<String> {
         let fault = |reason: String, remedy: &str| Err(Error::data(path, "", reason, remedy));
         let ending = path.extension().map_or_else(String::new, |ending| ending.to_string_lossy().to_lowercase());
@@ -167,10 +160,7 @@ impl Video {
         words
     }
 
-    /// Adds a frame.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when it is of another size, or cannot be written; with what ffmpeg says where that is the reason.
+    /// Adds a frame. The error has what ffmpeg says, where that is the reason.
     pub fn push(&mut self, frame: &Frame) -> Result<()> {
         let VideoSettings { width, height, .. } = self.settings;
         if (frame.width, frame.height) != (width, height) || frame.color.len() != width as usize * height as usize {
@@ -203,9 +193,6 @@ impl Video {
     }
 
     /// Completes the file and gives it its name.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when there is no frame, ffmpeg fails, or the file cannot be written.
     pub fn finish(mut self) -> Result<Made> {
         if self.n_frames == 0 {
             return Err(Error::data(&self.path, "", "no frame was rendered", "render at least one"));
@@ -267,7 +254,7 @@ impl Encoder {
     }
 }
 
-/// What is not finished, with the ending by which ffmpeg knows the format. What killed processes left in the folder goes.
+/// An unfinished video's name, with ffmpeg's ending. Those of killed processes are removed.
 fn beside(path: &Path, ending: &str) -> Result<Temporary> {
     let temporary = Temporary::beside(path, &format!(".{ending}"))?;
     remove_temporaries(folder_of(path), 0)?;

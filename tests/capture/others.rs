@@ -116,7 +116,7 @@ fn calibrations_that_are_not_read_are_named() {
     );
     folder.write("table.csv", "a,b\n1,2\n");
     let report = check_capture(&folder.0, &CaptureSettings::default());
-    noted(&report, "cameras.csv is RealityScan's registration, which is not read");
-    noted(&report, "cameras.xml is Metashape's cameras, which is not read");
+    noted(&report, "the poses of RealityScan in cameras.csv are not read");
+    noted(&report, "the poses of Metashape in cameras.xml are not read");
     assert_eq!(report.notes.len(), 2, "{:?}", report.notes);
 }

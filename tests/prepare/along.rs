@@ -217,7 +217,7 @@ fn cameras_that_did_not_begin_together_are_shifted() {
     assert_eq!(offsets, [("a".to_owned(), 0.125), ("b".to_owned(), 0.25)].into());
     for (text, says) in [
         (r#"{"time_offsets_frames": {"e": 1}}"#, "time_offsets_frames: no camera is named `e`"),
-        ("{\n\"time_offsets_frames\": [1]}", "line 2: is no truth of a capture"),
+        ("{\n\"time_offsets_frames\": [1]}", "is no truth of a capture"),
     ] {
         folder.write("source/truth.json", text);
         assert_told(&run(&timed).unwrap().0.report, &[says]);

@@ -37,7 +37,7 @@ fn a_calibration_that_no_camera_has_is_refused_before_anything_is_written() {
     ] {
         caliscope(&folder, &matrix, distortions);
         let (prepared, _) = run(&settings(&folder)).unwrap();
-        assert_told(&prepared.report, &["camera `0`", says]);
+        assert_told(&prepared.report, &["camera `cam_0`", says]);
         assert!(!folder.0.join("out").exists(), "{says}");
     }
     caliscope(&folder, &matrix("50.0", "31.0"), "[-0.1, 0.02, 0.0, 0.0, 0.0]");

@@ -328,7 +328,7 @@ fn every_option_in_the_manual_is_one_of_its_verb() {
 #[test]
 fn every_option_that_the_manual_names_alone_is_one_of_some_verb_or_script() {
     let verbs: BTreeSet<String> = manual().iter().flat_map(|(_, text)| commands(text)).map(|c| c[0].clone()).collect();
-    let of_sound = ["localize", "render", "synth", "bench", "inspect-hrtf"].map(|verb| format!("sound {verb}"));
+    let of_sound = ["localize", "render", "synth"].map(|verb| format!("sound {verb}"));
     let of_segments = ["plan", "run", "join"].map(|verb| format!("segments {verb}"));
     let of_debug = ["vjp", "demo", "completions", "man"].map(|verb| format!("debug {verb}"));
     let verbs: Vec<String> = verbs.into_iter().chain(of_sound).chain(of_segments).chain(of_debug).collect();

@@ -34,6 +34,6 @@ fn every_command_has_a_manual_page_with_its_options() {
         assert!(read("ivv").contains(&format!("ivv\\-{verb}(1)")), "{verb}");
     }
     assert!(read("ivv-train").contains("max\\-gaussians"));
-    assert!(read("ivv-sound-bench").contains("ivv sound bench"));
+    assert!(read("ivv-sound-render").contains("ivv sound render"));
     assert!(read("ivv-debug-vjp").contains("ivv debug vjp"));
 }

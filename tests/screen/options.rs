@@ -9,6 +9,7 @@ fn an_option_out_of_range_is_told_with_what_was_expected_and_what_was_found() {
         ["scene.ply", "cameras.json"].map(|name| format!("{}/assets/demo/{name}", env!("CARGO_MANIFEST_DIR")));
     let (capture, out, ply) = (folder.capture(), folder.path("out"), folder.path("out.ply"));
     let render = ["render", &scene, "--cameras", &cameras, "-o", &out];
+    let sound = ["sound", "render", "scene.json", "--path", "path.csv", "-o", "out.wav"];
     let cases = [
         ([&render[..], &["--alpha-min", "2"]].concat(), "--alpha-min: expected a number above 0 and below 1, found 2"),
         ([&render[..], &["--blur", "0"]].concat(), "--blur: expected a positive number, found 0"),
@@ -19,15 +20,11 @@ fn an_option_out_of_range_is_told_with_what_was_expected_and_what_was_found() {
         (vec!["train", &capture, "-o", &out, "--only-init", &ply], "--only-init"),
         (vec!["train", &capture, "-o", &out, "--list-settings"], "--list-settings"),
         (vec!["train", &capture], "--output"),
-        (vec!["sound", "synth", "-o", &out, "--seconds", "0"], "--seconds: expected a number from 0.1 to 600, found 0"),
         (
             vec!["sound", "localize", &capture, "-o", &out, "--metres-per-unit", "0"],
             "--metres-per-unit: expected a positive number, found 0",
         ),
-        (
-            vec!["sound", "bench", "scene.json", "--truth", "truth", "--r-min", "0"],
-            "--r-min: expected a positive number, found 0",
-        ),
+        ([&sound[..], &["--r-min", "0"]].concat(), "--r-min: expected a positive number, found 0"),
         (vec!["inspect", &capture, "--cameras", &out, "--capture", &capture], "which is none; leave it out"),
         (vec!["inspect", &scene, "--test-every", "4"], "--cameras"),
     ];

@@ -2,9 +2,11 @@
 
 use glam::DVec3;
 use ivv::sound::geometry::Mode;
-use ivv::sound::metrics::level_db;
+use ivv::sound::pose::PoseTrack;
 use ivv::sound::render::{RenderConfig, Rendered, render_signals};
+use ivv::sound::scene_file::SoundScene;
 
+use super::measure::level_db;
 use super::{head, noise, scene, sphere, track};
 
 const MODES: [Mode; 3] = [Mode::Paper2d, Mode::Paper3d, Mode::Physical];
@@ -29,15 +31,15 @@ fn periodic(n: usize) -> Vec<f32> {
 /// By how much the sound at `at` is louder than the recording, decibels, of a source straight ahead.
 fn louder(mode: Mode, source: DVec3, at: DVec3, propagation: bool) -> f64 {
     let config = RenderConfig { mode, propagation, ..RenderConfig::default() };
-    let way = scene(track("a", &[(0.0, source)]));
-    let level = |at: DVec3, config: &RenderConfig| {
-        level_db(
-            &render_signals(&way, &[periodic(6000)], &head(at, 0.0), sphere(), config).unwrap().samples[2000..5000],
-        )
+    let far = scene(track("a", &[(0.0, source)]));
+    let level = |scene: &SoundScene, config: &RenderConfig| {
+        let rendered = render_signals(scene, &[periodic(6000)], &head(at, 0.0), sphere(), config).unwrap();
+        level_db(&rendered.samples[2000..5000])
     };
-    // The frontal responses colour the sound; without the distance they do alone.
-    let colour = RenderConfig { mode: Mode::Paper3d, distance: false, ..RenderConfig::default() };
-    level(at, &config) - level(at, &colour)
+    // The frontal responses colour the sound; at the microphone's place they do alone.
+    let mut beside = far.clone();
+    beside.mic.pose = PoseTrack::still(at, far.mic.pose.poses()[0].q);
+    level(&far, &config) - level(&beside, &RenderConfig { mode: Mode::Paper3d, ..RenderConfig::default() })
 }
 
 #[test]
@@ -92,8 +94,7 @@ fn t10_a_step_of_20_db_does_not_click() {
         let config = RenderConfig { mode, propagation: false, r_min_m: 1e-3, ..RenderConfig::default() };
         let step = [(0.0, near), (0.0499, near), (0.05, near), (0.0501, far), (0.0502, far), (0.1, far)];
         let mut way = scene(track("a", &step));
-        way.mic.pose =
-            ivv::sound::pose::PoseTrack::still(DVec3::new(0.0, -40.0, 0.0), glam::DQuat::from_rotation_z(1.6));
+        way.mic.pose = PoseTrack::still(DVec3::new(0.0, -40.0, 0.0), glam::DQuat::from_rotation_z(1.6));
         let rendered = render_signals(&way, &[vec![1e-3; 4800]], &head(DVec3::ZERO, 0.0), sphere(), &config).unwrap();
         // A constant in front stays one, so that all that changes is the gain.
         let steady = |at: usize| f64::from(rendered.samples[at][0]);

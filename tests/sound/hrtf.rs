@@ -7,11 +7,11 @@ use glam::DVec3;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
 use ivv::sound::hull::Hull;
-use ivv::sound::metrics::{energy, itd, lsd_db};
 use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::sphere::{SPEED_OF_SOUND, Sphere};
 use ivv::sound::wola::Baker;
 
+use super::measure::{energy, itd, lsd_db};
 use super::{db, head, horizon, noise, sadie, scene, sphere, track};
 use crate::common::notes::shared;
 
@@ -204,17 +204,6 @@ fn a_set_of_a_human_is_taken() {
     assert_eq!(set.directions().len(), 187);
     let left = set.filter(DVec3::Y, Lookup::Aligned);
     assert!(left.delays[1] - left.delays[0] > 20.0, "{:?}", left.delays);
-}
-
-#[test]
-fn fewer_taps_are_a_cut_and_no_other_change() {
-    let full = HrtfSet::new(Sphere::default().measured(2), Path::new("sphere")).unwrap();
-    let to = degrees(70.0, 10.0);
-    let all = full.filter(to, Lookup::Aligned);
-    let few = full.with_taps(160).filter(to, Lookup::Aligned);
-    assert_eq!((few.responses[0].len(), all.delays), (160, few.delays));
-    assert_eq!(few.responses[0][..140], all.responses[0][..140]);
-    assert!(few.responses[0][159].abs() <= all.responses[0][159].abs());
 }
 
 /// The coarse sphere with the responses of each ear `earlier` by samples that are told as delays beside them, cut to `taps`.

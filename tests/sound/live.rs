@@ -9,12 +9,12 @@ use ivv::scene::Playhead;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::live::{Chase, Live};
-use ivv::sound::metrics::energy;
 use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::sphere::Sphere;
 use ivv::sound::wav::{self, Depth};
 
+use super::measure::energy;
 use super::{db, ear, noise, scene, sphere, track};
 use crate::scene::Folder;
 

@@ -3,10 +3,10 @@
 use glam::{DQuat, DVec3};
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
-use ivv::sound::metrics::splatter_db;
 use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::render::{RenderConfig, Rendered, render_signals};
 
+use super::measure::splatter_db;
 use super::{ear, head, horizon, horizon_of, scene, sphere, tone, track};
 
 /// A tone in front of a head that turns `speed` degrees a second.

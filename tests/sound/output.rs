@@ -4,8 +4,7 @@ use std::fs;
 
 use glam::{DQuat, DVec3};
 use ivv::Error;
-use ivv::sound::ambix::decode;
-use ivv::sound::geometry::Mode;
+use ivv::sound::geometry::{Mode, angles};
 use ivv::sound::loudness::{PEAK_LIMIT_DB, gain_db, measure};
 use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::render::{RenderConfig, SPEED_OF_SOUND, render_ambix, render_signals};
@@ -104,6 +103,11 @@ fn t40_peaks_are_held_back_once_for_all() {
     assert!(guarded.report.gain_db < -6.0 && after <= PEAK_LIMIT_DB + 1e-4, "{after} {:?}", guarded.report);
     let quiet = rendered(Some(-30.0));
     assert!((measure(&quiet.samples).unwrap().lufs.unwrap() + 30.0).abs() < 0.1);
+}
+
+/// The direction that a sound field comes from: of its mean energy flow.
+fn decode(frames: &[[f32; 4]]) -> (f64, f64) {
+    angles(frames.iter().map(|frame| frame.map(f64::from)).map(|[w, y, z, x]| w * DVec3::new(x, y, z)).sum())
 }
 
 #[test]

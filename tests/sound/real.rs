@@ -1,10 +1,10 @@
 //! Recorded speech through measured ears.
 
 use glam::DVec3;
-use ivv::sound::metrics::ear_course;
 use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::wav::{Channel, read_channel};
 
+use super::measure::ear_course;
 use super::{head, sadie, scene, track};
 use crate::common::notes::shared;
 

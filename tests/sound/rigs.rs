@@ -3,8 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 use ivv::scene::undistort::{Distortion, Lens};
 use ivv::scene::{Intrinsics, Pose};
-use ivv::sound::keypoints::Mouths;
-use ivv::sound::mouth::Mouth;
+use ivv::sound::keypoints::{Mouth, Mouths};
 use ivv::sound::rig::{Rig, RigCamera};
 use ivv::sound::triangulate::Sight;
 

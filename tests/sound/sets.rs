@@ -7,13 +7,13 @@ use glam::DVec3;
 use ivv::Error;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup, Measured, degrees};
-use ivv::sound::metrics::{ild_db, itd, lsd_db};
 use ivv::sound::render::{RenderConfig, render_signals};
 use ivv::sound::sinc::Resampler;
 use ivv::sound::sphere::{Sphere, icosphere};
 use ivv::sound::wav::{Depth, write};
 use realfft::RealFftPlanner;
 
+use super::measure::{ild_db, itd, lsd_db};
 use super::{head, noise, scene, sphere, track};
 use crate::common::folder::Folder;
 use crate::common::notes::shared;

@@ -3,8 +3,7 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
-use ivv::sound::associate::associate;
-use ivv::sound::localize::{LocalizeSettings, localize};
+use ivv::sound::localize::{LocalizeSettings, associate, localize};
 use ivv::sound::smooth::{Motion, smooth};
 use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
 use ivv::sound::triangulate::{Fix, triangulate_all};

@@ -1,15 +1,14 @@
 //! From pixels to ears.
 
 use glam::DVec3;
-use ivv::sound::bench::{compare, lateness};
 use ivv::sound::localize::{LocalizeSettings, localize};
 use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::simulate::Simulated;
 use ivv::sound::source_track::{SourceSample, SourceTrack};
 
 use super::horizon;
+use super::measure::{compare, lateness};
 use super::rigs::{mouths, rig};
-use super::truth::walk;
+use super::simulate::{Motion, Simulated, simulate};
 
 /// From the simulated world (z up) to that of the cameras (y down), the beginning of the walk in their middle; and back.
 const MIDDLE: DVec3 = DVec3::new(-0.9, 1.8, 0.0);
@@ -27,7 +26,7 @@ fn from_cameras(p: DVec3) -> DVec3 {
 /// true track.
 #[test]
 fn t35_a_localised_source_is_heard_where_it_is() {
-    let Simulated { scene, recording, head, truth } = walk();
+    let Simulated { scene, recording, head, truth } = &simulate(Motion::Walk, 0.4, 35, horizon());
     let mut rig = rig(6, 30.0, 13);
     for (camera, offset) in rig.cameras.iter_mut().zip([0.25, -0.2, 0.15, -0.25, 0.2, -0.15]) {
         camera.offset = offset;
@@ -41,7 +40,7 @@ fn t35_a_localised_source_is_heard_where_it_is() {
     localised.sources[0].track = SourceTrack { samples, ..found.tracks[0].clone() };
     let config = RenderConfig::default();
     let heard = render_signals(&localised, std::slice::from_ref(recording), head, horizon(), &config).unwrap();
-    let error = compare(&heard.samples, truth, horizon(), |t| lateness(scene, head, t)).unwrap();
+    let error = compare(&heard.samples, truth, horizon(), |t| lateness(scene, head, t));
     println!("{error:?}");
     assert!(error.azimuth <= 2.0 && error.level <= 0.3 && error.frames > 4, "{error:?}");
 }

@@ -12,7 +12,7 @@ use super::{files, folder, make, options, rgb, shared};
 fn equal_options_give_equal_bytes_with_one_thread_and_with_two() {
     let (two, one) = (files(shared()), files(&make("one-thread", &options(), 1)));
     // Per picture: image, dynamic mask, depth and truth; flow for all frames but the last; of the test camera co-visibility.
-    assert_eq!(two.len(), 24 * 4 + 20 + 6 + 6 + 6 + 4 + 4 + 4, "{:?}", two.keys());
+    assert_eq!(two.len(), 24 * 4 + 20 + 6 + 6 + 3 + 4 + 4 + 4, "{:?}", two.keys());
     for (path, bytes) in &two {
         assert!(!bytes.is_empty(), "{} is empty", path.display());
         assert_eq!(Some(bytes), one.get(path), "{} differs", path.display());

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use super::geometry::read_points;
-use super::model::read_bin;
+use super::model::read_model;
 use super::{bodies, exr, json, make, numbers, options, rgb};
 
 fn few() -> Options {
@@ -27,7 +27,7 @@ fn pictures_are_of_the_time_that_the_cameras_clock_shifts_them_to() {
     let [(_, from), (_, to)] = [bodies[ball].pose(0), bodies[ball].pose(1)];
     let radius = bodies[ball].shape["radius"].as_f64().unwrap();
     let mut n = 0;
-    for (index, camera) in read_bin(&shifted).0.iter().enumerate() {
+    for (index, camera) in read_model(&shifted).0.iter().enumerate() {
         for frame in 0..2_u32 {
             let center = from + (to - from) * (f64::from(frame) + offsets[index]);
             let name = format!("{}/{frame:05}", camera.name);
@@ -128,7 +128,7 @@ fn things_that_stand_still_first_do_later_what_they_would_have_done() {
 fn a_bent_rig_is_told_wrong_and_shows_what_it_shows_straight() {
     let straight = make("rig-straight", &few(), 2);
     let bent = make("rig-bent", &Options { bent: true, ..few() }, 2);
-    let poses = [&straight, &bent].map(|capture| read_bin(capture).0);
+    let poses = [&straight, &bent].map(|capture| read_model(capture).0);
     for (index, (true_pose, told)) in poses[0].iter().zip(&poses[1]).enumerate() {
         let turn = (told.rotation() * true_pose.rotation().transpose()).to_cols_array();
         let angle = ((turn[0] + turn[4] + turn[8] - 1.0) / 2.0).clamp(-1.0, 1.0).acos().to_degrees();

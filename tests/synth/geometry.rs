@@ -6,12 +6,12 @@ use std::path::Path;
 
 use glam::{DMat3, DVec2, DVec3};
 
-use super::model::{Camera, read_bin};
+use super::model::{Camera, read_model};
 use super::{bodies, exr, json, options, rgb, shared};
 
 /// Calls `each` with (camera, frame, pixel centre, world point, body, flow) of every pixel.
 fn for_each_pixel(mut each: impl FnMut(&Camera, usize, DVec2, DVec3, usize, DVec2)) {
-    for camera in &read_bin(shared()).0 {
+    for camera in &read_model(shared()).0 {
         for frame in 0..options().frames as usize {
             let truth = exr(&shared().join(format!("truth/exact/{}/{frame:05}.exr", camera.name)));
             assert_eq!(truth["depth.Z"].len(), (camera.size[0] * camera.size[1]) as usize);
@@ -92,7 +92,7 @@ fn poses_are_rotations_and_turn_evenly() {
 #[test]
 fn pictures_change_where_something_moves_and_nowhere_else() {
     let (mut inside, mut n_inside, mut n_outside) = (0.0, 0_u32, 0_u32);
-    for camera in &read_bin(shared()).0 {
+    for camera in &read_model(shared()).0 {
         let path = |kind: &str, frame: u32| shared().join(format!("{kind}/{}/{frame:05}.png", camera.name));
         for frame in 1..options().frames {
             let [before, after] = [frame - 1, frame].map(|f| rgb(&path("images", f)));
@@ -120,7 +120,7 @@ fn pictures_change_where_something_moves_and_nowhere_else() {
 
 #[test]
 fn what_a_training_camera_sees_too_is_bright_in_the_masks_of_test_cameras() {
-    let cameras = read_bin(shared()).0;
+    let cameras = read_model(shared()).0;
     let is_test = |camera: &&Camera| shared().join("covisible").join(&camera.name).is_dir();
     let (tests, trained): (Vec<&Camera>, Vec<&Camera>) = cameras.iter().partition(is_test);
     assert_eq!((tests.len(), trained.len()), (1, 3));
@@ -178,7 +178,7 @@ pub fn read_points(capture: &Path, frame: u32) -> Vec<(DVec3, [u8; 3], Vec<i32>)
 #[test]
 fn points_lie_on_surfaces_within_the_noise_except_the_outliers() {
     let (bodies, truth) = (bodies(shared()), json(&shared().join("truth.json")));
-    let (cameras, _) = read_bin(shared());
+    let (cameras, _) = read_model(shared());
     let sd = truth["noise"]["points_sd"].as_f64().unwrap();
     // The noise is bounded: 2 sqrt 3 standard deviations along each of three axes, here 6.
     let most = 6.0 * sd + 1e-6;

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::{DVec2, DVec3};
 
-use super::model::read_bin;
+use super::model::read_model;
 use super::{json, numbers, options, shared};
 
 const SPEED_OF_SOUND: f64 = 343.0;
@@ -29,7 +29,7 @@ fn recordings_are_delayed_and_fainter_by_the_distance() {
     let source = wav(&shared().join("truth/source.wav"));
     assert_eq!(source.len(), 48_000 * 6 / 30);
     let mut n = 0;
-    for camera in &read_bin(shared()).0 {
+    for camera in &read_model(shared()).0 {
         let heard = wav(&shared().join(format!("audio/{}.wav", camera.name)));
         assert_eq!(heard.len(), source.len());
         for (frame, mouth) in mouths().into_iter().enumerate().skip(1).take(4) {
@@ -72,7 +72,7 @@ fn between(signal: &[f64], at: f64) -> f64 {
 fn keypoints_find_the_mouth() {
     let mouths = mouths();
     let mut n_seen = 0;
-    for camera in &read_bin(shared()).0 {
+    for camera in &read_model(shared()).0 {
         let found = json(&shared().join(format!("keypoints/{}.json", camera.name)));
         let frames = found.as_array().unwrap();
         assert_eq!(frames.len(), options().frames as usize);

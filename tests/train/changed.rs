@@ -26,10 +26,6 @@ fn another_calibration_and_other_pictures_are_told_before_a_run_is_scored_or_goe
     let tiny = Tiny::of_frames("changed", 2);
     let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let path = run.to_str().unwrap();
-    // A model of text alone, which the test can change.
-    for file in ["cameras.bin", "images.bin", "points3D.bin"] {
-        std::fs::remove_file(tiny.folder.join("sparse/0").join(file)).unwrap();
-    }
     let train = ["train", capture, "-o", path, "--steps", "4", "--sh-degree", "0", "--eval-every", "0"];
     assert!(!told(&train).contains("warning"));
     let quiet = |told: String| assert!(!told.contains("warning"), "{told}");

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use serde_json::{Value, json};
 use sha2::{Digest, Sha256};
 
-use crate::prepare::fit::Part;
+use crate::prepare::fit::Crop;
 use crate::prepare::foreign::{Kind, kind};
 use crate::prepare::journal::stamps;
 use crate::prepare::video::Video;
@@ -14,20 +14,16 @@ use crate::scene::capture::Shot;
 use crate::scene::undistort::{Distortion, Lens};
 use crate::video::chapters;
 
-/// A camera of the capture.
 pub(in crate::prepare) struct Camera {
     pub name: String,
     pub is_test: bool,
     /// First frame of the footage that is taken; of videos, of those that it has at the clip's rate.
     pub start: u32,
-    /// Of the finished pictures.
     pub pinhole: Lens,
     /// One, or one for each frame when the camera moves.
     pub poses: Vec<Pose>,
-    /// Of the pictures as they are recorded.
     pub(super) recorded: (u32, u32),
-    /// What is taken of them.
-    pub(super) part: Part,
+    pub(super) part: Crop,
     /// Of that part, scaled.
     pub lens: Lens,
     pub(super) material: Material,
@@ -35,19 +31,17 @@ pub(in crate::prepare) struct Camera {
     pub(super) masks: Vec<PathBuf>,
 }
 
-/// What a camera's pictures are made from.
 pub(super) enum Material {
     /// With the number of the picture that each frame of the capture shows; none where the camera has none then.
-    Video(PathBuf, Video, Vec<Option<usize>>),
+    Video(Video, Vec<Option<usize>>),
     /// By frame of the capture; none where it has no image then.
     Images(Vec<Option<Shot>>),
 }
 
 impl Camera {
-    /// Whether its pictures stay as they are.
     pub fn is_as_recorded(&self) -> bool {
         let whole = (self.lens.intrinsics.width, self.lens.intrinsics.height) == self.recorded
-            && self.part == Part::whole(self.recorded);
+            && self.part == Crop::whole(self.recorded);
         whole && self.lens.distortion == Distortion::None
     }
 
@@ -61,10 +55,9 @@ impl Camera {
         }
     }
 
-    /// Whether it has a picture of a frame.
     pub fn has(&self, frame: u32) -> bool {
         match &self.material {
-            Material::Video(.., pictures) => pictures.get(frame as usize).is_some_and(Option::is_some),
+            Material::Video(_, pictures) => pictures.get(frame as usize).is_some_and(Option::is_some),
             Material::Images(shots) => shots.get(frame as usize).is_some_and(Option::is_some),
         }
     }
@@ -72,7 +65,7 @@ impl Camera {
     /// The frame of its footage that a frame of the capture shows, `every` frames of the footage being one of the capture.
     pub fn source_frame(&self, frame: u32, every: u32) -> Option<u32> {
         match &self.material {
-            Material::Video(.., pictures) => {
+            Material::Video(_, pictures) => {
                 pictures.get(frame as usize)?.and_then(|picture| u32::try_from(picture).ok())
             }
             Material::Images(_) => Some(self.start + frame * every),
@@ -81,13 +74,12 @@ impl Camera {
 
     /// A place of the recorded pictures in the scaled part.
     pub fn scaled(&self, [x, y]: [f64; 2]) -> [f64; 2] {
-        let Part { x: left, y: top, width, height } = self.part;
+        let Crop { x: left, y: top, width, height } = self.part;
         let scale = |side: u32, of: u32| f64::from(side) / f64::from(of);
         let (across, down) = (scale(self.lens.intrinsics.width, width), scale(self.lens.intrinsics.height, height));
         [(x - f64::from(left)) * across, (y - f64::from(top)) * down]
     }
 
-    /// What its pictures are made from, where those are images.
     fn shots(&self) -> &[Option<Shot>] {
         match &self.material {
             Material::Video(..) => &[],
@@ -95,27 +87,24 @@ impl Camera {
         }
     }
 
-    /// The flow that comes along with its picture of a frame.
     pub fn flow(&self, frame: u32) -> Option<&PathBuf> {
         self.shots().get(frame as usize)?.as_ref()?.flow.as_ref()
     }
 
-    /// Flow and depth that come along with its pictures.
     pub(super) fn priors(&self) -> impl Iterator<Item = &PathBuf> {
         self.shots().iter().flatten().flat_map(|shot| shot.flow.iter().chain(&shot.depth))
     }
 
-    /// What the camera's pictures are made from.
     pub(super) fn stamp(&self, every: u32) -> Value {
         let footage = match &self.material {
-            Material::Video(path, ..) => stamps(chapters(path)),
+            Material::Video(video, _) => stamps(chapters(&video.path)),
             Material::Images(shots) => stamps(shots.iter().flatten().flat_map(Shot::pictures)),
         };
         let mut stamp = json!({ "name": self.name, "lens": self.lens, "pinhole": self.pinhole, "footage": footage });
         if !self.masks.is_empty() {
             stamp["masks"] = stamps(&self.masks);
         }
-        let Material::Video(_, video, pictures) = &self.material else { return stamp };
+        let Material::Video(video, pictures) = &self.material else { return stamp };
         // Noted where it is not what earlier versions did.
         if pictures.iter().enumerate().any(|(k, picture)| *picture != Some(self.start as usize + k * every as usize)) {
             let mut hash = Sha256::new();

@@ -2,22 +2,20 @@
 
 use std::path::{Path, PathBuf};
 
-use image::codecs::png::PngEncoder;
 use image::imageops::FilterType;
-use image::{DynamicImage, ExtendedColorType, ImageEncoder, imageops};
+use image::{DynamicImage, ExtendedColorType, imageops};
 
 use super::camera::Camera;
 use crate::error::{Error, Result};
-use crate::files::{open_file, write_atomic};
-use crate::prepare::fit::Part;
+use crate::files::{make_folder, open_file, write_atomic};
+use crate::prepare::fit::Crop;
 use crate::prepare::foreign::decode_image;
-use crate::prepare::journal::make_folder;
+use crate::prepare::settings::ImageFormat;
 use crate::scene::Intrinsics;
 use crate::scene::capture::{Shot, alpha_of};
 use crate::scene::prior::{read_depth, read_flow, write_depth_halves, write_flow_halves};
 use crate::scene::undistort::{Distortion, Undistortion};
 
-/// Makes the pictures of a camera.
 pub(super) struct Maker<'a> {
     output: &'a Path,
     camera: &'a Camera,
@@ -32,7 +30,7 @@ impl<'a> Maker<'a> {
         let distorts = camera.lens.distortion != Distortion::None;
         let undistortion = distorts.then(|| Undistortion::new(camera.lens, camera.pinhole));
         let validity = undistortion.as_ref().and_then(Undistortion::validity);
-        let Part { width, height, .. } = camera.part;
+        let Crop { width, height, .. } = camera.part;
         let recorded = || Undistortion::new(camera.lens.resized(width, height), camera.pinhole);
         let from_recorded = (!camera.is_as_recorded()).then(recorded);
         Maker { output, camera, undistortion, from_recorded, validity }
@@ -42,12 +40,11 @@ impl<'a> Maker<'a> {
         self.undistortion.as_ref().map_or_else(|| pixels.to_vec(), |undistortion| undistortion.image(pixels))
     }
 
-    /// An image of the recorded size, scaled.
     pub fn scaled(&self, path: &Path, filter: FilterType) -> Result<DynamicImage> {
         let (width, height) = self.camera.recorded;
         let mut image = decode_image(path, width, height)?;
         let (part, Intrinsics { width, height, .. }) = (self.camera.part, self.camera.lens.intrinsics);
-        if part != Part::whole(self.camera.recorded) {
+        if part != Crop::whole(self.camera.recorded) {
             image = image.crop_imm(part.x, part.y, part.width, part.height);
         }
         if (width, height) == (part.width, part.height) {
@@ -84,9 +81,8 @@ impl<'a> Maker<'a> {
         self.write_png(folder, frame, &plane)
     }
 
-    /// What is taken of a plane of the recorded size.
     fn part<T: Copy>(&self, plane: &[T]) -> Vec<T> {
-        let Part { x, y, width, height } = self.camera.part;
+        let Crop { x, y, width, height } = self.camera.part;
         let [across, x, width] = [self.camera.recorded.0, x, width].map(|side| side as usize);
         let rows = plane.chunks_exact(across).skip(y as usize).take(height as usize);
         rows.flat_map(|row| &row[x..x + width]).copied().collect()
@@ -96,44 +92,39 @@ impl<'a> Maker<'a> {
     pub fn write_priors(&self, frame: u32, shot: &Shot) -> Result<()> {
         let (width, height) = self.camera.recorded;
         let Intrinsics { width: to_width, height: to_height, .. } = self.camera.pinhole.intrinsics;
-        let file = |folder: &str, extension: &str| -> Result<Option<PathBuf>> {
-            let path = self.path(folder, frame).with_extension(extension);
-            if path.is_file() {
-                return Ok(None);
-            }
-            make_folder(&self.output.join(folder).join(&self.camera.name))?;
-            Ok(Some(path))
-        };
-        let own = |path: &Path| path.extension().map_or("npy".to_owned(), |own| own.to_string_lossy().into_owned());
-        match (&shot.flow, &self.from_recorded) {
-            (None, _) => {}
-            (Some(from), None) => {
-                if let Some(to) = file("flow", &own(from))? {
-                    take_over(from, &to)?;
-                }
-            }
-            (Some(from), Some(undistortion)) => {
-                if let Some(to) = file("flow", "npy")? {
-                    let flow = undistortion.flow(&self.part(&read_flow(from, width, height)?));
-                    write_flow_halves(&to, &flow, to_width, to_height)?;
-                }
-            }
+        if let Some(from) = &shot.flow {
+            self.write_prior("flow", frame, from, |undistortion, to| {
+                let flow = undistortion.flow(&self.part(&read_flow(from, width, height)?));
+                write_flow_halves(to, &flow, to_width, to_height)
+            })?;
         }
-        match (&shot.depth, &self.from_recorded) {
-            (None, _) => {}
-            (Some(from), None) => {
-                if let Some(to) = file("depth", &own(from))? {
-                    take_over(from, &to)?;
-                }
-            }
-            (Some(from), Some(undistortion)) => {
-                if let Some(to) = file("depth", "npy")? {
-                    let depth = undistortion.depth(&self.part(&read_depth(from, width, height)?));
-                    write_depth_halves(&to, &depth, to_width, to_height)?;
-                }
-            }
+        if let Some(from) = &shot.depth {
+            self.write_prior("depth", frame, from, |undistortion, to| {
+                let depth = undistortion.depth(&self.part(&read_depth(from, width, height)?));
+                write_depth_halves(to, &depth, to_width, to_height)
+            })?;
         }
         Ok(())
+    }
+
+    /// Writes a prior that is not there yet: a copy where pictures stay as they are recorded, else what `change` makes of it.
+    fn write_prior(
+        &self,
+        folder: &str,
+        frame: u32,
+        from: &Path,
+        change: impl FnOnce(&Undistortion, &Path) -> Result<()>,
+    ) -> Result<()> {
+        let own = from.extension().filter(|_| self.from_recorded.is_none());
+        let to = self.path(folder, frame).with_extension(own.unwrap_or("npy".as_ref()));
+        if to.is_file() {
+            return Ok(());
+        }
+        make_folder(&self.output.join(folder).join(&self.camera.name))?;
+        match &self.from_recorded {
+            None => take_over(from, &to),
+            Some(undistortion) => change(undistortion, &to),
+        }
     }
 
     fn write_png(&self, folder: &str, frame: u32, plane: &[u8]) -> Result<()> {
@@ -143,10 +134,7 @@ impl<'a> Maker<'a> {
         }
         make_folder(&self.output.join(folder).join(&self.camera.name))?;
         let Intrinsics { width, height, .. } = self.camera.pinhole.intrinsics;
-        write_atomic(&path, |to| {
-            let encoder = PngEncoder::new(to);
-            encoder.write_image(plane, width, height, ExtendedColorType::L8).map_err(std::io::Error::other)
-        })
+        ImageFormat::Png.write(&path, plane, (width, height), ExtendedColorType::L8)
     }
 }
 

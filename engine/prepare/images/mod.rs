@@ -1,44 +1,38 @@
 //! The pictures of a capture: decoded or taken over, scaled, undistorted.
 
-mod beside;
 mod camera;
 mod maker;
 mod paired;
 mod plan;
-mod recorded;
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use image::codecs::{jpeg::JpegEncoder, png::PngEncoder};
+use image::ExtendedColorType;
 use image::imageops::FilterType;
-use image::{ExtendedColorType, ImageEncoder};
 use serde_json::Value;
 
 use self::camera::Material;
 use self::maker::Maker;
 use self::plan::Plan;
 use crate::error::{Error, Result};
-use crate::files::write_atomic;
+use crate::files::make_folder;
 use crate::parallel::in_parallel;
-use crate::prepare::journal::{Journal, make_folder};
-use crate::prepare::settings::{ImageFormat, JPEG_QUALITY, PrepareSettings, Progress, Share};
+use crate::prepare::journal::Journal;
+use crate::prepare::settings::{ImageFormat, PrepareSettings, Progress, Share};
 use crate::prepare::source::Source;
 use crate::prepare::timeline::Timeline;
 use crate::prepare::video::{self, Selection};
 use crate::scene::capture::Faults;
 use crate::scene::undistort::Lens;
 
-pub(super) use self::beside::{keypoints, sounds};
 pub(super) use self::camera::Camera;
 pub(super) use self::maker::take_over;
 
-/// What becomes of a source's pictures.
 pub(super) struct Images {
     pub output: PathBuf,
     pub cameras: Vec<Camera>,
-    /// Frames per second of the capture.
     pub fps: f64,
     pub notes: Vec<String>,
     /// See [`Plan::rests`].
@@ -47,7 +41,6 @@ pub(super) struct Images {
     timeline: Option<Timeline>,
     format: ImageFormat,
     threads: usize,
-    /// See [`Journal::begin`].
     made_from: Value,
 }
 
@@ -89,14 +82,12 @@ impl Images {
         self.cameras.iter().filter(|camera| camera.is_test).map(|camera| camera.name.clone()).collect()
     }
 
-    /// Name of an image below `images/`.
     pub fn image_name(&self, camera: &Camera, frame: u32) -> String {
         let taken_over = camera.taken_over(frame);
         let extension = taken_over.and_then(|shot| shot.image.extension()?.to_str()).unwrap_or(self.format.extension());
         format!("{}/{frame:05}.{}", camera.name, extension.to_lowercase())
     }
 
-    /// Makes the pictures that are not there yet.
     #[tracing::instrument(level = "info", name = "images", skip_all)]
     pub fn make(&self, share: Share, journal: &Journal, progress: &(dyn Fn(Progress) + Sync)) -> Result<()> {
         journal.begin("images", self.made_from.clone())?;
@@ -129,7 +120,6 @@ impl Images {
         in_parallel(jobs.len(), self.threads, work, |_| {}).map(|_| ())
     }
 
-    /// The first picture that is not made yet.
     pub fn unmade(&self) -> Option<PathBuf> {
         let of_camera = |camera| {
             let frames = (0..self.select.n).filter(move |frame| Camera::has(camera, *frame));
@@ -139,15 +129,14 @@ impl Images {
         all.into_iter().find(|image| !image.is_file())
     }
 
-    /// The sound of videos that have some.
     pub fn write_sound(&self) -> Result<()> {
         for camera in &self.cameras {
-            if let Material::Video(path, video, _) = &camera.material {
+            if let Material::Video(video, _) = &camera.material {
                 let (from, length) = self.span(camera);
                 let to = self.output.join(format!("audio/{}.wav", camera.name));
                 if video.has_sound && !to.exists() {
                     make_folder(&self.output.join("audio"))?;
-                    video::sound((path, video), from, length, &to)?;
+                    video::sound(video, from, length, &to)?;
                 }
             }
         }
@@ -155,7 +144,7 @@ impl Images {
     }
 
     fn decode_video(&self, camera: &Camera, tell: &dyn Fn(&str)) -> Result<()> {
-        let Material::Video(path, video, pictures) = &camera.material else { return Ok(()) };
+        let Material::Video(video, pictures) = &camera.material else { return Ok(()) };
         let maker = Maker::new(&self.output, camera);
         let image = |frame: u32| self.output.join("images").join(self.image_name(camera, frame));
         let is_done = |frame: u32| image(frame).is_file() && maker.mask_is_done(frame);
@@ -171,7 +160,7 @@ impl Images {
         let threads = (self.threads / self.cameras.len().max(1)).max(1);
         let size = (camera.lens.intrinsics.width, camera.lens.intrinsics.height);
         let mut rest = rest.iter().copied().peekable();
-        video::decode((path, video), &wanted, camera.part, size, threads, |place, rgb| {
+        video::decode(video, &wanted, camera.part, size, threads, |place, rgb| {
             while let Some((frame, _)) = rest.next_if(|(_, picture)| *picture == wanted[place]) {
                 if !image(frame).is_file() {
                     let (pixels, _) = rgb.as_chunks::<3>();
@@ -221,15 +210,7 @@ impl Images {
     }
 
     fn write<const C: usize>(&self, to: &Path, pixels: &[[u8; C]], lens: &Lens, kind: ExtendedColorType) -> Result<()> {
-        let (bytes, width, height) = (pixels.as_flattened(), lens.intrinsics.width, lens.intrinsics.height);
-        write_atomic(to, |to| {
-            let done = match self.format {
-                ImageFormat::Png => PngEncoder::new(to).write_image(bytes, width, height, kind),
-                ImageFormat::Jpeg => {
-                    JpegEncoder::new_with_quality(to, JPEG_QUALITY).write_image(bytes, width, height, kind)
-                }
-            };
-            done.map_err(std::io::Error::other)
-        })
+        let size = (lens.intrinsics.width, lens.intrinsics.height);
+        self.format.write(to, pixels.as_flattened(), size, kind)
     }
 }

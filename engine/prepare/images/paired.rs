@@ -5,16 +5,13 @@ use std::collections::BTreeMap;
 use crate::prepare::settings::PrepareSettings;
 use crate::prepare::timeline::{Timeline, is_same};
 use crate::prepare::video::{Selection, Video};
+use crate::words::listed;
 
 /// Frames by which pictures may be off their frames before that is told.
 const EVEN: f64 = 0.1;
-/// Names that are told of many.
-const TOLD: usize = 8;
 
-/// The pictures of a camera.
 #[derive(Default)]
 pub(super) struct Paired {
-    /// By frame of the capture, the number of the picture.
     pub pictures: Vec<Option<usize>>,
     /// How much later the pictures are than their frames in the mean, frames of the capture.
     pub rest: f64,
@@ -26,7 +23,7 @@ pub(super) fn pair(timeline: &Timeline, name: &str, video: &Video, select: Selec
     let frames = || (0..select.n).map(|k| select.start + k * select.every);
     let pictures: Vec<Option<usize>> = frames().map(|frame| timeline.picture(name, video, frame)).collect();
     let there = frames().zip(&pictures).filter_map(|(frame, picture)| Some((frame, (*picture)?)));
-    let rests: Vec<f64> = there.map(|pair| timeline.rest(name, video, pair)).collect();
+    let rests: Vec<f64> = there.map(|(frame, picture)| timeline.rest(name, video, frame, picture)).collect();
     let rest = rests.iter().sum::<f64>() / rests.len().max(1) as f64;
     let mut notes = Vec::new();
     notes.extend(of_gaps(timeline, name, video, &frames().zip(pictures.iter().copied()).collect::<Vec<_>>()));
@@ -37,7 +34,6 @@ pub(super) fn pair(timeline: &Timeline, name: &str, video: &Video, select: Selec
     Paired { pictures, rest: rest / f64::from(select.every), notes }
 }
 
-/// Which frames have no picture.
 fn of_gaps(timeline: &Timeline, name: &str, video: &Video, frames: &[(u32, Option<usize>)]) -> Option<String> {
     let absent = |at: usize| frames[at].1.is_none();
     let n = (0..frames.len()).filter(|at| absent(*at)).count();
@@ -87,7 +83,7 @@ pub(super) fn of_rates(videos: &[(&str, &Video)], timeline: &Timeline) -> Option
     }
     let mut parts = Vec::new();
     if videos.iter().any(|(_, video)| !is_same(video.fps, timeline.fps)) {
-        let of = |(rate, names): (&u64, &Vec<&str>)| format!("{} ({})", *rate as f64 / 100.0, some(names));
+        let of = |(rate, names): (&u64, &Vec<&str>)| format!("{} ({})", *rate as f64 / 100.0, listed(names));
         let all = rates.iter().map(of).collect::<Vec<_>>().join(", ");
         parts.push(format!("have {all} frames per second"));
     }
@@ -96,7 +92,7 @@ pub(super) fn of_rates(videos: &[(&str, &Video)], timeline: &Timeline) -> Option
     if let Some(most) = videos.iter().map(|(_, video)| video.times[0] - video.began).max_by(f64::total_cmp)
         && !late.is_empty()
     {
-        parts.push(format!("begin late in their files ({}), by up to {most:.2} s", some(&late)));
+        parts.push(format!("begin late in their files ({}), by up to {most:.2} s", listed(&late)));
     }
     let fps = (timeline.fps * 100.0).round() / 100.0;
     (!parts.is_empty()).then(|| {
@@ -106,10 +102,4 @@ pub(super) fn of_rates(videos: &[(&str, &Video)], timeline: &Timeline) -> Option
             parts.join(" and ")
         )
     })
-}
-
-/// Names, not more than can be read.
-fn some(names: &[&str]) -> String {
-    let told = names[..names.len().min(TOLD)].join(", ");
-    if names.len() > TOLD { format!("{told} and {} more", names.len() - TOLD) } else { told }
 }

@@ -1,5 +1,4 @@
-//! What becomes of a source's cameras: which frames, which part of their pictures, which size. Everything that does not fit is a
-//! fault, so that nothing is written before all of it fits.
+//! The plan of a source's images: frames, crops, sizes. Everything that does not fit is a fault before anything is written.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -8,43 +7,37 @@ use serde_json::{Value, json};
 
 use super::camera::{Camera, Material};
 use super::paired::{self, Paired};
-use super::recorded::Recorded;
+use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
-use crate::prepare::fit::{Part, fitted};
-use crate::prepare::foreign::{Kind, kind, read_size, size_for};
+use crate::prepare::fit::{Crop, fitted};
+use crate::prepare::foreign::{Kind, decode_image, kind, read_size, size_for};
 use crate::prepare::journal::{PRIORS, stamps};
 use crate::prepare::settings::PrepareSettings;
+use crate::prepare::shifts;
 use crate::prepare::source::{Footage, Source, SourceCamera};
-use crate::prepare::timecodes;
 use crate::prepare::timeline::Timeline;
-use crate::prepare::video::{Selection, Video, can_convert};
+use crate::prepare::video::{self, Selection, Video, can_convert};
 use crate::scene::Intrinsics;
-use crate::scene::capture::{Faults, Frames, RATES, Shot};
+use crate::scene::capture::{Faults, Frames, RATES, Shot, camera_place};
 use crate::scene::undistort::Lens;
 
-/// What is to be made.
 pub(super) struct Plan {
     pub cameras: Vec<Camera>,
-    /// Frames per second of the capture.
     pub fps: f64,
     pub notes: Vec<String>,
     pub select: Selection,
-    /// Of the videos, where there are some.
     pub timeline: Option<Timeline>,
-    /// By camera, what of a shift is less than a frame: how much later its pictures are than their frames, frames of the capture. Empty where
-    /// no shift is known so finely.
+    /// By camera, the part of a shift below a frame: how much later its pictures are, frames. Empty where shifts are whole.
     pub rests: BTreeMap<String, f64>,
-    /// What the pictures are made from, for the journal.
     pub made_from: Value,
 }
 
-/// Compares the cameras with their footage and with each other.
 pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Faults) -> Plan {
     let mut notes = Vec::new();
     // Several at a time: a program is started for each video.
-    let look = |index: usize| Ok(Recorded::look(&source.cameras[index], source));
-    let looked = in_parallel(source.cameras.len(), settings.threads, look, |_| {}).unwrap_or_default();
-    let material: Vec<_> = looked.into_iter().map(|recorded| faults.take(recorded)).collect();
+    let probe = |index: usize| Ok(Recorded::probe(&source.cameras[index], source));
+    let probed = in_parallel(source.cameras.len(), settings.threads, probe, |_| {}).unwrap_or_default();
+    let material: Vec<_> = probed.into_iter().map(|recorded| faults.take(recorded)).collect();
     let videos = || {
         let videos = material.iter().map(|recorded| recorded.as_ref()?.video.as_ref());
         source.cameras.iter().map(|camera| camera.name.as_str()).zip(videos)
@@ -63,7 +56,7 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
     notes.extend(paired::of_lengths(&left, &of_videos, settings));
     notes.extend(timeline.as_ref().and_then(|timeline| paired::of_rates(&of_videos, timeline)));
     if settings.shifts.is_empty() {
-        notes.extend(timecodes::note(&videos().collect::<Vec<_>>()));
+        notes.extend(shifts::note_timecodes(&videos().collect::<Vec<_>>()));
     }
     let select = select(source, settings, &left, &mut notes, faults);
     let of_images = settings.fps.or(source.fps).unwrap_or(settings.capture.fps);
@@ -76,10 +69,10 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
     let converts = !is_converted || faults.take(can_convert(&settings.source)).unwrap_or(true);
     let rests = BTreeMap::new();
     let mut planned =
-        Planned { source, settings, select, timeline, converts, notes, of_cameras: Vec::new(), rests, faults };
+        Planner { source, settings, select, timeline, converts, notes, of_cameras: Vec::new(), rests, faults };
     let pairs = source.cameras.iter().zip(material);
     let cameras: Vec<Camera> = pairs.filter_map(|(camera, material)| planned.camera(camera, material?)).collect();
-    let Planned { mut notes, timeline, rests, .. } = planned;
+    let Planner { mut notes, timeline, rests, .. } = planned;
     notes.extend(grouped(&planned.of_cameras, source.cameras.len()));
     if cameras.iter().all(|camera| camera.is_test) && faults.n() == 0 {
         let remedy = "choose fewer cameras with --test-cameras";
@@ -118,17 +111,13 @@ fn select(
     Selection { start, every, n }
 }
 
-/// What the plan of a camera needs.
-struct Planned<'a> {
+struct Planner<'a> {
     source: &'a Source,
     settings: &'a PrepareSettings,
     select: Selection,
-    /// Of the videos, where there are some.
     timeline: Option<Timeline>,
-    /// Whether ffmpeg has what converts colours.
     converts: bool,
     notes: Vec<String>,
-    /// Cameras by name, and what is noted of each.
     of_cameras: Vec<(String, String)>,
     rests: BTreeMap<String, f64>,
     faults: &'a mut Faults,
@@ -143,22 +132,22 @@ fn grouped(of_cameras: &[(String, String)], n_cameras: usize) -> Vec<String> {
             None => groups.push((note, vec![camera])),
         }
     }
-    let told = groups.into_iter().map(|(note, cameras)| match cameras.as_slice() {
+    let notes = groups.into_iter().map(|(note, cameras)| match cameras.as_slice() {
         [camera] => format!("camera `{}`: {note}", camera.escape_debug()),
         all if all.len() == n_cameras => format!("all {n_cameras} cameras: {note}"),
         some => format!("{} cameras ({}): {note}", some.len(), some.join(", ")),
     });
-    told.collect()
+    notes.collect()
 }
 
-impl Planned<'_> {
+impl Planner<'_> {
     fn camera(&mut self, camera: &SourceCamera, recorded: Recorded) -> Option<Camera> {
-        let place = format!("camera `{}`", camera.name.escape_debug());
+        let place = camera_place(&camera.name);
         let (width, height) = recorded.size;
         let fitted = fitted(&camera.lens, recorded.size, || recorded.first(&camera.footage));
         let rescaled = self.settings.capture.rescale.then(|| {
             let note = format!("the calibration is scaled to the pictures, {width} x {height}");
-            (camera.lens.resized(width, height), Part::whole(recorded.size), Some(note))
+            (camera.lens.resized(width, height), Crop::whole(recorded.size), Some(note))
         });
         let Some((lens, part, note)) = self.faults.take(fitted)?.or(rescaled) else {
             let Intrinsics { width: w, height: h, .. } = camera.lens.intrinsics;
@@ -208,9 +197,9 @@ impl Planned<'_> {
         };
         let masks = self.masks(&camera.name, &frames, recorded.size)?;
         let (material, masks) = match (&camera.footage, recorded.video) {
-            (Footage::Video(path), Some(video)) => {
-                self.recorded_otherwise(camera, path, &video)?;
-                (Material::Video(path.clone(), video, paired.pictures), masks)
+            (Footage::Video(_), Some(video)) => {
+                self.note_conversions(camera, &video)?;
+                (Material::Video(video, paired.pictures), masks)
             }
             (Footage::Images(shots), _) => {
                 let mut shots = self.shots(&camera.name, shots, &frames, recorded.size)?;
@@ -247,7 +236,6 @@ impl Planned<'_> {
         Some(chosen)
     }
 
-    /// That a camera has nothing yet where the clip begins.
     fn begins_early<T>(&mut self, place: &str, n_before: u32) -> Option<T> {
         let reason = format!("is to begin {n_before} frames before its footage");
         let remedy = format!("begin at frame {} or later: --frames {0}:", self.select.start + n_before);
@@ -257,7 +245,7 @@ impl Planned<'_> {
 
     /// The first frame of a video that is taken, and the pictures of the chosen frames.
     fn paired(&mut self, camera: &SourceCamera, video: &Video) -> Option<(u32, Paired)> {
-        let place = format!("camera `{}`", camera.name.escape_debug());
+        let place = camera_place(&camera.name);
         let timeline = self.timeline.as_ref()?;
         let first = timeline.index(&camera.name, video, self.select.start)?;
         let Ok(start) = u32::try_from(first) else {
@@ -277,7 +265,7 @@ impl Planned<'_> {
     }
 
     /// Notes what of a video is converted; a fault where that cannot be.
-    fn recorded_otherwise(&mut self, camera: &SourceCamera, path: &Path, video: &Video) -> Option<()> {
+    fn note_conversions(&mut self, camera: &SourceCamera, video: &Video) -> Option<()> {
         let mut note = |note: String| self.of_cameras.push((camera.name.clone(), note));
         if let Some(colour) = &video.colour {
             if !self.converts {
@@ -286,7 +274,7 @@ impl Planned<'_> {
                     "install an ffmpeg with zimg, or convert it elsewhere: ffmpeg -i IN -vf {},format=yuv420p OUT",
                     colour.filter
                 );
-                self.faults.add(path, "", reason, remedy);
+                self.faults.add(&video.path, "", reason, remedy);
                 return None;
             }
             let how = if colour.tone_maps {
@@ -347,7 +335,7 @@ impl Planned<'_> {
                 _ => "choose other frames".to_owned(),
             };
             let remedy = format!("add what is missing, {take}, or leave it out with --skip-missing");
-            let place = format!("camera `{}`", camera.escape_debug());
+            let place = camera_place(camera);
             self.faults.add(&self.source.calibration, place, reason, remedy);
         }
         let before = self.faults.n();
@@ -359,5 +347,53 @@ impl Planned<'_> {
             }
         }
         ((may_lack || absent.is_empty()) && self.faults.n() == before).then_some(chosen)
+    }
+}
+
+struct Recorded {
+    size: (u32, u32),
+    /// Of images, by the last of their numbers.
+    n_frames: u32,
+    video: Option<Video>,
+}
+
+impl Recorded {
+    fn probe(camera: &SourceCamera, source: &Source) -> Result<Recorded> {
+        match &camera.footage {
+            Footage::Video(path) => {
+                let video = video::probe(path)?;
+                let size = (video.width, video.height);
+                Ok(Recorded { size, n_frames: video.n_frames(), video: Some(video) })
+            }
+            Footage::Images(shots) => {
+                let Some(last) = shots.iter().map(|shot| shot.frame).max() else {
+                    let place = camera_place(&camera.name);
+                    let remedy = "add its images, or remove the camera";
+                    return Err(Error::data(&source.calibration, place, "has no image", remedy));
+                };
+                let lens = camera.lens.intrinsics;
+                let size = size_for(&shots[0].image, (lens.width, lens.height))?;
+                Ok(Recorded { size, n_frames: last + 1, video: None })
+            }
+        }
+    }
+
+    fn first(&self, footage: &Footage) -> Result<Vec<[u8; 3]>> {
+        let (width, height) = self.size;
+        match (footage, &self.video) {
+            (Footage::Video(_), Some(video)) => {
+                let mut pixels = Vec::new();
+                video::decode(video, &[0], Crop::whole(self.size), self.size, 1, |_, rgb| {
+                    pixels.extend_from_slice(rgb.as_chunks().0);
+                    Ok(())
+                })?;
+                Ok(pixels)
+            }
+            (Footage::Video(_), None) => Ok(Vec::new()),
+            (Footage::Images(shots), _) => {
+                let image = decode_image(&shots[0].image, width, height)?.into_rgb8();
+                Ok(image.as_raw().as_chunks().0.to_vec())
+            }
+        }
     }
 }

@@ -1,14 +1,13 @@
-//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4` and, beside them, `timestamps.csv` with the time at which each of
-//! their frames arrived; `tools/board_clocks.py` makes of it that at which the frame was taken.
+//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4` and `timestamps.csv` with the arrival of each frame, of which
+//! `tools/board_clocks.py` makes the time of each.
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::footage;
 use super::opencv::{self, Rotation};
-use super::recording::{Clocks, Place, Source, SourceCamera};
+use super::recording::{Clocks, Place, Source};
 use crate::error::{self, Error};
-use crate::files::read_text;
+use crate::files::{cannot_read, read_text};
 use crate::scene::Pose;
 use crate::scene::capture::Faults;
 use crate::scene::undistort::Lens;
@@ -37,32 +36,15 @@ struct Camera {
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let calibration = place.folder.join("camera_array.toml");
-    let mut source = Source { calibration: calibration.clone(), ..Source::default() };
-    let text = match read_text(&calibration) {
-        Ok(text) => text,
-        Err(fault) => {
-            faults.add(&calibration, "", format!("cannot be read: {fault}"), "check the file and its permissions");
-            return source;
-        }
-    };
-    let array: Array = match toml::from_str(&text) {
-        Ok(array) => array,
-        Err(fault) => {
-            faults.add(&calibration, "", format!("is no camera array: {}", fault.message()), REMEDY);
-            return source;
-        }
-    };
+    let mut source = Source::of(&calibration);
+    let text = read_text(&calibration).map_err(|fault| cannot_read(&calibration, &fault));
+    let array = text.and_then(|text| {
+        let bad = |fault: toml::de::Error| format!("is no camera array: {}", fault.message());
+        toml::from_str::<Array>(&text).map_err(|fault| Error::data(&calibration, "", bad(fault), REMEDY))
+    });
+    let Some(array) = faults.take(array) else { return source };
     for (id, camera) in array.cameras.iter().filter(|(_, camera)| !camera.ignore) {
-        let (lens, pose) = match camera.calibrated() {
-            Ok(calibrated) => calibrated,
-            Err(reason) => {
-                faults.add(&calibration, format!("camera `{}`", id.escape_debug()), reason, REMEDY);
-                continue;
-            }
-        };
-        let name = format!("cam_{id}");
-        let Some(footage) = footage::take(place.footage, &name, &calibration, faults) else { continue };
-        source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
+        source.add(&format!("cam_{id}"), camera.calibrated(), place.footage, REMEDY, faults);
     }
     let recording = source.cameras.first().and_then(|camera| camera.footage.place().parent());
     if let Some(file) = recording.map(|folder| folder.join("timestamps.csv")).filter(|file| file.is_file()) {
@@ -77,8 +59,7 @@ fn times(file: &Path) -> error::Result<BTreeMap<String, Vec<Option<f64>>>> {
         let remedy = "give the file that caliscope wrote beside the videos, or remove it";
         Error::data(file, format!("line {}", line + 1), reason, remedy)
     };
-    let text = read_text(file)
-        .map_err(|fault| Error::data(file, "", format!("cannot be read: {fault}"), "check its permissions"))?;
+    let text = read_text(file).map_err(|fault| cannot_read(file, &fault))?;
     let header: Vec<&str> = text.lines().next().unwrap_or_default().split(',').map(str::trim).collect();
     let column = |name: &str| {
         let index = header.iter().position(|field| *field == name);

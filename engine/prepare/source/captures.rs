@@ -70,8 +70,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
     Some(source)
 }
 
-/// The images of one lens that moves, each of which has a pose and a time of its own, are one camera when each time has one
-/// image: so `transforms.json` tells of a single moving camera.
+/// Images of one moving lens are one camera when each time has one image, as in the `transforms.json` of a single camera.
 fn merge_moving(builder: &mut CaptureBuilder) {
     let lens = |camera: &Camera| Camera {
         name: String::new(),

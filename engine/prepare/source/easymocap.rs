@@ -7,11 +7,11 @@ use std::path::Path;
 use super::footage;
 use super::opencv::{self, Rotation};
 use super::recording::{Footage, Place, Source, SourceCamera};
-use crate::files::read_text;
+use crate::files::{cannot_read, read_text};
 use crate::prepare::foreign;
 use crate::prepare::video;
 use crate::scene::Pose;
-use crate::scene::capture::Faults;
+use crate::scene::capture::{Faults, camera_place, whole_side};
 use crate::scene::undistort::Lens;
 use glam::DMat3;
 
@@ -29,22 +29,17 @@ pub(super) fn is_easymocap(place: Place) -> bool {
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let calibration = place.folder.join(INTRINSICS);
-    let mut source = Source { calibration: calibration.clone(), ..Source::default() };
+    let mut source = Source::of(&calibration);
     let [intrinsics, extrinsics] = [INTRINSICS, EXTRINSICS].map(|name| {
         let path = place.folder.join(name);
-        match read_text(&path) {
-            Ok(text) => values(&text),
-            Err(fault) => {
-                faults.add(&path, "", format!("cannot be read: {fault}"), REMEDY);
-                BTreeMap::new()
-            }
-        }
+        let text = read_text(&path).map_err(|fault| cannot_read(&path, &fault));
+        faults.take(text).map_or_else(BTreeMap::new, |text| values(&text))
     });
     let cameras: Vec<&str> = intrinsics.keys().filter_map(|key| key.strip_prefix("K_")).collect();
     let mut disagree = Vec::new();
     for name in cameras {
         let fault = |faults: &mut Faults, reason: String| {
-            faults.add(&calibration, format!("camera `{}`", name.escape_debug()), reason, REMEDY);
+            faults.add(&calibration, camera_place(name), reason, REMEDY);
         };
         let pose = match pose(&extrinsics, name) {
             Ok((pose, agree)) => {
@@ -79,7 +74,6 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     source
 }
 
-/// The pixels of what a camera recorded.
 fn size_of(footage: &Footage) -> crate::error::Result<(u32, u32)> {
     match footage {
         Footage::Video(path) => video::probe(path).map(|video| (video.width, video.height)),
@@ -90,10 +84,7 @@ fn size_of(footage: &Footage) -> crate::error::Result<(u32, u32)> {
 type Values = BTreeMap<String, Vec<f64>>;
 
 fn size(values: &Values, name: &str) -> Option<(u32, u32)> {
-    let side = |kind: &str| {
-        let side = *values.get(&format!("{kind}_{name}"))?.first()?;
-        (side.fract() == 0.0 && (1.0..=65_536.0).contains(&side)).then_some(side as u32)
-    };
+    let side = |kind: &str| whole_side(*values.get(&format!("{kind}_{name}"))?.first()?);
     side("W").zip(side("H"))
 }
 
@@ -127,8 +118,8 @@ fn rows(numbers: &[f64]) -> Option<[[f64; 3]; 3]> {
     Some([[a, b, c], [d, e, f], [g, h, i]])
 }
 
-/// The numbers of each key of a file that OpenCV wrote. Readers of YAML refuse its first line, `%YAML:1.0`. A
-/// matrix is `KEY: !!opencv-matrix` with its elements in `data: [..]`, row by row.
+/// The numbers of each key of an OpenCV file, whose first line, `%YAML:1.0`, YAML readers refuse. A matrix is
+/// `KEY: !!opencv-matrix` with its elements in `data: [..]`, row by row.
 fn values(text: &str) -> Values {
     let mut values = Values::new();
     let mut key = "";
@@ -162,7 +153,6 @@ fn values(text: &str) -> Values {
     values
 }
 
-/// A finite number.
 fn number(text: &str) -> Option<f64> {
     text.trim().parse().ok().filter(|number: &f64| number.is_finite())
 }

@@ -1,13 +1,9 @@
 //! Google Immersive (DeepView video): `models.json` and a fisheye video of each camera.
 
-use std::collections::BTreeMap;
-
-use super::footage;
 use super::opencv::Rotation;
-use super::recording::{Place, Source, SourceCamera};
-use crate::error::{Error, Result};
-use crate::files::read_file;
-use crate::scene::capture::Faults;
+use super::recording::{Place, Source};
+use crate::files::read_json;
+use crate::scene::capture::{Faults, whole_side};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose};
 
@@ -38,34 +34,17 @@ fn one() -> f64 {
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let calibration = place.folder.join("models.json");
-    let mut source = Source { calibration: calibration.clone(), ..Source::default() };
-    let Some(models) = faults.take(models(&calibration)) else { return source };
-    for (index, model) in models.iter().enumerate() {
-        let lens = match model.lens() {
-            Ok(lens) => lens,
-            Err(reason) => {
-                faults.add(&calibration, format!("camera {index}, `{}`", model.name.escape_debug()), reason, REMEDY);
-                continue;
-            }
-        };
-        let Some(footage) = footage::take(place.footage, &model.name, &calibration, faults) else { continue };
+    let mut source = Source::of(&calibration);
+    let models: Vec<Model> = faults.take(read_json(&calibration, "models.json", REMEDY)).unwrap_or_default();
+    for model in &models {
         let pose = Pose::at(model.position.into(), Rotation::Vector(model.orientation).matrix());
-        let name = model.name.clone();
-        source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
+        source.add(&model.name, model.lens().map(|lens| (lens, pose)), place.footage, REMEDY, faults);
     }
     source
 }
 
-fn models(path: &std::path::Path) -> Result<Vec<Model>> {
-    let bytes = read_file(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), REMEDY))?;
-    serde_json::from_slice(&bytes).map_err(|fault| {
-        let place = format!("line {}, column {}", fault.line(), fault.column());
-        Error::data(path, place, format!("is no models.json: {fault}"), REMEDY)
-    })
-}
-
 impl Model {
-    fn lens(&self) -> std::result::Result<Lens, String> {
+    fn lens(&self) -> Result<Lens, String> {
         let [k1, k2] = [0, 1].map(|k| self.radial_distortion.get(k).copied().unwrap_or(0.0));
         if self.radial_distortion.iter().skip(2).any(|k| *k != 0.0) {
             return Err(format!("has the radial distortion {:?}, two numbers are read", self.radial_distortion));
@@ -75,17 +54,16 @@ impl Model {
             "perspective" => Distortion::brown([k1, k2, 0.0, 0.0, 0.0, 0.0], [0.0; 2]),
             other => return Err(format!("has the projection type `{}`", other.escape_debug())),
         };
-        let side = |side: f64| side.fract() == 0.0 && (1.0..=65_536.0).contains(&side);
-        if !(side(self.width) && side(self.height)) {
+        let (Some(width), Some(height)) = (whole_side(self.width), whole_side(self.height)) else {
             return Err(format!("has {} x {} pixels", self.width, self.height));
-        }
+        };
         let pose = self.position.iter().chain(&self.orientation);
         if !pose.clone().all(|v| v.is_finite()) {
             return Err("has a pose that is not finite".to_owned());
         }
         let intrinsics = Intrinsics {
-            width: self.width as u32,
-            height: self.height as u32,
+            width,
+            height,
             fx: self.focal_length,
             fy: self.focal_length * self.pixel_aspect_ratio,
             cx: self.principal_point[0],

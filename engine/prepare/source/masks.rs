@@ -3,18 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use super::footage::{by_number, files, numbered};
+use super::footage::{files, numbered};
 use super::recording::{Footage, Masks, Source, SourceCamera};
 use crate::prepare::foreign::{Kind, counts, kind};
 use crate::scene::capture::Faults;
+use crate::words::listed;
 
 /// Folders that a recording may have its masks in.
 const FOLDERS: [&str; 3] = ["masks", "mask", "fmasks"];
-/// Cameras that a note names.
-const NAMED: usize = 5;
 
-/// Finds the masks of a source's cameras: `<folder>/<camera>/` with one of each frame or, of a camera with one picture,
-/// `<folder>/<picture>.png`. Where there are none at all it is a fault.
+/// Finds the masks of a source's cameras: `<folder>/<camera>/` with one of each frame, or `<folder>/<picture>.png` of one picture. None at
+/// all is a fault.
 pub(super) fn find(source: &mut Source, folder: &Path, faults: &mut Faults) {
     let found = source.cameras.iter().filter_map(|camera| Some((camera.name.clone(), of_camera(camera, folder)?)));
     let found: Masks = found.collect();
@@ -32,12 +31,11 @@ pub(super) fn find(source: &mut Source, folder: &Path, faults: &mut Faults) {
     let without: Vec<&str> =
         source.cameras.iter().map(|camera| camera.name.as_str()).filter(|name| !found.contains_key(*name)).collect();
     if !found.is_empty() && !without.is_empty() {
-        let more = if without.len() > NAMED { ", ..." } else { "" };
-        let named = without[..without.len().min(NAMED)].join(", ");
         source.notes.push(format!(
-            "{} of {} cameras have no masks: {named}{more}",
+            "{} of {} cameras have no masks: {}",
             without.len(),
-            source.cameras.len()
+            source.cameras.len(),
+            listed(&without)
         ));
     }
     source.masks = found;
@@ -55,7 +53,7 @@ fn of_camera(camera: &SourceCamera, folder: &Path) -> Option<BTreeMap<u32, PathB
     match &camera.footage {
         Footage::Images(shots) => {
             let with_name =
-                |image: &Path| own.iter().find(|path| is_of(path, image)).cloned().or_else(|| beside(folder, image));
+                |image: &Path| own.iter().find(|path| is_of(path, image)).cloned().or_else(|| mask_of(folder, image));
             let by_name = shots.iter().filter_map(|shot| Some((shot.frame, with_name(&shot.image)?)));
             let by_name: BTreeMap<u32, PathBuf> = by_name.collect();
             let by_order = || shots.iter().map(|shot| shot.frame).zip(own.iter().cloned()).collect();
@@ -63,21 +61,20 @@ fn of_camera(camera: &SourceCamera, folder: &Path) -> Option<BTreeMap<u32, PathB
             (!found.is_empty()).then_some(found)
         }
         Footage::Video(_) => {
-            own.sort_by_cached_key(|path| by_number(&path.to_string_lossy()));
             let frames = numbered(&own).unwrap_or_else(|| (0..).take(own.len()).collect());
             (!own.is_empty()).then(|| frames.into_iter().zip(own).collect())
         }
     }
 }
 
-/// Whether a mask has the name of a picture: `a.png` or `a.jpg.png` of `a.jpg`.
+/// True if a mask has the name of a picture: `a.png` or `a.jpg.png` of `a.jpg`.
 fn is_of(mask: &Path, image: &Path) -> bool {
     let stem = mask.file_stem();
     stem.is_some() && (stem == image.file_stem() || stem == image.file_name())
 }
 
 /// The mask of a picture below a folder that has the picture's name, with that of its folder or without.
-fn beside(folder: &Path, image: &Path) -> Option<PathBuf> {
+fn mask_of(folder: &Path, image: &Path) -> Option<PathBuf> {
     let parent = image.parent().and_then(Path::file_name).map(|name| folder.join(name));
     let places = parent.into_iter().chain([folder.to_owned()]);
     places.flat_map(|place| files(&place)).find(|path| kind(path) == Kind::Own && is_of(path, image))

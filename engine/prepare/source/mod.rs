@@ -1,4 +1,4 @@
-//! What others recorded: cameras with their lenses and poses, and where their pictures are.
+//! Recordings by others: cameras with their lenses and poses, and where their pictures are.
 
 mod caliscope;
 mod captures;
@@ -8,7 +8,7 @@ mod immersive;
 mod llff;
 mod masks;
 mod opencv;
-pub(super) mod others;
+mod others;
 mod pose2sim;
 mod recording;
 mod rig;
@@ -20,14 +20,13 @@ pub(super) use self::recording::{Clocks, Footage, Source, SourceCamera};
 use crate::error::Result;
 use crate::prepare::pictures::Pictures;
 use crate::prepare::settings::PrepareSettings;
-use crate::scene::capture::{Faults, check_asked, check_names, is_capture, is_unfinished};
+use crate::scene::capture::{Faults, camera_place, check_asked, check_names, is_capture, is_unfinished, unread_poses};
 use crate::words::count;
 
 type Recogniser = fn(Place) -> bool;
 type Reader = fn(Place, &mut Faults) -> Source;
 
-/// Every format beyond those that are read as captures: its name, how a folder is recognised, how it is read. The first that
-/// fits is taken.
+/// Every format beyond captures: its name, how a folder is recognised, how it is read. The first that fits is taken.
 const FORMATS: [(&str, Recogniser, Reader); 7] = [
     ("Google Immersive", |place| place.folder.join("models.json").is_file(), immersive::read),
     ("N3V", llff::is_n3v, llff::read),
@@ -43,11 +42,10 @@ const FORMATS: [(&str, Recogniser, Reader); 7] = [
 pub struct Recognised {
     /// An English phrase, such as `a Pose2Sim recording`.
     pub what: String,
-    /// What to give to [`crate::prepare::prepare`]: the path itself or, of several recordings in it, the first.
+    /// The path for [`crate::prepare::prepare`]: the path itself or, of several recordings in it, the first.
     pub source: PathBuf,
 }
 
-/// See [`crate::prepare::recognise`].
 pub(super) fn recognise(folder: &Path) -> Option<Recognised> {
     let settings = PrepareSettings::new(folder, Path::new(""));
     let place = Place { settings: &settings, folder, footage: folder };
@@ -57,14 +55,13 @@ pub(super) fn recognise(folder: &Path) -> Option<Recognised> {
             trials => (format!("a {format} project of {}", count(trials.len(), "trial")), trials.first().cloned()),
         },
         None => {
-            let poses = others::poses(folder).map_or_else(String::new, |poses| format!(" ({poses})"));
+            let poses = unread_poses(folder).first().map_or_else(String::new, |poses| format!(" ({poses})"));
             (pictures(&settings)?.name().to_owned() + &poses, None)
         }
     };
     Some(Recognised { what, source: source.unwrap_or(folder.to_owned()) })
 }
 
-/// Pictures without cameras, where the source is nothing else.
 pub(super) fn pictures(settings: &PrepareSettings) -> Option<Pictures> {
     let folder = settings.source.as_path();
     let place = Place { settings, folder, footage: settings.footage.as_deref().unwrap_or(folder) };
@@ -74,9 +71,6 @@ pub(super) fn pictures(settings: &PrepareSettings) -> Option<Pictures> {
 
 impl Source {
     /// Reads the source of the settings; the format is recognised from the folder's content.
-    ///
-    /// # Errors
-    /// [`crate::Error::Data`] when the folder is in no known format.
     pub fn read(settings: &PrepareSettings, faults: &mut Faults) -> Result<Source> {
         let folder = settings.source.as_path();
         let place = Place { settings, folder, footage: settings.footage.as_deref().unwrap_or(folder) };
@@ -104,12 +98,12 @@ impl Source {
             faults.add(&source.calibration, "", "holds no camera", "give a calibration with at least one camera");
         }
         for pair in source.cameras.windows(2).filter(|pair| pair[0].name == pair[1].name) {
-            let place = format!("camera `{}`", pair[0].name.escape_debug());
+            let place = camera_place(&pair[0].name);
             faults.add(&source.calibration, place, "is listed twice", "give every camera its own name");
         }
         for camera in &source.cameras {
             if let Some(reason) = camera.lens.fault() {
-                let place = format!("camera `{}`", camera.name.escape_debug());
+                let place = camera_place(&camera.name);
                 faults.add(&source.calibration, place, reason, "calibrate the camera again, or correct the file");
             }
         }
@@ -119,7 +113,6 @@ impl Source {
         Ok(source)
     }
 
-    /// Leaves out the cameras of these names.
     fn exclude(&mut self, names: &[String], faults: &mut Faults) {
         if names.is_empty() {
             return;

@@ -36,7 +36,6 @@ pub(super) fn lens(
 #[derive(serde::Deserialize)]
 #[serde(untagged)]
 pub(super) enum Rotation {
-    /// Its rows.
     Matrix([[f64; 3]; 3]),
     /// Its axis, as long as its angle in radians.
     Vector([f64; 3]),

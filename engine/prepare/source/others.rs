@@ -1,62 +1,16 @@
-//! What others wrote into a folder and ivv does not read: poses, named so that nobody believes them used; and what a folder holds that
-//! is no source at all.
+//! Hints at the content of a folder that is no source.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::footage::{clips, files};
 use crate::error::Error;
-use crate::files::open_file;
 use crate::prepare::foreign::{Kind, counts, kind};
-use crate::scene::capture::is_capture;
+use crate::scene::capture::{is_capture, unread_poses};
+use crate::words::listed;
 
-/// What is read of a file to tell what it is, bytes.
-const START: u64 = 4096;
 /// Folders that are searched for a source, at each depth.
 const SEARCHED: usize = 64;
-/// Folders that a message names.
-const NAMED: usize = 5;
-/// What leads on from every program that has poses.
-const EXPORT: &str = "export them as a COLMAP model or transforms.json";
-
-/// Programs whose poses are not read: by the ending of a file, and by what its first bytes hold, one of these.
-const PROGRAMS: [(&str, &str, &[&str]); 16] = [
-    ("RealityScan", "csv", &["#name,", "#cameras", "Name,X,Y,", "#Image"]),
-    ("RealityScan", "rcproj", &[]),
-    ("RealityScan", "xmp", &["xcr:"]),
-    ("Metashape", "xml", &["<chunk", "agisoft", "Agisoft"]),
-    ("Metashape", "psx", &[]),
-    ("Metashape", "psz", &[]),
-    ("ContextCapture", "xml", &["BlocksExchange"]),
-    ("Meshroom", "sfm", &[]),
-    ("Meshroom", "mg", &[]),
-    ("OpenMVG", "json", &["sfm_data_version"]),
-    ("OpenSfM", "json", &["\"shots\""]),
-    ("3D Gaussian Splatting", "json", &["\"img_name\""]),
-    ("VisualSFM", "nvm", &["NVM_"]),
-    ("Bundler", "out", &["# Bundle file"]),
-    ("Blender", "blend", &[]),
-    ("Postshot", "psht", &[]),
-];
-
-/// A note of poses beside pictures that COLMAP places anew.
-pub(in crate::prepare) fn poses(folder: &Path) -> Option<String> {
-    let folder = if folder.is_dir() { folder } else { folder.parent()? };
-    files(folder).into_iter().find_map(|file| {
-        let ending = file.extension()?.to_str()?.to_lowercase();
-        let of_ending = PROGRAMS.iter().filter(|(_, own, _)| *own == ending);
-        let mut start = Vec::new();
-        open_file(&file).ok()?.take(START).read_to_end(&mut start).ok()?;
-        let start = String::from_utf8_lossy(&start);
-        let (program, ..) = of_ending
-            .into_iter()
-            .find(|(.., signs)| signs.is_empty() || signs.iter().any(|sign| start.contains(sign)))?;
-        let name = file.file_name()?.to_string_lossy().into_owned();
-        Some(format!("the poses of {program} in {name} are not read; to use them, {EXPORT}"))
-    })
-}
-
-/// What is to be given of a path that is a source, and what it is.
+/// The path to give for a source, and its kind.
 type Recognise = fn(&Path) -> Option<(PathBuf, String)>;
 
 /// The fault of a path that is no source.
@@ -81,34 +35,31 @@ pub(super) fn unknown(path: &Path, recognise: Recognise) -> Error {
     let reason = format!("not a recognised recording: it holds {}", counts(&held));
     let inside = inside(&held, recognise);
     if let Some((first, _)) = inside.first() {
-        let told: Vec<String> =
-            inside.iter().take(NAMED).map(|(folder, what)| format!("{} ({what})", folder.display())).collect();
-        let more = if inside.len() > NAMED { ", ..." } else { "" };
+        let named: Vec<String> = inside.iter().map(|(folder, what)| format!("{} ({what})", folder.display())).collect();
         let of_several = if inside.len() > 1 && inside.iter().all(|(folder, _)| is_of_photos(folder)) {
             "; photos of one scene go into one folder, and images of cameras that filmed together into a video of each"
         } else {
             ""
         };
         let remedy = format!(
-            "give what lies in it: {}{more}; as `ivv prepare {} -o CAPTURE`{of_several}",
-            told.join(", "),
+            "give what lies in it: {}; as `ivv prepare {} -o CAPTURE`{of_several}",
+            listed(&named),
             first.display()
         );
         return bad(reason, remedy);
     }
-    let poses = poses(path).map_or_else(String::new, |poses| format!("{poses}; "));
+    let poses = unread_poses(path).first().map_or_else(String::new, |poses| format!("{poses}; "));
     let remedy = "give a folder with models.json, poses_bounds.npy, camera_array.toml, intri.yml and extri.yml, a calibration of Pose2Sim \
                   or anipose, cameras.txt and images.txt beside videos, capture.toml, train_meta.json, transforms.json or a COLMAP model \
                   in sparse/0; or photos, a video or a folder of videos, whose cameras COLMAP finds";
     bad(reason, poses + remedy)
 }
 
-/// Whether a folder has pictures, enough for a scene.
 fn is_of_photos(folder: &Path) -> bool {
     files(folder).iter().filter(|file| kind(file) != Kind::Other).nth(1).is_some()
 }
 
-/// What lies one or two folders down and is a source.
+/// A source one or two folders down.
 fn inside(held: &[PathBuf], recognise: Recognise) -> Vec<(PathBuf, String)> {
     let mut found = Vec::new();
     for folder in held.iter().filter(|path| path.is_dir()).take(SEARCHED) {
@@ -118,7 +69,6 @@ fn inside(held: &[PathBuf], recognise: Recognise) -> Vec<(PathBuf, String)> {
     found
 }
 
-/// A source, and what it is.
 fn known(folder: PathBuf, recognise: Recognise) -> Option<(PathBuf, String)> {
     if is_capture(&folder) {
         return Some((folder, "a capture".to_owned()));

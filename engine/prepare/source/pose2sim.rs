@@ -1,16 +1,15 @@
-//! Pose2Sim: videos and, in `calibration/`, Qualisys' `*.qca.txt` or a `Calib*.toml`; and what has such a file of any name beside the
-//! videos: anipose, freemocap, aniposelib.
+//! Pose2Sim: videos and, in `calibration/`, Qualisys' `*.qca.txt` or a `Calib*.toml`; and anipose, freemocap, aniposelib, which have
+//! such a file of any name beside the videos.
 
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use roxmltree::{Document, Node};
 
 use super::footage::{self, files};
 use super::opencv::{self, Rotation};
-use super::recording::{Place, Source, SourceCamera};
+use super::recording::{Place, Source};
 use crate::files::read_text;
-use crate::scene::capture::{Faults, is_capture};
+use crate::scene::capture::{Faults, is_capture, whole_side};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose, rotation_of_rows};
 use glam::DVec3;
@@ -21,7 +20,6 @@ const SUBPIXELS: f64 = 64.0;
 /// and lengths in millimetres.
 const MILLIMETRES: f64 = 1000.0;
 
-/// What the name of a project's folder of calibrations holds.
 const CALIBRATION: &str = "calib";
 /// Videos of cameras that a calibration one folder up must have before it is taken for theirs.
 const LEAST_ALIKE: usize = 2;
@@ -31,7 +29,6 @@ pub(super) fn calibration(place: Place) -> Option<PathBuf> {
     in_folder(place.folder).or_else(|| above(place))
 }
 
-/// Whether the calibration lies beside the videos.
 pub(super) fn is_anipose(place: Place) -> bool {
     in_folder(place.folder).is_some_and(|file| file.parent() == Some(place.folder))
 }
@@ -43,9 +40,9 @@ fn in_folder(folder: &Path) -> Option<PathBuf> {
     let folders: Vec<PathBuf> =
         files(folder).into_iter().filter(|path| name(path).contains(CALIBRATION) && path.is_dir()).collect();
     let mut found: Vec<PathBuf> = folders.iter().flat_map(|folder| files(folder)).filter(named).collect();
-    // What Pose2Sim made of the file of Qualisys comes before that.
+    // Pose2Sim's own file comes before that of Qualisys.
     found.sort_by_key(|path| (name(path).ends_with(".qca.txt"), path.clone()));
-    // What is a capture says more.
+    // A capture says more.
     let own = (!is_capture(folder)).then(|| folder.to_owned());
     let mut others = own.into_iter().chain(folders).flat_map(|folder| files(&folder));
     found.into_iter().next().or_else(|| others.find(|path| is_toml(path) && has_cameras(path)))
@@ -61,7 +58,7 @@ fn above(place: Place) -> Option<PathBuf> {
     (alike.count() >= LEAST_ALIKE).then_some(found)
 }
 
-/// Whether a file is a calibration of this form, whatever its name: Pose2Sim and others have settings in files of this kind too.
+/// True if a file is a calibration of this form, whatever its name: Pose2Sim and others have settings in files of this kind too.
 fn has_cameras(path: &Path) -> bool {
     let table = read_text(path).ok().and_then(|text| toml::from_str::<toml::Table>(&text).ok());
     let is_camera =
@@ -90,13 +87,9 @@ fn bare(name: &str) -> String {
     name.chars().filter(char::is_ascii_alphanumeric).collect::<String>()
 }
 
-/// A camera with the name of the calibration.
 type Calibrated = (String, Result<(Lens, Pose), String>);
 
 /// The cameras of a calibration.
-///
-/// # Errors
-/// Why it cannot be read.
 fn cameras(calibration: &Path) -> Result<Vec<Calibrated>, String> {
     let is_toml = calibration.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
     let text = read_text(calibration).map_err(|fault| format!("cannot be read: {fault}"))?;
@@ -105,7 +98,7 @@ fn cameras(calibration: &Path) -> Result<Vec<Calibrated>, String> {
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let calibration = calibration(place).unwrap_or_else(|| place.folder.join("calibration"));
-    let mut source = Source { calibration: calibration.clone(), ..Source::default() };
+    let mut source = Source::of(&calibration);
     let trials = trials(place);
     if let Some(first) = trials.first() {
         let names: Vec<_> =
@@ -127,15 +120,8 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     }
     let videos = footage_names(place.footage);
     for (name, calibrated) in cameras {
-        match calibrated {
-            Ok((lens, pose)) => {
-                let alike = videos.iter().find(|video| bare(video) == bare(&name)).cloned();
-                let name = alike.unwrap_or(name);
-                let Some(footage) = footage::take(place.footage, &name, &calibration, faults) else { continue };
-                source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
-            }
-            Err(reason) => faults.add(&calibration, format!("camera `{}`", name.escape_debug()), reason, REMEDY),
-        }
+        let alike = videos.iter().find(|video| bare(video) == bare(&name));
+        source.add(alike.unwrap_or(&name), calibrated, place.footage, REMEDY, faults);
     }
     source
 }
@@ -166,16 +152,12 @@ fn of_toml(text: &str) -> Result<Vec<Calibrated>, String> {
 
 impl Section {
     fn calibrated(&self) -> Result<(Lens, Pose), String> {
-        let size = side(self.size[0]).zip(side(self.size[1]));
+        let size = whole_side(self.size[0]).zip(whole_side(self.size[1]));
         let (width, height) = size.ok_or_else(|| format!("has the size {:?}", self.size))?;
         let lens = opencv::lens([width, height], &self.matrix, &self.distortions, self.fisheye)?;
         let rotation = Rotation::Vector(self.rotation).matrix();
         Ok((lens, Pose { rotation, translation: self.translation.into() }))
     }
-}
-
-fn side(side: f64) -> Option<u32> {
-    (side.fract() == 0.0 && (1.0..=65_536.0).contains(&side)).then_some(side as u32)
 }
 
 fn of_qualisys(text: &str) -> Result<Vec<Calibrated>, String> {
@@ -203,14 +185,14 @@ fn qualisys_camera(camera: Node) -> Result<(Lens, Pose), String> {
     }
     let (view, intrinsic, transform) = (child("fov_video")?, child("intrinsic")?, child("transform")?);
     let (left, top) = (number(view, "left")?, number(view, "top")?);
-    let size = side(number(view, "right")? - left + 1.0).zip(side(number(view, "bottom")? - top + 1.0));
+    let (right, bottom) = (number(view, "right")?, number(view, "bottom")?);
+    let size = whole_side(right - left + 1.0).zip(whole_side(bottom - top + 1.0));
     let (width, height) = size.ok_or("has a <fov_video> that is no size of an image")?;
     let pixels = |name: &str| Ok::<f64, String>(number(intrinsic, name)? / SUBPIXELS);
     if number(intrinsic, "skew")? != 0.0 {
         return Err("has skew".to_owned());
     }
-    // The coefficients are of OpenCV's kind, without the factor of the lengths. Pose2Sim divides them too, which leaves
-    // nothing of the distortion.
+    // The coefficients are of OpenCV's kind; Pose2Sim divides them by the lengths, which leaves no distortion.
     let radial = ["radialDistortion1", "radialDistortion2", "radialDistortion3"].map(|name| number(intrinsic, name));
     let [k1, k2, k3] = radial;
     let tangential = [number(intrinsic, "tangentalDistortion1")?, number(intrinsic, "tangentalDistortion2")?];

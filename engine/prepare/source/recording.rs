@@ -3,12 +3,12 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use super::footage;
 use crate::prepare::settings::PrepareSettings;
 use crate::scene::Pose;
-use crate::scene::capture::{FramePoints, Point, Shot};
+use crate::scene::capture::{Faults, FramePoints, Point, Shot, camera_place};
 use crate::scene::undistort::Lens;
 
-/// Where the pictures of a camera are.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::prepare) enum Footage {
     Video(PathBuf),
@@ -32,7 +32,6 @@ pub(in crate::prepare) struct SourceCamera {
     /// Unique; fit as a file name.
     pub name: String,
     pub lens: Lens,
-    /// World to camera.
     pub pose: Pose,
     /// The pose at frames of the source, when the camera moves.
     pub poses: BTreeMap<u32, Pose>,
@@ -46,7 +45,7 @@ pub(in crate::prepare) type Masks = BTreeMap<String, BTreeMap<u32, PathBuf>>;
 /// A point and the names of the cameras that saw it.
 pub(in crate::prepare) type SourcePoint = (Point, Vec<String>);
 
-/// What is known of the times that cameras' pictures show.
+/// Known times of the cameras' pictures.
 #[derive(Debug, Default, PartialEq)]
 pub(in crate::prepare) enum Clocks {
     #[default]
@@ -57,13 +56,11 @@ pub(in crate::prepare) enum Clocks {
     Times(BTreeMap<String, Vec<Option<f64>>>),
 }
 
-/// A recording.
 #[derive(Debug, Default)]
 pub(in crate::prepare) struct Source {
     pub format: &'static str,
     /// The file that the cameras come from, for faults.
     pub calibration: PathBuf,
-    /// By name.
     pub cameras: Vec<SourceCamera>,
     pub clocks: Clocks,
     /// Of image sequences that say so.
@@ -74,11 +71,36 @@ pub(in crate::prepare) struct Source {
     pub frame_points: Option<FramePoints>,
     /// A folder of photographs of what rests, which are a capture of their own.
     pub photos: Option<PathBuf>,
-    /// Whether a camera may be without an image of some frames.
+    /// True if a camera may be without an image of some frames.
     pub may_lack: bool,
     /// Of a folder that was given for them.
     pub masks: Masks,
     pub notes: Vec<String>,
+}
+
+impl Source {
+    pub(super) fn of(calibration: &Path) -> Self {
+        Source { calibration: calibration.to_owned(), ..Source::default() }
+    }
+
+    /// Adds a camera that stands still, whose footage lies in the folder `footage`.
+    pub(super) fn add(
+        &mut self,
+        name: &str,
+        calibrated: Result<(Lens, Pose), String>,
+        footage: &Path,
+        remedy: &str,
+        faults: &mut Faults,
+    ) {
+        match calibrated {
+            Ok((lens, pose)) => {
+                let Some(footage) = footage::take(footage, name, &self.calibration, faults) else { return };
+                let name = name.to_owned();
+                self.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
+            }
+            Err(reason) => faults.add(&self.calibration, camera_place(name), reason, remedy),
+        }
+    }
 }
 
 /// How a source is read: its folder and where its footage is.

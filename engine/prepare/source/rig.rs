@@ -1,17 +1,15 @@
-//! COLMAP's calibration (text or binary) with a video or an image sequence of each camera: ImViD, and what others export for
-//! COLMAP. An image named `<camera>.<ext>` or `<camera>/<frame>.<ext>` gives a camera's pose; several of one camera, a moving
-//! camera's at those frames.
+//! COLMAP's calibration with a video or an image sequence of each camera, as ImViD's. An image named `<camera>.<ext>` or
+//! `<camera>/<frame>.<ext>` gives a camera's pose; several of one camera, a moving camera's at those frames.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use super::footage;
 use super::recording::{Footage, Place, Source, SourceCamera};
-use crate::scene::capture::{Faults, Posed, chosen_model, images_folder, read_images};
+use crate::scene::capture::{Faults, Posed, camera_place, chosen_model, images_folder, read_images};
 
-/// Whether the cameras of the model have footage: a video, or more images than the model has of them. Cameras of a rig that have none
-/// are reported as faults. But footage may also have strayed into a plain project: the film of a Live Photo, or a folder of which one
-/// image was placed. Where it may have, this is a rig only if more of the model's images have footage than are there without any.
+/// True if the cameras of the model have footage: a video, or more images than the model has of them. Footage may have strayed into a
+/// plain project, as the film of a Live Photo; then most of the model's images must have footage.
 pub(super) fn is_rig(place: Place) -> bool {
     // A capture folder is read as one.
     if place.folder.join("capture.toml").is_file() {
@@ -20,7 +18,7 @@ pub(super) fn is_rig(place: Place) -> bool {
     let Some(folder) = model(place) else { return false };
     let model = read_images(&folder, &mut Faults::default());
     let images = images_folder(place.folder, &place.settings.capture);
-    // What is given as footage is no film of a Live Photo.
+    // A video that is given as footage is no film of a Live Photo.
     let may_be_live = place.settings.footage.is_none();
     let (mut n_with, mut n_perhaps, mut n_without, mut has_live) = (0, 0, 0, false);
     for (name, posed) in by_camera(&model.images) {
@@ -49,12 +47,11 @@ pub(super) fn is_rig(place: Place) -> bool {
     (n_with > 0 && !has_live) || n_with + n_perhaps > n_without
 }
 
-/// The model that is asked for, or the largest.
 fn model(place: Place) -> Option<PathBuf> {
     Some(chosen_model(place.folder, &place.settings.capture).ok()??.0)
 }
 
-/// Whether a film lies beside an image of its name, as phones put it there.
+/// True if a film lies beside an image of its name, as phones put it there.
 fn is_beside(posed: &[&Posed], film: &Path) -> bool {
     posed.iter().any(|posed| posed.name.file_name().is_some_and(|name| film.with_file_name(name).is_file()))
 }
@@ -74,7 +71,7 @@ fn by_camera(images: &[Posed]) -> BTreeMap<String, Vec<&Posed>> {
 
 pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let model = model(place).map(|folder| read_images(&folder, faults)).unwrap_or_default();
-    let mut source = Source { calibration: model.file.clone(), ..Source::default() };
+    let mut source = Source::of(&model.file);
     // Frames may be counted from 0 or from 1; the lowest number of all moving cameras tells.
     let cameras = by_camera(&model.images);
     let moving = cameras.values().filter(|posed| posed.len() > 1).flatten();
@@ -85,7 +82,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     let mut is_complete = true;
     for (name, posed) in cameras {
         let mut fault = |reason: String, remedy: &str| {
-            faults.add(&model.file, format!("camera `{}`", name.escape_debug()), reason, remedy);
+            faults.add(&model.file, camera_place(&name), reason, remedy);
         };
         let lens = posed[0].lens;
         if posed.iter().any(|other| other.lens != lens) {
@@ -119,7 +116,6 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
     source
 }
 
-/// The frame that an image's name tells.
 fn number(posed: &Posed) -> Option<u32> {
     posed.name.file_stem()?.to_str()?.parse().ok()
 }

@@ -7,10 +7,10 @@ use std::fs;
 use std::path::Path;
 
 use super::motion::back;
-use super::rig::{MATCHED, Placed, Tracked, picture};
+use super::{MATCHED, Placed, Tracked, picture};
 use crate::error::Result;
+use crate::files::make_folder;
 use crate::prepare::colmap::{Colmap, OFF, ON};
-use crate::prepare::journal::make_folder;
 use crate::prepare::model::{self, ModelCamera};
 use crate::prepare::settings::PrepareSettings;
 use crate::scene::Pose;
@@ -20,29 +20,23 @@ use crate::scene::undistort::Lens;
 /// Pictures are searched for features in this size at most, and for so many: the time to match two grows with their square.
 const MAX_SIDE: &str = "1600";
 const MAX_FEATURES: &str = "4096";
-/// Pixels by which a feature may miss the still scene, per pixel of the picture's longer side, and at least. COLMAP allows 4:
-/// between two frames what moves is no farther off, and takes the rig with it.
+/// Pixels by which a feature may miss the still scene, per pixel of the longer side, and at least. COLMAP's 4 would include moving things.
 const MISS: f64 = 1.0 / 640.0;
 const LEAST_MISS: f64 = 1.0;
 
-/// Key frames, by their numbers among these.
 pub(super) struct Block<'a> {
     pub settings: &'a PrepareSettings,
-    /// The COLMAP project.
     pub project: &'a Path,
-    /// Where the pictures of the key frames are.
     pub pictures: &'a Path,
     pub cameras: &'a [Tracked],
     /// Where the poses are known.
     pub old: usize,
     /// Where they are to be found, in the order of time.
     pub new: &'a [usize],
-    /// What is known.
     pub held: &'a Placed,
 }
 
 impl Block<'_> {
-    /// The poses that COLMAP finds at the new key frames, in the order of the cameras.
     pub fn place(&self) -> Result<Vec<Vec<Option<Pose>>>> {
         let work = self.project.join("block");
         let _ = fs::remove_dir_all(&work);
@@ -134,7 +128,7 @@ impl Block<'_> {
         (MISS * f64::from(side)).max(LEAST_MISS).to_string()
     }
 
-    /// What COLMAP has found, in the scale and place of what was known.
+    /// The found poses, in the scale and place of the known ones.
     fn read(&self, found: &Path, names: &[Vec<String>]) -> Result<Vec<Vec<Option<Pose>>>> {
         let mut faults = Faults::default();
         let model = read_images(found, &mut faults);

@@ -1,22 +1,16 @@
-//! A rig of cameras that moves, followed through the clip: COLMAP places the cameras of key frames, some at a time, among those of
-//! the key frame before, which it holds. What lies between key frames is interpolated.
-//!
-//! A block of key frames has a database of its own, so that time grows with the clip and memory does not. Each placed key frame
-//! is a file in `reconstruction/track`.
+//! A moving rig, followed through the clip: COLMAP places the cameras of some key frames at a time among those of the key frame before;
+//! poses between are interpolated. Each placed key frame is a file in `reconstruction/track`.
 
 mod block;
 mod motion;
-mod rig;
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
 use self::block::Block;
-use self::rig::{MATCHED, Placed, Tracked, picture};
 use crate::error::{Error, Result};
-use crate::files::{read_file, write_atomic};
-use crate::prepare::frames::take;
-use crate::prepare::journal::make_folder;
+use crate::files::{make_folder, read_file, write_atomic};
+use crate::prepare::colmap::Matched;
 use crate::prepare::model::{self, ModelCamera, ModelPoint};
 use crate::prepare::settings::{PrepareSettings, Progress};
 use crate::prepare::source::Footage;
@@ -25,11 +19,38 @@ use crate::prepare::timeline::Timeline;
 use crate::prepare::video::{self, Video};
 use crate::scene::Pose;
 use crate::scene::capture::{Faults, read_images, tracks};
+use crate::scene::undistort::Lens;
 
 /// Key frames that are placed together, beside the one before them.
 const BLOCK: usize = 4;
 /// Fewer placed cameras do not tell how the rig has moved.
 const LEAST_PLACED: usize = 3;
+
+/// Cameras that are matched with each other within a frame.
+const MATCHED: Matched = Matched { all: 12, neighbours: 8 };
+
+struct Tracked {
+    /// Of its video, without ending.
+    name: String,
+    video: Video,
+    lens: Lens,
+    first: Pose,
+    /// Frame of its video at the first frame of the clip, of those that it has at the clip's rate.
+    start: u32,
+}
+
+/// A placed key frame, as its file holds it.
+#[derive(Clone, serde::Serialize, serde::Deserialize)]
+struct Placed {
+    poses: Vec<Pose>,
+    /// Which of them are the rig's word alone.
+    predicted: Vec<bool>,
+}
+
+/// The name by which COLMAP knows a picture: one without spaces, which its lists of pairs cannot hold, and a video's name may have.
+fn picture(camera: usize, key: usize) -> String {
+    format!("{camera:03}/{key:05}.jpg")
+}
 
 /// Key frames of a clip of `n` frames: every `step`-th, and the last.
 fn keys(n: usize, step: usize) -> Vec<usize> {
@@ -70,17 +91,13 @@ pub(super) fn load(settings: &PrepareSettings, folder: &Path, step: u32) -> Resu
     Ok(of_blocks.map(count).fold((0, 0), |sum, block| (sum.0 + block.0, sum.1 + block.1)))
 }
 
-/// What is tracked, and where.
 pub(super) struct Track<'a> {
     settings: &'a PrepareSettings,
-    /// The COLMAP project.
     project: &'a Path,
     progress: &'a (dyn Fn(Progress) + Sync),
     cameras: Vec<Tracked>,
     timeline: Timeline,
-    /// Of the clip.
     frames: Vec<u32>,
-    /// Indices of key frames in `frames`.
     keys: Vec<usize>,
     step: usize,
 }
@@ -89,7 +106,9 @@ impl<'a> Track<'a> {
     /// `first` is the folder of the model of the first key frame, whose images are named `<camera>.jpg`; `folder` has the videos.
     pub fn new(
         settings: &'a PrepareSettings,
-        (folder, first, project): (&Path, &Path, &'a Path),
+        folder: &Path,
+        first: &Path,
+        project: &'a Path,
         step: u32,
         progress: &'a (dyn Fn(Progress) + Sync),
     ) -> Result<Self> {
@@ -103,7 +122,7 @@ impl<'a> Track<'a> {
             let name = posed.name.with_extension("").to_string_lossy().into_owned();
             let Some(Footage::Video(path)) = find(folder, &name) else { continue };
             let video = video::probe(&path)?;
-            cameras.push(Tracked { name, path, video, lens: posed.lens, first: posed.pose, start: 0 });
+            cameras.push(Tracked { name, video, lens: posed.lens, first: posed.pose, start: 0 });
         }
         cameras.sort_by(|a, b| a.name.cmp(&b.name));
         let videos: Vec<_> = cameras.iter().map(|camera| (camera.name.as_str(), &camera.video)).collect();
@@ -162,7 +181,6 @@ impl<'a> Track<'a> {
         Ok(())
     }
 
-    /// What is worth knowing of the key frames.
     pub fn notes(&self) -> Vec<String> {
         let placed: Vec<Placed> = (1..self.keys.len()).filter_map(|key| self.read(key)).collect();
         let count = |camera: usize| placed.iter().filter(|key| key.predicted[camera]).count();
@@ -251,7 +269,6 @@ impl<'a> Track<'a> {
         Error::data(&self.settings.source, "", reason, remedy)
     }
 
-    /// Pictures of all key frames of every camera.
     fn take_pictures(&self) -> Result<()> {
         for (index, camera) in self.cameras.iter().enumerate() {
             make_folder(&self.pictures().join(format!("{index:03}")))?;
@@ -259,8 +276,8 @@ impl<'a> Track<'a> {
             let of_key = |key: &usize| self.timeline.nearest(&camera.name, &camera.video, self.frames[*key]);
             let pictures: Vec<usize> = self.keys.iter().filter_map(of_key).collect();
             let name = |n: u32| picture(index, n as usize);
-            let video = (camera.path.as_path(), &camera.video);
-            take(&self.pictures(), video, &pictures, self.settings.threads, name, self.progress)?;
+            let (folder, threads) = (self.pictures(), self.settings.threads);
+            video::write_pictures(&folder, &camera.video, &pictures, threads, name, self.progress)?;
         }
         Ok(())
     }

@@ -1,15 +1,15 @@
-//! How a rig moves: its cameras are rigidly joined, so that those which were placed tell where the others are.
+//! The motion of a rig, from those of its cameras that were placed.
 
 use glam::{DMat3, DQuat, DVec3, DVec4};
 
+use crate::report::statistics::median_high;
 use crate::scene::Pose;
 
 /// A camera is misplaced that is farther from where its rig puts it than so many times what half of the cameras are.
 const MISPLACED: f64 = 5.0;
-/// What is no fault in any case: a part of the rig's size, and radians. Cameras whose clocks differ are not quite rigid.
+/// Allowed in any case: a part of the rig's size, and radians.
 const TOLERANCE: [f64; 2] = [0.02, 0.02];
 
-/// A turn and then a shift of the world.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Motion {
     turn: DMat3,
@@ -17,7 +17,6 @@ pub(super) struct Motion {
 }
 
 impl Motion {
-    /// The motion of a camera from one pose to another.
     fn of_camera((before, after): (Pose, Pose)) -> Motion {
         let turn = after.rotation.transpose() * before.rotation;
         Motion { turn, shift: after.center() - turn * before.center() }
@@ -47,20 +46,17 @@ impl Motion {
     }
 }
 
-/// The angle between two rotations, radians.
 fn angle(a: &DMat3, b: &DMat3) -> f64 {
-    let cosine =
-        0.5 * ((*a * b.transpose()).col(0).x + (*a * b.transpose()).col(1).y + (*a * b.transpose()).col(2).z - 1.0);
-    cosine.clamp(-1.0, 1.0).acos()
+    let turn = *a * b.transpose();
+    (0.5 * (turn.x_axis.x + turn.y_axis.y + turn.z_axis.z - 1.0)).clamp(-1.0, 1.0).acos()
 }
 
-/// The rig's motion from where its cameras were first to where those are now that were placed, and which of these agree with it;
-/// none where fewer than `least` do.
+/// The rig's motion from the `first` poses to those that were placed, and which of these agree with it; none where fewer than `least` do.
 pub(super) fn rigid(first: &[Pose], now: &[Option<Pose>], least: usize) -> Option<(Motion, Vec<bool>)> {
     let pairs: Vec<Option<(Pose, Pose)>> = first.iter().zip(now).map(|(a, b)| b.map(|b| (*a, b))).collect();
     let placed: Vec<(Pose, Pose)> = pairs.iter().flatten().copied().collect();
     let errors = |motion: &Motion| -> [f64; 2] {
-        std::array::from_fn(|k| median(placed.iter().map(|pair| motion.error(pair)[k]).collect()))
+        std::array::from_fn(|k| median_high(placed.iter().map(|pair| motion.error(pair)[k])).unwrap_or(f64::INFINITY))
     };
     // The camera whose motion most others share; a mean would follow those that are far off.
     let candidates = placed.iter().map(|pair| Motion::of_camera(*pair));
@@ -77,13 +73,7 @@ pub(super) fn rigid(first: &[Pose], now: &[Option<Pose>], least: usize) -> Optio
     (good.len() >= least).then(|| (Motion::of_cameras(&good), agree))
 }
 
-fn median(mut values: Vec<f64>) -> f64 {
-    values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::INFINITY)
-}
-
-/// Takes `now` to the scale and place of `before`, which are poses of the same cameras: COLMAP shifts and scales a model, and
-/// does not turn it. Returns what is done to a pose.
+/// Takes poses of `now` to the scale and place of `before`: COLMAP shifts and scales a model, and does not turn it.
 pub(super) fn back(before: &[Pose], now: &[Pose]) -> impl Fn(&Pose) -> Pose + use<> {
     let mean = |poses: &[Pose]| poses.iter().map(Pose::center).sum::<DVec3>() / poses.len().max(1) as f64;
     let spread =
@@ -107,7 +97,6 @@ mod tests {
         DMat3::from_rotation_y(angle)
     }
 
-    /// Four cameras on a rig.
     fn rig() -> Vec<Pose> {
         let at = |k: usize| DVec3::new(k as f64, 0.3 * (k % 2) as f64, 0.1 * k as f64);
         (0..4).map(|k| Pose::at(at(k), DMat3::from_rotation_x(0.2 * k as f64))).collect()

@@ -15,15 +15,13 @@ const KNEE: f64 = 0.5;
 /// How pictures become BT.709: the same for every picture and every camera, so that none is brighter than another.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::prepare) struct Conversion {
-    /// What the video is, for messages.
     pub name: String,
-    /// Whether light beyond white is compressed.
+    /// True if light beyond white is compressed.
     pub tone_maps: bool,
-    /// The filters of ffmpeg.
     pub filter: String,
 }
 
-/// What ffprobe tells of a video's colours; `unknown` or nothing where it does not.
+/// A video's colours by ffprobe; `unknown` or nothing where it does not tell.
 pub(super) struct Tags<'a> {
     pub transfer: Option<&'a str>,
     pub primaries: Option<&'a str>,
@@ -32,7 +30,7 @@ pub(super) struct Tags<'a> {
 }
 
 impl Tags<'_> {
-    /// What makes the pictures BT.709; nothing where they are, or are so close that players do not tell (BT.601).
+    /// The filter that makes pictures BT.709; nothing where they are, or are as close as BT.601.
     pub fn conversion(&self) -> Option<Conversion> {
         let curve = match self.transfer {
             Some("smpte2084") => Some("PQ"),
@@ -68,10 +66,7 @@ fn one_of(tag: Option<&str>, known: &[&'static str]) -> Option<&'static str> {
     known.iter().find(|known| tag == Some(**known)).copied()
 }
 
-/// Whether the installed ffmpeg has the filters of a conversion.
-///
-/// # Errors
-/// [`Error::Data`](crate::Error::Data) where ffmpeg does not run.
+/// True if the installed ffmpeg has the filters of a conversion.
 pub(in crate::prepare) fn can_convert(about: &Path) -> Result<bool> {
     let listed = FFMPEG.run(["-v", "error", "-filters"], about)?;
     let listed = String::from_utf8_lossy(&listed);

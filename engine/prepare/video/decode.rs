@@ -2,37 +2,33 @@
 
 use std::ffi::OsString;
 use std::io::{ErrorKind, Read};
-use std::path::Path;
 use std::sync::mpsc::Receiver;
 
 use super::Video;
 use crate::error::{Error, Result};
-use crate::prepare::fit::Part;
+use crate::prepare::fit::Crop;
 use crate::prepare::program::{FFMPEG, last_line};
 use crate::video::input;
 
-/// Seconds by which the time of a picture may differ from what its packet told.
+/// Seconds by which the time of a picture may differ from its packet's.
 const NEAR: f64 = 5e-4;
 /// Pictures that are decoded before the first one of interlaced video, whose lines it is made of too.
 const BEFORE: usize = 3;
 
-/// Decodes a part of `pictures` (their numbers in [`Video::times`], growing), `size` pixels each (scaled by area), and gives each to
-/// `take`, with its place among them, as packed RGB. Where ffmpeg can seek, nothing before the key frame of the first one is decoded.
-///
-/// # Errors
-/// [`Error::Data`] where a picture does not come, and what `take` returns.
+/// Decodes a part of `pictures` (growing numbers in [`Video::times`]), scaled to `size`, and gives each to `take`, with its place among
+/// them, as packed RGB. ffmpeg seeks to the key frame before the first.
 pub(in crate::prepare) fn decode(
-    (path, video): (&Path, &Video),
+    video: &Video,
     pictures: &[usize],
-    part: Part,
+    crop: Crop,
     size: (u32, u32),
     threads: usize,
     mut take: impl FnMut(usize, &[u8]) -> Result<()>,
 ) -> Result<()> {
     let wanted: Vec<f64> = pictures.iter().filter_map(|picture| video.times.get(*picture).copied()).collect();
     let Some(first) = pictures.first().filter(|_| wanted.len() == pictures.len()) else { return Ok(()) };
-    let arguments = arguments((path, video), (*first, &wanted), part, size, threads);
-    let (mut running, told) = FFMPEG.start_told(arguments, path)?;
+    let (path, arguments) = (video.path.as_path(), arguments(video, *first, &wanted, crop, size, threads));
+    let (mut running, lines) = FFMPEG.start_told(arguments, path)?;
     let mut from = running.child.stdout.take();
     let mut frame = vec![0; 3 * size.0 as usize * size.1 as usize];
     // Both are rounded to microseconds; neighbours are farther from each other.
@@ -44,7 +40,7 @@ pub(in crate::prepare) fn decode(
             Err(fault) if fault.kind() == ErrorKind::UnexpectedEof => break,
             Err(fault) => return Err(Error::data(path, "", format!("ffmpeg cannot be heard: {fault}"), "try again")),
         }
-        let Some(time) = next_time(&told) else { break };
+        let Some(time) = next_time(&lines) else { break };
         if (time - wanted[n_read]).abs() < near {
             take(n_read, &frame)?;
             n_read += 1;
@@ -65,12 +61,14 @@ pub(in crate::prepare) fn decode(
 
 /// The arguments of ffmpeg: pictures go to its output, and the time of each, microseconds, before it to its standard error.
 fn arguments(
-    (path, video): (&Path, &Video),
-    (first, wanted): (usize, &[f64]),
-    Part { x, y, width: w, height: h }: Part,
+    video: &Video,
+    first: usize,
+    wanted: &[f64],
+    crop: Crop,
     (width, height): (u32, u32),
     threads: usize,
 ) -> Vec<OsString> {
+    let Crop { x, y, width: w, height: h } = crop;
     let mut filters = Vec::new();
     let mut begin = first;
     if let Some(top_first) = video.top_first {
@@ -88,8 +86,7 @@ fn arguments(
         .push("settb=AVTB,metadata=mode=add:key=ivv:value=1,metadata=mode=print:file='pipe\\:2':direct=1".to_owned());
     filters.extend(video.colour.as_ref().map(|colour| colour.filter.clone()));
     filters.push(format!("crop={w}:{h}:{x}:{y}:exact=1,scale={width}:{height}"));
-    // Containers find a key frame by when it is stored, which is before it is shown: what is asked for is the time of the last one that
-    // is shown before the first picture. ffmpeg counts from where the file begins.
+    // Containers find a key frame by when it is stored, before it is shown; ffmpeg counts from where the file begins.
     let key = video.keys[..video.keys.partition_point(|key| *key <= video.times[begin] + NEAR)].last();
     let seek = key.map(|key| key + NEAR - video.begins).filter(|to| *to > 0.1).map(|to| to.to_string());
     let threads = threads.to_string();
@@ -98,11 +95,10 @@ fn arguments(
     let filters = filters.join(",");
     let after = ["-map", "0:v:0", "-vf", &filters, "-sws_flags", "area+accurate_rnd+full_chroma_int"];
     let output = ["-fps_mode", "passthrough", "-enc_time_base", "-1", "-pix_fmt", "rgb24", "-f", "rawvideo", "pipe:1"];
-    before.chain(input(path)).chain(after.iter().chain(&output).map(OsString::from)).collect()
+    before.chain(input(&video.path)).chain(after.iter().chain(&output).map(OsString::from)).collect()
 }
 
-/// Where the wanted times are evenly spaced among `times`, which begin with the first of them, and leave some out: their step, and how far
-/// from it they are at most.
+/// The step of wanted times that are evenly spaced among `times` and leave some out, and how far from it they are at most.
 fn even(times: &[f64], wanted: &[f64]) -> Option<(f64, f64)> {
     let (first, last) = (wanted.first()?, wanted.last()?);
     let n_between = times.iter().take_while(|time| *time <= last).count();
@@ -115,14 +111,13 @@ fn even(times: &[f64], wanted: &[f64]) -> Option<(f64, f64)> {
     (near < 0.25 * step).then_some((step, near))
 }
 
-/// Whether a line of standard error is of a picture's time.
 fn is_of_time(line: &str) -> bool {
     line.starts_with("frame:") || line == "ivv=1"
 }
 
 /// The time of the next picture, seconds: `frame:0 pts:40000 pts_time:0.04`. None where ffmpeg has ended.
-fn next_time(told: &Receiver<String>) -> Option<f64> {
-    let line = told.iter().find(|line| line.starts_with("frame:"))?;
+fn next_time(lines: &Receiver<String>) -> Option<f64> {
+    let line = lines.iter().find(|line| line.starts_with("frame:"))?;
     let microseconds = line.split_whitespace().find_map(|word| word.strip_prefix("pts:"))?;
     microseconds.parse::<f64>().ok().map(|time| time * 1e-6)
 }

@@ -6,11 +6,15 @@ mod probe;
 mod times;
 
 use std::ffi::OsString;
-use std::path::Path;
+use std::path::{Path, PathBuf};
+
+use image::ExtendedColorType;
 
 use crate::error::Result;
 use crate::files::write_atomic;
+use crate::prepare::fit::Crop;
 use crate::prepare::program::FFMPEG;
+use crate::prepare::settings::{ImageFormat, Progress};
 use crate::video::input;
 
 pub(super) use self::colour::{Conversion, can_convert};
@@ -20,12 +24,11 @@ pub(super) use self::probe::probe;
 /// Rates differ when their ratio is farther from 1: 29.97 and 30 differ by 1e-3.
 pub(super) const RATE_TOLERANCE: f64 = 5e-4;
 
-/// What a video file holds.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Video {
+    pub path: PathBuf,
     /// Pixels, as shown: after a rotation that the file asks for.
     pub width: u32,
-    /// Pixels.
     pub height: u32,
     /// Frames per second where none is lost.
     pub fps: f64,
@@ -40,16 +43,15 @@ pub(super) struct Video {
     pub timecode: Option<u32>,
     /// How many pictures the file's index names, where it names more than are there.
     pub named: Option<u32>,
-    /// What makes its pictures BT.709; nothing where they are.
+    /// The conversion of its pictures to BT.709; nothing where they are.
     pub colour: Option<Conversion>,
-    /// Whether the first field of an interlaced picture is the top one; none where pictures are whole.
+    /// True if the first field of an interlaced picture is the top one; none where pictures are whole.
     pub top_first: Option<bool>,
     /// When key frames are shown that ffmpeg finds, in order.
     keys: Vec<f64>,
 }
 
 impl Video {
-    /// The number of its pictures.
     pub fn n_frames(&self) -> u32 {
         u32::try_from(self.times.len()).unwrap_or(u32::MAX)
     }
@@ -63,16 +65,15 @@ pub(super) struct Selection {
     pub n: u32,
 }
 
-/// Writes the sound of a part of a video as WAV of one channel; `from` in seconds of the file's clock. Where it has none yet it is
-/// silent.
-pub(super) fn sound((path, video): (&Path, &Video), from: f64, length: f64, to: &Path) -> Result<()> {
+/// Writes the sound of a part of a video, silent before it begins, as WAV of one channel; `from` in seconds of the file's clock.
+pub(super) fn sound(video: &Video, from: f64, length: f64, to: &Path) -> Result<()> {
     let (from, length) = ((from - video.begins).max(0.0).to_string(), length.to_string());
     let before = ["-v", "error", "-nostdin", "-ss", &from, "-t", &length].map(OsString::from);
     let filled = ["-af", "aresample=async=1:first_pts=0"];
     let after = ["-map", "0:a:0", "-vn", "-ac", "1", "-c:a", "pcm_s16le", "-f", "wav", "pipe:1"];
     let after = filled.into_iter().chain(after);
-    let arguments = before.into_iter().chain(input(path)).chain(after.map(OsString::from));
-    let mut wav = FFMPEG.run(arguments, path)?;
+    let arguments = before.into_iter().chain(input(&video.path)).chain(after.map(OsString::from));
+    let mut wav = FFMPEG.run(arguments, &video.path)?;
     set_wav_length(&mut wav);
     write_atomic(to, |to| to.write_all(&wav))
 }
@@ -98,4 +99,26 @@ fn set_wav_length(wav: &mut [u8]) {
             field.copy_from_slice(&length.to_le_bytes());
         }
     }
+}
+
+/// Writes pictures of a video as JPEG to `folder`, unless all are there; `name` gives each its name by its place among them.
+pub(super) fn write_pictures(
+    folder: &Path,
+    video: &Video,
+    pictures: &[usize],
+    threads: usize,
+    name: impl Fn(u32) -> String,
+    progress: &(dyn Fn(Progress) + Sync),
+) -> Result<()> {
+    let n = pictures.len();
+    let file = |place: u32| folder.join(name(place));
+    if (0..n as u32).all(|place| file(place).is_file()) {
+        return Ok(());
+    }
+    let size = (video.width, video.height);
+    decode(video, pictures, Crop::whole(size), size, threads, |place, rgb| {
+        ImageFormat::Jpeg.write(&file(place as u32), rgb, size, ExtendedColorType::Rgb8)?;
+        progress(Progress { stage: "frames", done: place + 1, total: n, piece: &name(place as u32) });
+        Ok(())
+    })
 }

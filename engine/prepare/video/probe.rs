@@ -8,7 +8,7 @@ use super::colour;
 use super::times::{rate, shown};
 use crate::error::{Error, Result};
 use crate::prepare::program::FFPROBE;
-use crate::prepare::timecodes::frame_of_day;
+use crate::prepare::shifts::frame_of_day;
 use crate::video::input;
 
 /// Sound may begin so much before the first picture, seconds, for what encoders of sound need ahead; beyond that, pictures begin late.
@@ -65,9 +65,6 @@ struct SideData {
 }
 
 /// Looks at a video file: what its container tells, and when each of its pictures is shown. Nothing is decoded where packets tell that.
-///
-/// # Errors
-/// [`Error::Data`] where it is no video that ffmpeg reads, or its colours have no meaning without a decoder of Dolby.
 pub(in crate::prepare) fn probe(path: &Path) -> Result<Video> {
     let bad = |reason: &str| Error::data(path, "", reason, "give a video that ffmpeg can read");
     let probe = ask(path)?;
@@ -113,6 +110,7 @@ pub(in crate::prepare) fn probe(path: &Path) -> Result<Video> {
         }
     }
     Ok(Video {
+        path: path.to_owned(),
         width,
         height,
         fps,
@@ -129,7 +127,6 @@ pub(in crate::prepare) fn probe(path: &Path) -> Result<Video> {
     })
 }
 
-/// A rate, `30000/1001`.
 fn ratio(text: &str) -> Option<f64> {
     let (above, below) = text.split_once('/')?;
     Some(above.parse::<f64>().ok()? / below.parse::<f64>().ok()?).filter(|fps| fps.is_finite() && *fps > 0.0)
@@ -144,7 +141,6 @@ fn top_first(order: &str) -> Option<bool> {
     }
 }
 
-/// What ffprobe tells of a file.
 fn ask(path: &Path) -> Result<Probe> {
     let entries = "stream=codec_type,width,height,avg_frame_rate,r_frame_rate,nb_frames,has_b_frames,field_order,color_range,\
                    color_space,color_transfer,color_primaries:stream_side_data=rotation,dv_profile,\

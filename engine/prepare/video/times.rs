@@ -9,21 +9,18 @@ use crate::prepare::program::FFPROBE;
 use crate::report::statistics::median_high;
 use crate::video::input;
 
-/// When each picture is shown, seconds, in order, and how many pictures the file holds that are not shown: those before the beginning of
-/// a clip that was trimmed without encoding it again.
+/// When each picture is shown, seconds, in order, and how many are not shown: those before the beginning of a clip that was trimmed
+/// without encoding it again.
 pub(super) struct Shown {
     pub times: Vec<f64>,
     /// When key frames are shown, at which decoding can begin.
     pub keys: Vec<f64>,
     pub n_hidden: usize,
-    /// Whether packets said so. Else the video was decoded.
+    /// True if packets said so. Else the video was decoded.
     pub by_packets: bool,
 }
 
 /// Looks at the packets of a video, and where some have no time (AVI with B frames, fields in packets of their own), decodes it.
-///
-/// # Errors
-/// [`Error::Data`] where ffprobe cannot read the file.
 pub(super) fn shown(path: &Path) -> Result<Shown> {
     let Packets { mut times, mut keys, n_hidden, is_told } = of_packets(&rows(path, "packet=pts_time,flags")?);
     if !is_told {
@@ -35,15 +32,12 @@ pub(super) fn shown(path: &Path) -> Result<Shown> {
     Ok(Shown { times, keys, n_hidden, by_packets: is_told })
 }
 
-/// What packets tell.
 #[derive(Debug, PartialEq)]
 struct Packets {
-    /// Of those that are shown.
     times: Vec<f64>,
-    /// Of key frames.
     keys: Vec<f64>,
     n_hidden: usize,
-    /// Whether all that are shown have a time.
+    /// True if all that are shown have a time.
     is_told: bool,
 }
 
@@ -78,7 +72,6 @@ fn seconds(text: &str) -> Option<f64> {
     text.trim().parse::<f64>().ok().filter(|seconds| seconds.is_finite())
 }
 
-/// What ffprobe tells of each packet or frame of the pictures.
 fn rows(path: &Path, entries: &str) -> Result<String> {
     let arguments = ["-v", "error", "-select_streams", "v:0", "-show_entries", entries, "-of", "csv=p=0"];
     let arguments: Vec<OsString> = arguments.iter().map(OsString::from).chain(input(path)).collect();
@@ -97,8 +90,7 @@ const OFF: f64 = 0.2;
 /// Pictures of the rate at the beginning that count as much as all those that are seen until then.
 const TRUSTED: f64 = 10.0;
 
-/// Pictures per second where none is lost. Containers round times, to milliseconds some of them, and phones are never quite on time: a
-/// rate that the file states, or that cameras have, is taken where it is as close as that.
+/// Pictures per second where none is lost: a rate that the file states, or that cameras have, where rounded times are close to it.
 pub(super) fn rate(times: &[f64], stated: &[f64]) -> Option<f64> {
     let steps = times.windows(2).map(|two| two[1] - two[0]);
     let Some(middle) = median_high(steps).filter(|step| *step > 0.0) else { return stated.first().copied() };
@@ -123,7 +115,7 @@ pub(super) fn rate(times: &[f64], stated: &[f64]) -> Option<f64> {
     Some(close.min_by(|a, b| distance(a).total_cmp(&distance(b))).copied().unwrap_or(found))
 }
 
-/// Whether the first pictures are near the steps of a rate, each at one of its own.
+/// True if the first pictures are near the steps of a rate, each at one of its own.
 fn fits(times: &[f64], rate: f64) -> bool {
     let times = &times[..times.len().min(ASKED)];
     let frames: Vec<f64> = times.iter().map(|time| (time - times[0]) * rate).collect();
@@ -145,16 +137,16 @@ mod tests {
     #[test]
     fn packets_that_are_hidden_or_cannot_be_decoded_are_not_shown() {
         let trimmed = "-0.100000,KD_\n-0.033333,_D_\n0.000000,___\n0.066667,___\n0.033333,___\n";
-        let told = |rows: &str| {
+        let parsed = |rows: &str| {
             let Packets { times, keys, n_hidden, is_told } = of_packets(rows);
             (times, keys, n_hidden, is_told)
         };
-        assert_eq!(told(trimmed), (vec![0.0, 0.066667, 0.033333], vec![-0.1], 2, true));
+        assert_eq!(parsed(trimmed), (vec![0.0, 0.066667, 0.033333], vec![-0.1], 2, true));
         // Cut within a group of pictures: two of the old group, and one that is shown before the first key frame.
         let cut = "0.1,__\n0.2,__\n0.4,K_\n0.3,__\n0.5,__,\n\n";
-        assert_eq!(told(cut), (vec![0.4, 0.5], vec![0.4], 3, true));
-        assert_eq!(told("N/A,K_\n0.1,__\n"), (vec![0.1], vec![], 0, false));
-        assert_eq!(told(""), (vec![], vec![], 0, true));
+        assert_eq!(parsed(cut), (vec![0.4, 0.5], vec![0.4], 3, true));
+        assert_eq!(parsed("N/A,K_\n0.1,__\n"), (vec![0.1], vec![], 0, false));
+        assert_eq!(parsed(""), (vec![], vec![], 0, true));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! What every format ends in: cameras as they were read, checked against their images.
+//! Cameras as every format reads them, checked against their images.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
@@ -9,7 +9,7 @@ use super::header::{has_alpha, is_turned, read_size};
 use super::opened::Capture;
 use super::picture::MAX_PIXELS;
 use super::points::FramePoints;
-use super::report::{Faults, Report};
+use super::report::{Faults, Report, camera_place};
 use super::settings::{Alpha, CaptureSettings};
 use crate::error::Error;
 use crate::parallel::{in_parallel, threads};
@@ -17,12 +17,10 @@ use crate::scene::prior::{depth_size, flow_size};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Similarity};
 
-/// Most frames of a clip.
 pub(super) const MAX_FRAMES: u32 = 1 << 20;
 /// Frames per second of a clip: from pictures hours apart to the fastest cameras.
 pub(crate) const RATES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
-/// Width and height that the header of a file tells.
 type ReadSize = fn(&Path) -> Result<(u32, u32), Error>;
 
 /// A capture as its format gives it, until [`CaptureBuilder::finish`] has checked it.
@@ -34,19 +32,15 @@ pub(crate) struct CaptureBuilder {
     /// Names are unique, shots have different frames.
     pub cameras: Vec<Camera>,
     pub points: Vec<Point>,
-    /// What the lenses of cameras do, by name; nothing where a camera is not named.
+    /// Notes of lenses by camera; nothing where a camera is not named.
     pub distorted: BTreeMap<String, Distortion>,
     pub frame_points: Option<FramePoints>,
-    /// See [`Capture::true_offsets`].
     pub true_offsets: BTreeMap<String, f64>,
     pub notes: Vec<String>,
-    /// Sound files of the capture.
     pub n_sounds: usize,
-    /// See [`Manifest::photos`](super::Manifest::photos).
     pub photos: Option<Box<CaptureBuilder>>,
     /// The capture below the named folder that was read in its place.
     pub inside: Option<PathBuf>,
-    /// The file that the cameras come from, for faults.
     pub calibration: PathBuf,
     /// COLMAP's model, and the names of the cameras of its images, by their ids: who saw its points.
     pub model: Option<(PathBuf, HashMap<u32, String>)>,
@@ -157,7 +151,6 @@ impl CaptureBuilder {
         self.reference_frame = (past / frames.every).min(n_used - 1);
     }
 
-    /// The lens of a camera.
     pub fn lens(&self, camera: &Camera) -> Lens {
         let distortion = self.distorted.get(&camera.name).copied().unwrap_or(Distortion::None);
         Lens { intrinsics: camera.intrinsics, distortion }
@@ -200,7 +193,6 @@ impl CaptureBuilder {
         }
     }
 
-    /// Compares every image, mask and prior with its camera.
     fn check_images(&mut self, settings: &CaptureSettings, faults: &mut Faults, report: &mut Report) {
         if settings.rescale {
             self.cameras.iter_mut().for_each(rescale);
@@ -214,8 +206,7 @@ impl CaptureBuilder {
         self.note_alpha(settings, report);
     }
 
-    /// Compares the size of every image, mask and prior with its camera's. Their headers are read by all cores: on a disk of a network
-    /// each waits for an answer.
+    /// Compares the size of every image, mask and prior with its camera's, with all cores: network disks answer slowly.
     fn check_sizes(&mut self, faults: &mut Faults) {
         let mut n_turned = 0_usize;
         let of_picture: ReadSize = |file| read_size(file).map_err(Error::from);
@@ -282,7 +273,7 @@ impl CaptureBuilder {
     fn check_cameras(&self, settings: &CaptureSettings, faults: &mut Faults) {
         let mut names = HashSet::new();
         for camera in &self.cameras {
-            let place = format!("camera `{}`", camera.name.escape_debug());
+            let place = camera_place(&camera.name);
             if !names.insert(camera.name.as_str()) {
                 let remedy = "give every camera or image its own name, also without its extension";
                 faults.add(&self.calibration, &place, "has the name of an earlier one", remedy);
@@ -335,8 +326,7 @@ pub(crate) fn check_names<'a>(
     }
 }
 
-/// The one factor, other than 1, by which the images of all cameras differ from their calibration, when there is one within
-/// the rounding of either side to whole pixels: as a word, `1/4` or a number.
+/// The one factor, other than 1, by which all cameras' images differ from their calibration: as a word, `1/4` or a number.
 fn common_factor(cameras: &[Camera]) -> Option<String> {
     let (mut low, mut high) = (0.0_f64, f64::INFINITY);
     for camera in cameras {

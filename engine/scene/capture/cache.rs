@@ -14,10 +14,8 @@ use crate::parallel::memory;
 
 /// Bytes of a pixel while its image is being decoded: the result and what the decoder gives; with priors.
 const DECODING_BYTES: [u64; 2] = [8, 32];
-/// Images for each thread that may be ahead of the consumer by making others leave: enough that no thread waits, and not
-/// more, because what the consumer is about to hand back is often the best to leave.
+/// Images that each thread may decode ahead by making others leave: no more, because an image just handed back is often the best to leave.
 const AHEAD: usize = 3;
-/// A position in the order that never comes.
 const NEVER: usize = usize::MAX;
 
 /// An image of the order of a [`FrameCache`].
@@ -37,7 +35,7 @@ impl From<(usize, u32)> for Asked {
     }
 }
 
-/// What a [`FrameCache`] has done so far.
+/// Counts of a [`FrameCache`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CacheStats {
     /// Images decoded.
@@ -54,10 +52,8 @@ pub struct CacheStats {
 
 /// Decodes the images of a capture ahead of their use, in the order of their use, on threads of its own.
 ///
-/// At most `budget_bytes` are held in decoded images and in those being decoded, or one image when the budget is smaller;
-/// an image that the consumer still holds after it has left the cache comes on top. Which image leaves follows from the
-/// order: the one needed last (Belady) among those handed out, so what is needed soon again is not decoded again. Pictures and errors come out
-/// in the order that was asked for, the same for any budget and number of threads. Dropping the cache ends its threads.
+/// At most `budget_bytes` are held, or one image when the budget is smaller; images that the consumer still holds come on top. The one
+/// needed last (Belady) leaves first. Pictures and errors come out in the order that was asked for, the same for any budget and threads.
 pub struct FrameCache {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -65,7 +61,6 @@ pub struct FrameCache {
 
 struct Shared {
     sources: Vec<Source>,
-    /// Indices into `sources`.
     order: Vec<u32>,
     /// For each position of the order, the next position of the same image, or [`NEVER`].
     next_use: Vec<usize>,
@@ -81,7 +76,6 @@ struct Shared {
 
 #[derive(Default)]
 struct State {
-    /// Positions handed out.
     consumed: usize,
     /// Positions whose image is there or being decoded.
     planned: usize,
@@ -178,7 +172,7 @@ impl FrameCache {
         Some(outcome.map_err(Into::into))
     }
 
-    /// What has been done so far.
+    /// Counts so far.
     pub fn stats(&self) -> CacheStats {
         self.shared.lock().stats
     }
@@ -217,7 +211,6 @@ impl Shared {
         DECODING_BYTES[usize::from(has_priors)] * self.pixels(index, 1)
     }
 
-    /// The work of a thread.
     fn decode_all(&self) {
         let mut state = self.lock();
         while !state.closed && state.planned < self.order.len() {

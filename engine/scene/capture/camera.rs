@@ -41,7 +41,7 @@ impl Shot {
 }
 
 /// A pinhole camera and its images.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct Camera {
     /// Unique; fit as a file name.
     pub name: String,
@@ -81,7 +81,6 @@ impl Camera {
         shot.and_then(|shot| shot.world_to_camera.as_ref()).unwrap_or(&self.world_to_camera)
     }
 
-    /// Its view with a pose.
     pub(super) fn view(&self, frame: u32, n_frames: u32, pose: &Pose, background: [f32; 3]) -> View {
         let name = if n_frames == 1 { self.name.clone() } else { format!("{}_{frame:05}", self.name) };
         let n_frames = f64::from(n_frames.max(1));
@@ -100,6 +99,18 @@ impl Camera {
     }
 }
 
+/// The correction of a camera that an earlier run learnt.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Calibration {
+    /// Delay of its pictures, seconds.
+    pub offset: f64,
+    /// Turn about the axes of the capture's world, radians.
+    pub turn: [f64; 3],
+    /// Shift along those axes, the capture's units.
+    pub shift: [f64; 3],
+}
+
 /// A point of a sparse reconstruction.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Point {
@@ -114,10 +125,8 @@ pub struct Point {
 pub struct Extent {
     /// Mean of the training cameras' centres, world.
     pub center: [f64; 3],
-    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's scene extent). Where the points are
-    /// more than three times as far from there in the median, it goes over to that median distance, which it is from four times
-    /// on: around a small rig that looks outward the scene is as large as it is far. When the cameras coincide: that distance
-    /// too, or 1 when there are no points.
+    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's extent). Where the points' median is more
+    /// than three times as far, it goes over to that distance, which it is from four times on and when the cameras coincide; else 1.
     pub radius: f64,
 }
 
@@ -131,7 +140,6 @@ fn steep(median: f64, radius: f64) -> f64 {
     radius + (to - 1.0) / (to - from) * (median - from * radius)
 }
 
-/// See [`Capture::extent`].
 pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     let all_test = cameras.iter().all(|camera| camera.is_test);
     let used = cameras.iter().filter(|camera| !camera.is_photo && (all_test || !camera.is_test));

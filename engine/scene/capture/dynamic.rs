@@ -7,11 +7,11 @@ use super::builder::{CaptureBuilder, MAX_FRAMES};
 use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
 use super::named::Named;
 use super::names::spelled;
-use super::npz;
 use super::report::Faults;
 use super::settings::CaptureSettings;
 use crate::error::{self, Error};
-use crate::files::read_bytes;
+use crate::files::npy::read_npz;
+use crate::files::read_json;
 use crate::scene::{Intrinsics, Pose};
 
 const REMEDY: &str = "correct the file, or export the capture again";
@@ -28,25 +28,16 @@ struct Meta {
     cam_id: Vec<Vec<u32>>,
 }
 
-impl Meta {
-    fn read(path: &Path) -> error::Result<Meta> {
-        serde_json::from_slice(&read_bytes(path)?).map_err(|fault| {
-            let place = format!("line {}, column {}", fault.line(), fault.column());
-            Error::data(path, place, format!("is no meta file: {fault}"), REMEDY)
-        })
-    }
-}
-
 pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let path = named.folder.as_path();
     let calibration = path.join("train_meta.json");
-    let mut found = Found { path, settings, cameras: BTreeMap::new(), n_listed: 0, n_respelled: 0 };
+    let mut found = MetaReader { path, settings, cameras: BTreeMap::new(), n_listed: 0, n_respelled: 0 };
     for (name, is_test) in [("train_meta.json", false), ("test_meta.json", true)] {
         let file = path.join(name);
         if is_test && !file.exists() {
             continue;
         }
-        if let Some(meta) = faults.take(Meta::read(&file)) {
+        if let Some(meta) = faults.take(read_json(&file, "meta file", REMEDY)) {
             found.add(&file, &meta, is_test, faults);
         }
     }
@@ -68,17 +59,15 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     builder
 }
 
-struct Found<'a> {
+struct MetaReader<'a> {
     path: &'a Path,
     settings: &'a CaptureSettings,
-    /// By id.
     cameras: BTreeMap<u32, Camera>,
     n_listed: u32,
-    /// Names that are not read as they stand.
     n_respelled: usize,
 }
 
-impl Found<'_> {
+impl MetaReader<'_> {
     fn add(&mut self, file: &Path, meta: &Meta, is_test: bool, faults: &mut Faults) {
         let n = [meta.k.len(), meta.w2c.len(), meta.names.len(), meta.cam_id.len()];
         if n.iter().any(|m| *m != n[0]) || n[0] > MAX_FRAMES as usize {
@@ -136,8 +125,7 @@ impl Found<'_> {
             },
             world_to_camera: pose,
             is_test,
-            is_photo: false,
-            shots: Vec::new(),
+            ..Camera::default()
         };
         let camera = self.cameras.entry(id).or_insert_with(|| new.clone());
         if camera.is_test != is_test {
@@ -175,7 +163,7 @@ fn drop_absent_end(builder: &mut CaptureBuilder) {
 
 /// Rows of `data`: x, y, z, then red, green and blue in [0, 1], then a label.
 fn points(path: &Path) -> error::Result<Vec<Point>> {
-    let array = npz::read(path, "data")?;
+    let array = read_npz(path, "data")?;
     let &[_, n_columns] = array.shape.as_slice() else {
         return Err(Error::data(path, "array `data`", format!("has the shape {:?}", array.shape), REMEDY));
     };

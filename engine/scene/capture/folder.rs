@@ -12,7 +12,7 @@ use super::frames::Frames;
 use super::named::Named;
 use super::names::with_image_extension;
 use super::points::FramePoints;
-use super::report::Faults;
+use super::report::{Faults, camera_place};
 use super::settings::CaptureSettings;
 use super::truth::read_true_offsets;
 use crate::error::{self, Error};
@@ -21,9 +21,8 @@ use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
 use crate::scene::undistort::{Distortion, Lens};
 
 const FILE: &str = "capture.toml";
-/// See [`Manifest::photos`].
 pub(crate) const PHOTOS: &str = "photos";
-/// What `ivv prepare` begins a capture folder with; the manifest is the last that it writes.
+/// The first file of `ivv prepare` in a capture folder; the manifest is its last.
 pub(crate) const JOURNAL: &str = "prepare.json";
 /// Images of a camera that are named one by one when they are missing: no number in a file makes the list longer.
 const MAX_MISSING: u32 = 1000;
@@ -102,13 +101,11 @@ impl Manifest {
     }
 }
 
-/// Whether the folder is a capture that `ivv prepare` began and has not finished: what is there of it may look like another
-/// format.
+/// True if `ivv prepare` began the capture in this folder and has not finished it.
 pub(crate) fn is_unfinished(path: &Path) -> bool {
     path.join(JOURNAL).is_file() && !path.join(FILE).exists()
 }
 
-/// What is said of an unfinished capture.
 pub(super) fn unfinished(named: &Named, _: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let remedy = "run the same `ivv prepare` command again to continue it";
     faults.add(&named.folder, "", "is a capture that `ivv prepare` has not finished", remedy);
@@ -196,7 +193,6 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     builder
 }
 
-/// The photographs in a folder.
 fn photos(folder: &Path, faults: &mut Faults) -> Option<CaptureBuilder> {
     // Photographs have no photographs: a folder that held itself would have no end.
     let manifest = faults.take(Manifest::read(folder))?;
@@ -262,7 +258,6 @@ fn frame_points(
     Some(points)
 }
 
-/// Files of a folder; none where there is no folder.
 fn n_files(folder: &Path) -> u32 {
     std::fs::read_dir(folder).map_or(0, |files| u32::try_from(files.count()).unwrap_or(u32::MAX))
 }
@@ -316,8 +311,7 @@ impl Priors {
     }
 }
 
-/// The images of the model by camera: `<camera>.<ext>` or `<camera>/<frame>.<ext>`. A camera with one of them stands
-/// still; one with several moves and has one for each frame.
+/// The images of the model by camera: `<camera>.<ext>`, or several `<camera>/<frame>.<ext>` of a camera that moves.
 fn cameras(
     path: &Path,
     file: &Path,
@@ -364,7 +358,6 @@ fn cameras(
     cameras
 }
 
-/// The images of one camera in the model.
 struct Poses<'a> {
     file: &'a Path,
     name: &'a str,
@@ -375,7 +368,7 @@ struct Poses<'a> {
 impl Poses<'_> {
     /// The camera's intrinsics, and for a moving camera the index of each frame's pose.
     fn check(&self, n_frames: u32, faults: &mut Faults) -> Option<(Lens, Option<BTreeMap<u32, usize>>)> {
-        let place = format!("camera `{}`", self.name.escape_debug());
+        let place = camera_place(&self.name);
         let mut fault = |reason: String, remedy: &str| faults.add(self.file, &place, reason, remedy);
         let lens = self.posed.first()?.1.lens;
         if self.posed.iter().any(|(_, posed)| posed.lens != lens) {

@@ -1,4 +1,4 @@
-//! Calibrations of others that are not read: they are named, so that nobody wonders where the cameras are.
+//! Poses that other programs wrote and ivv does not read: they are named, so that nobody believes them used.
 
 use std::fs;
 use std::io::Read;
@@ -7,50 +7,50 @@ use std::path::Path;
 use super::names::is_hidden;
 use crate::files::open_file;
 
-/// Bytes of a file in which it is recognised.
-const START_BYTES: u64 = 4096;
-/// Most files that are looked into.
-const MAX_FILES: usize = 200;
+const START: u64 = 4096;
+/// The remedy of every program that has poses.
+const EXPORT: &str = "export them as a COLMAP model or transforms.json";
 
-/// What is said of calibrations in a folder that are not read: the program that wrote it, and the way on.
-pub(crate) fn unread(path: &Path) -> Vec<String> {
-    let entries = fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
-    let mut files: Vec<_> = entries.filter(|file| !is_hidden(file)).take(MAX_FILES).collect();
+/// Programs whose poses are not read: by the ending of a file, and by what its first bytes hold, one of these.
+const PROGRAMS: [(&str, &str, &[&str]); 16] = [
+    ("RealityScan", "csv", &["#name,", "#cameras", "Name,X,Y,", "#Image"]),
+    ("RealityScan", "rcproj", &[]),
+    ("RealityScan", "xmp", &["xcr:"]),
+    ("Metashape", "xml", &["<chunk", "agisoft", "Agisoft"]),
+    ("Metashape", "psx", &[]),
+    ("Metashape", "psz", &[]),
+    ("ContextCapture", "xml", &["BlocksExchange"]),
+    ("Meshroom", "sfm", &[]),
+    ("Meshroom", "mg", &[]),
+    ("OpenMVG", "json", &["sfm_data_version"]),
+    ("OpenSfM", "json", &["\"shots\""]),
+    ("3D Gaussian Splatting", "json", &["\"img_name\""]),
+    ("VisualSFM", "nvm", &["NVM_"]),
+    ("Bundler", "out", &["# Bundle file"]),
+    ("Blender", "blend", &[]),
+    ("Postshot", "psht", &[]),
+];
+
+/// The files of a folder, or beside a file, that hold such poses, each with what to do.
+pub(crate) fn unread_poses(folder: &Path) -> Vec<String> {
+    let folder = if folder.is_dir() { folder } else { folder.parent().unwrap_or(folder) };
+    let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut files: Vec<_> = entries.filter(|file| !is_hidden(file)).collect();
     files.sort();
-    files.iter().filter_map(|file| program(file).map(|(what, remedy)| told(file, what, remedy))).collect()
+    let named = |file: &std::path::PathBuf| {
+        let (program, name) = (program(file)?, file.file_name()?.display());
+        Some(format!("the poses of {program} in {name} are not read; to use them, {EXPORT}"))
+    };
+    files.iter().filter_map(named).collect()
 }
 
-fn told(file: &Path, what: &str, remedy: &str) -> String {
-    let name = file.file_name().unwrap_or_default().display();
-    format!("{name} is {what}, which is not read: {remedy}")
-}
-
-/// Who wrote a file, and how to get the same cameras in a format that is read.
-fn program(file: &Path) -> Option<(&'static str, &'static str)> {
-    let extension = file.extension()?.to_str()?.to_ascii_lowercase();
-    if !["csv", "xml", "out", "nvm", "sfm"].contains(&extension.as_str()) {
-        return None;
-    }
+fn program(file: &Path) -> Option<&'static str> {
+    let ending = file.extension()?.to_str()?.to_lowercase();
+    let of_ending = || PROGRAMS.iter().filter(|(_, own, _)| *own == ending);
+    of_ending().next()?;
     let mut start = Vec::new();
-    open_file(file).ok()?.take(START_BYTES).read_to_end(&mut start).ok()?;
-    let start = String::from_utf8_lossy(&start).to_lowercase();
-    let holds = |words: &[&str]| words.iter().all(|word| start.contains(word));
-    match extension.as_str() {
-        "csv" if holds(&["name", "heading", "pitch", "roll"]) => {
-            Some(("RealityScan's registration", "export the alignment as COLMAP's text format"))
-        }
-        "xml" if holds(&["<document", "<chunk"]) || holds(&["<sensors", "<cameras"]) => {
-            Some(("Metashape's cameras", "export them as COLMAP's text format"))
-        }
-        "out" if start.contains("bundle file") => {
-            Some(("Bundler's cameras", "place the images with COLMAP, as `ivv prepare` does"))
-        }
-        "nvm" if start.starts_with("nvm_v") => {
-            Some(("VisualSFM's cameras", "place the images with COLMAP, as `ivv prepare` does"))
-        }
-        "sfm" if holds(&["\"views\"", "\"poses\""]) || holds(&["\"version\"", "\"intrinsics\""]) => {
-            Some(("Meshroom's cameras", "export them as a COLMAP project"))
-        }
-        _ => None,
-    }
+    open_file(file).ok()?.take(START).read_to_end(&mut start).ok()?;
+    let start = String::from_utf8_lossy(&start);
+    let is_of = |signs: &[&str]| signs.is_empty() || signs.iter().any(|sign| start.contains(sign));
+    of_ending().find(|(.., signs)| is_of(signs)).map(|(program, ..)| *program)
 }

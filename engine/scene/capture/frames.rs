@@ -1,4 +1,5 @@
-//! Which frames of a clip are used.
+//! The frames of a clip that are used. As text `A:B:S`: every `S`-th frame from `A` up to, but not including, `B`; also `A:B`, `A:`,
+//! `:B`, and a number of first frames.
 
 use std::fmt;
 use std::str::FromStr;

@@ -1,17 +1,23 @@
-//! Width and height from the first bytes of a PNG or JPEG, for which decoders of JPEG read the whole file; and from the
-//! last bytes whether it is whole, because they make a picture of half a file too.
+//! Width and height from the first bytes of a PNG or JPEG, and from the last whether it is whole, since decoders make a picture of half
+//! a file too; and the decoders, with a limit of memory and guarded against panics.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
+
+use image::{ImageDecoder, ImageFormat, ImageReader, Limits};
 
 use super::report::Fault;
 use crate::files::open_file;
 
+pub(super) const MAX_SIDE: u32 = 1 << 16;
+/// Allocation of a decoder beyond its pixels, bytes.
+pub(in crate::scene) const DECODER_SLACK: u64 = 64 << 20;
 pub(in crate::scene) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 const JPEG: [u8; 2] = [0xff, 0xd8];
-/// What ends the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
+/// The end of the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 const PNG_END: &[u8] = b"IEND";
 /// Bytes at the end of the file in which its image's end is looked for first; some programs append a little.
@@ -21,7 +27,6 @@ pub(super) fn fault(path: &Path, reason: impl Into<String>, remedy: &str) -> Fau
     Fault { file: path.to_owned(), place: String::new(), reason: reason.into(), remedy: remedy.to_owned() }
 }
 
-/// The fault of an image that cannot be opened or read.
 pub(super) fn unreadable(path: &Path, cause: &io::Error) -> Fault {
     match cause.kind() {
         ErrorKind::NotFound => fault(path, "is missing", "add the image, or remove its camera or frame"),
@@ -97,7 +102,7 @@ pub(crate) fn size_for(path: &Path, calibrated: (u32, u32)) -> Result<(u32, u32)
     Ok(if fits { calibrated } else { size })
 }
 
-/// Whether a JPEG's EXIF says that its picture lies on its side: shown, its rows are columns.
+/// True if a JPEG's EXIF says that its picture lies on its side: shown, its rows are columns.
 pub(super) fn is_turned(path: &Path) -> bool {
     let turned = || {
         let mut from = BufReader::new(open_file(path)?);
@@ -140,7 +145,7 @@ fn tiff_orientation(tiff: &[u8]) -> Option<u16> {
     entries.into_iter().find(|at| u16_at(*at) == Some(0x0112)).and_then(|at| u16_at(at + 8))
 }
 
-/// Whether the end of a JPEG comes after its frame header; that of a thumbnail comes before.
+/// True if the end of a JPEG comes after its frame header; that of a thumbnail comes before.
 fn jpeg_ends(from: &mut BufReader<File>) -> io::Result<bool> {
     while from.skip_until(JPEG_END[0])? > 0 {
         if from.fill_buf()?.first() == Some(&JPEG_END[1]) {
@@ -150,7 +155,7 @@ fn jpeg_ends(from: &mut BufReader<File>) -> io::Result<bool> {
     Ok(false)
 }
 
-/// Whether the header of a PNG says that it has an alpha channel; no JPEG has one.
+/// True if the header of a PNG says that it has an alpha channel; no JPEG has one.
 pub(crate) fn has_alpha(path: &Path) -> bool {
     // The signature, then length and name of the first chunk, width, height, bits of a sample, kind of the colours.
     let mut start = [0; 26];
@@ -203,4 +208,33 @@ fn jpeg_size(from: &mut BufReader<File>) -> io::Result<Option<Result<(u32, u32),
             }
         }
     }
+}
+
+/// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
+pub(in crate::scene) fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+    let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(broken)
+}
+
+/// The decoder of a PNG or JPEG, which allocates at most so many bytes.
+pub(in crate::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
+    let failed = |cause: io::Error| unreadable(path, &cause);
+    let mut file = BufReader::new(open_file(path).map_err(failed)?);
+    let start = file.fill_buf().map_err(failed)?;
+    let format = match image::guess_format(start) {
+        Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
+        _ => return Err(other_kind(path)),
+    };
+    // Looking at the start has not taken it.
+    let mut reader = ImageReader::with_format(file, format);
+    let mut limits = Limits::default();
+    (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
+    limits.max_alloc = Some(max_bytes);
+    reader.limits(limits);
+    reader.into_decoder().map_err(|cause| fault(path, format!("has a broken header: {cause}"), BROKEN))
+}
+
+/// A side of a picture that a file gives as a number; none where it is no whole number of 1 to [`MAX_SIDE`].
+pub(crate) fn whole_side(side: f64) -> Option<u32> {
+    (side.fract() == 0.0 && (1.0..=f64::from(MAX_SIDE)).contains(&side)).then_some(side as u32)
 }

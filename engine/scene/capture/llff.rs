@@ -6,12 +6,14 @@ use std::path::{Path, PathBuf};
 use super::builder::CaptureBuilder;
 use super::camera::{Camera, Shot};
 use super::colmap::images_folder;
+use super::header::whole_side;
 use super::locate::images_of;
 use super::named::Named;
 use super::names::flat;
-use super::npz::read_npy;
 use super::report::Faults;
 use super::settings::CaptureSettings;
+use crate::error::{Error, Result};
+use crate::files::npy::read_npy;
 use crate::scene::pose::rotation_of_rows;
 use crate::scene::{Intrinsics, Pose};
 use glam::DVec3;
@@ -20,7 +22,7 @@ const REMEDY: &str = "give the file that came with the images, and all of them";
 /// Numbers of a row: three rows of (down, right, back, centre, (height, width, focal length)), then two bounds of depth.
 const N_COLUMNS: usize = 17;
 
-/// Whether the poses are those of photographs: there are images, and not the videos or folders of frames of a clip.
+/// True if the poses are those of photographs: there are images, and not the videos or folders of frames of a clip.
 pub(super) fn is_static(named: &Named) -> bool {
     let folder = &named.folder;
     let has_images = || !images_of(&images_folder(folder, &CaptureSettings::default())).is_empty();
@@ -36,16 +38,10 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
         calibration: calibration.clone(),
         ..CaptureBuilder::default()
     };
-    let Some(array) = faults.take(read_npy(&calibration)) else { return builder };
+    let Some(rows) = faults.take(read_rows(&calibration, REMEDY)) else { return builder };
     let images = images_folder(path, settings);
     let names = images_of(&images);
-    let n = match array.shape.as_slice() {
-        &[n, N_COLUMNS] => n,
-        shape => {
-            faults.add(&calibration, "", format!("has the shape {shape:?}, cameras x {N_COLUMNS} is needed"), REMEDY);
-            return builder;
-        }
-    };
+    let n = rows.len();
     let at = images.strip_prefix(path).unwrap_or(&images).display().to_string();
     if names.len() != n {
         let reason = format!("describes {n} images, there are {} in {at}", names.len());
@@ -56,17 +52,16 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     if images != path.join(&settings.images) && settings.downscale.is_none() {
         builder.notes.push(format!("there is no folder {}: {at} is taken", settings.images.display()));
     }
-    let rows: Vec<&[f64]> = array.values.chunks_exact(N_COLUMNS).collect();
     let names = ordered(names, &rows, &mut builder.notes);
     for (index, (name, values)) in names.iter().zip(rows).enumerate() {
-        match camera(values) {
+        match camera_of_row(&values) {
             Ok((intrinsics, world_to_camera)) => builder.cameras.push(Camera {
                 name: flat(name),
                 intrinsics,
                 world_to_camera,
                 is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
-                is_photo: false,
                 shots: vec![Shot { image: images.join(name), ..Shot::default() }],
+                ..Camera::default()
             }),
             Err(reason) => faults.add(&calibration, format!("row {index}"), reason, REMEDY),
         }
@@ -78,33 +73,40 @@ fn column(values: &[f64], k: usize) -> DVec3 {
     DVec3::new(values[k], values[5 + k], values[10 + k])
 }
 
-fn camera(values: &[f64]) -> Result<(Intrinsics, Pose), String> {
-    let [height, width, focal] = column(values, 4).to_array();
-    let side = |side: f64| side.fract() == 0.0 && (1.0..=65_536.0).contains(&side);
-    if !values.iter().all(|v| v.is_finite()) || !side(width) || !side(height) || focal <= 0.0 {
-        return Err(format!("is no camera: {:?}", &values[..15]));
+/// The rows of a `poses_bounds.npy`, one for each camera.
+pub(crate) fn read_rows(path: &Path, remedy: &str) -> Result<Vec<Vec<f64>>> {
+    let array = read_npy(path)?;
+    match array.shape.as_slice() {
+        &[_, N_COLUMNS] => Ok(array.values.chunks_exact(N_COLUMNS).map(<[f64]>::to_vec).collect()),
+        shape => {
+            let reason = format!("has the shape {shape:?}, cameras x {N_COLUMNS} is needed");
+            Err(Error::data(path, "", reason, remedy))
+        }
     }
-    let intrinsics = Intrinsics {
-        width: width as u32,
-        height: height as u32,
-        fx: focal,
-        fy: focal,
-        cx: width / 2.0,
-        cy: height / 2.0,
+}
+
+/// The camera of a row, or why it is none.
+pub(crate) fn camera_of_row(values: &[f64]) -> std::result::Result<(Intrinsics, Pose), String> {
+    let [height, width, focal] = column(values, 4).to_array();
+    let (Some(columns), Some(rows), true) =
+        (whole_side(width), whole_side(height), values.iter().all(|v| v.is_finite()) && focal > 0.0)
+    else {
+        return Err(format!("is no camera: {:?}", &values[..15]));
     };
+    let intrinsics =
+        Intrinsics { width: columns, height: rows, fx: focal, fy: focal, cx: width / 2.0, cy: height / 2.0 };
     let rotation = rotation_of_rows([column(values, 1), column(values, 0), -column(values, 2)]);
     Ok((intrinsics, Pose::at(column(values, 3), rotation)))
 }
 
-/// The images in the order of the rows. Where the order of their numbers is not that of their text, writers differ: then neighbours
-/// in number should be neighbours in space, as whoever took the pictures walked.
-fn ordered(by_number: Vec<PathBuf>, rows: &[&[f64]], notes: &mut Vec<String>) -> Vec<PathBuf> {
+/// The images in the order of the rows. Where numbers and text order differ, writers differ too: then neighbours should be near in space.
+fn ordered(by_number: Vec<PathBuf>, rows: &[Vec<f64>], notes: &mut Vec<String>) -> Vec<PathBuf> {
     let mut by_text = by_number.clone();
     by_text.sort();
     let Some(at) = by_number.iter().zip(&by_text).position(|(a, b)| a != b) else { return by_number };
     // The way along the images by their numbers, for either order of the rows.
     let way = |order: &[PathBuf]| {
-        let row = |name: &PathBuf| order.iter().position(|other| other == name).map(|row| column(rows[row], 3));
+        let row = |name: &PathBuf| order.iter().position(|other| other == name).map(|row| column(&rows[row], 3));
         let places: Vec<DVec3> = by_number.iter().filter_map(row).collect();
         places.windows(2).map(|pair| pair[0].distance(pair[1])).sum::<f64>()
     };

@@ -4,12 +4,10 @@ use std::collections::{HashMap, HashSet};
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::marks::is_capture;
+use super::named::is_capture;
 use super::names::{Spelled, by_number, is_hidden, is_image, is_picture, with_image_extension};
 
-/// Folders within folders that are searched.
 const MAX_DEPTH: usize = 4;
-/// Most files that are looked at when images are searched.
 const MAX_FILES: usize = 200_000;
 /// Most files of one name that are compared with it.
 const MAX_NAMESAKES: usize = 64;
@@ -20,7 +18,7 @@ const NO_PHOTOS: [&str; 10] =
 /// An image as a file names it.
 #[derive(Clone, Debug)]
 pub(super) struct Wanted {
-    /// What the name may mean, likelier first: more than one where its encoding is unknown.
+    /// The readings of the name, likelier first: several where its encoding is unknown.
     pub readings: Vec<PathBuf>,
     pub has_backslash: bool,
     pub leads_out: bool,
@@ -32,20 +30,17 @@ impl From<Spelled> for Wanted {
     }
 }
 
-/// What was found.
 #[derive(Debug, Default)]
 pub(super) struct Located {
     /// Of each image: the file, and which reading of its name that is. Of one that was not found, where it should be.
     pub files: Vec<(PathBuf, usize)>,
-    /// Images that were not found.
     pub n_missing: usize,
-    /// What was done about names that do not say quite where their images are.
+    /// Notes of names that do not say quite where their images are.
     pub notes: Vec<String>,
     /// Where images of the missing names lie, if several places fit, and no one more than the others.
     pub elsewhere: Vec<PathBuf>,
 }
 
-/// How a name differs from that of its file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Differs {
     No,
@@ -64,8 +59,7 @@ struct Place {
     differs: Differs,
 }
 
-/// Finds the images that `file` names, relative to `base`. What is not there is looked for in `root`, below which every file lies
-/// that is taken.
+/// Finds the images that `file` names, relative to `base`; missing ones below `root`, which every found file lies in.
 pub(super) fn locate(root: &Path, base: &Path, file: &str, wanted: &[Wanted]) -> Located {
     let mut search = Search { root, base, file, wanted, found: vec![None; wanted.len()], taken: HashSet::new() };
     let mut located = Located::default();
@@ -130,7 +124,7 @@ impl Search<'_> {
             }
             let Some((place, of)) = best(votes, &mut located.elsewhere) else { break };
             let first = self.wanted[of[0].0].readings[of[0].1].clone();
-            located.notes.push(self.told(&place, &first, &files[of[0].2], of.len()));
+            located.notes.push(self.note(&place, &first, &files[of[0].2], of.len()));
             for (index, reading, at) in of {
                 let path = self.root.join(&files[at]);
                 self.taken.insert(path.clone());
@@ -145,8 +139,7 @@ impl Search<'_> {
         found.filter_map(|(wanted, _)| Some(wanted.readings[0].parent()?.to_owned())).collect()
     }
 
-    /// The files that a name may mean, and in which manner. Where it is not set apart from others that were found, only those in the
-    /// folder that it says.
+    /// The files that a name may mean, and how; only those in the named folder where found images do not tell it apart.
     fn places(
         &self,
         name: &Path,
@@ -194,7 +187,7 @@ impl Search<'_> {
         path.strip_prefix(self.root).unwrap_or(path).display().to_string()
     }
 
-    fn told(&self, place: &Place, name: &Path, file: &Path, n: usize) -> String {
+    fn note(&self, place: &Place, name: &Path, file: &Path, n: usize) -> String {
         let base = self.base.strip_prefix(self.root).unwrap_or(self.base);
         let (name, file_) = (base.join(name), file.display());
         let name = name.display();
@@ -211,8 +204,7 @@ impl Search<'_> {
     }
 }
 
-/// The place that explains most of the missing images, and these with their readings and files; nothing where two places explain
-/// as many. No two images have one file.
+/// The place that explains most of the missing images, with their readings and files; nothing where two places tie.
 fn best(votes: HashMap<Place, Vec<Vote>>, elsewhere: &mut Vec<PathBuf>) -> Option<(Place, Vec<Vote>)> {
     let mut places: Vec<_> = votes
         .into_iter()
@@ -244,7 +236,7 @@ fn best(votes: HashMap<Place, Vec<Vote>>, elsewhere: &mut Vec<PathBuf>) -> Optio
     None
 }
 
-/// Whether the pictures of a folder are masks, depths and the like.
+/// True if the pictures of a folder are masks, depths and the like.
 fn is_odd(folder: &Path) -> bool {
     let folder = folder.to_string_lossy().to_lowercase();
     NO_PHOTOS.iter().any(|part| folder.contains(part))
@@ -259,7 +251,7 @@ fn lower(path: &Path) -> PathBuf {
     path.to_string_lossy().to_lowercase().into()
 }
 
-/// What a name and its file have in common, whatever the ending and the case.
+/// The common part of a name and its file, without ending and case.
 fn stem(name: &Path) -> String {
     let stem = if is_picture(name) { name.file_stem() } else { name.file_name() };
     stem.unwrap_or_default().to_string_lossy().to_lowercase()
@@ -273,8 +265,7 @@ fn by_stem(files: &[PathBuf]) -> HashMap<String, Vec<usize>> {
     by_stem
 }
 
-/// The pictures below a folder, relative to it, those of a folder before those of its folders. What is a capture of its own inside
-/// it is left out: its pictures belong to its own calibration.
+/// The pictures below a folder, relative to it, outer ones first, without those of captures inside it.
 pub(super) fn listed(root: &Path, depth: usize) -> Vec<PathBuf> {
     let (mut files, mut folders) = (Vec::new(), vec![(PathBuf::new(), 0)]);
     let mut n_seen = 0;
@@ -299,11 +290,10 @@ pub(super) fn listed(root: &Path, depth: usize) -> Vec<PathBuf> {
     files
 }
 
-/// Images of a folder, relative to it, in the order in which people count.
 pub(super) fn images_of(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten();
     let mut names: Vec<PathBuf> = entries.map(|entry| PathBuf::from(entry.file_name())).collect();
     names.retain(|name| is_image(name));
-    names.sort_by(|a, b| by_number(a, b));
+    names.sort_by_cached_key(|name| by_number(&name.to_string_lossy()));
     names
 }

@@ -1,5 +1,4 @@
-//! Masks beside the images of others' captures: a folder `masks` whose files are named as COLMAP, Postshot and LichtFeld Studio
-//! name them. Black is left out.
+//! Masks beside the images of others' captures, as COLMAP, Postshot and LichtFeld Studio name them in `masks`. Black is left out.
 
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
@@ -8,11 +7,10 @@ use super::builder::CaptureBuilder;
 use super::header::read_size;
 use super::locate::listed;
 
-/// Folders that masks are in, beside that of the images.
 const FOLDERS: [&str; 2] = ["masks", "mask"];
 
-/// Gives each image below `images` its mask, where the capture in `folder` has one of its size: `masks/NAME.png` for `images/NAME`,
-/// with the ending of the image before that of the mask, in its place, or as `NAME_mask.png`.
+/// Gives each image its mask of the same size: `masks/NAME.png` for `images/NAME`, with or without the image's ending, or
+/// `NAME_mask.png`.
 pub(super) fn find(folder: &Path, images: &Path, builder: &mut CaptureBuilder) {
     let Some(masks) = FOLDERS.map(|name| folder.join(name)).into_iter().find(|masks| masks.is_dir()) else { return };
     let mut by_name: HashMap<String, PathBuf> = HashMap::new();

@@ -11,7 +11,7 @@ use crate::scene::Pose;
 use glam::{DMat3, DVec3};
 
 impl CaptureBuilder {
-    /// Whether images are listed, and none of them is there.
+    /// True if images are listed, and none of them is there.
     pub(super) fn has_no_image(&self) -> bool {
         let mut shots = self.cameras.iter().flat_map(|camera| &camera.shots).peekable();
         shots.peek().is_some() && shots.all(|shot| !shot.image.exists())
@@ -62,7 +62,6 @@ impl CaptureBuilder {
         faults.add(&self.calibration, "", reason, remedy);
     }
 
-    /// The folders in which images of the missing names lie.
     fn elsewhere_words(&self, path: &Path) -> Option<String> {
         let named = |folder: &PathBuf| match folder.as_os_str().is_empty() {
             true => ".".to_owned(),
@@ -77,7 +76,6 @@ impl CaptureBuilder {
         ))
     }
 
-    /// Leaves out the cameras of these names.
     pub fn exclude(&mut self, names: &[String], faults: &mut Faults) {
         if names.is_empty() {
             return;

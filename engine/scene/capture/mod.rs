@@ -1,14 +1,10 @@
-//! Captures: what several cameras saw (SPEC 8), from the formats that others write and from the project's own folder.
-//!
-//! Opening a capture reads calibrations and the headers of images, never pixels; [`FrameCache`] streams those.
+//! Captures of several cameras (SPEC 8), in others' formats and the project's own. Opening one reads calibrations and the headers of
+//! images, never pixels; [`FrameCache`] streams those.
 
 mod builder;
 mod cache;
-mod calibration;
 mod camera;
 mod colmap;
-pub(super) mod decoder;
-
 mod dynamic;
 mod folder;
 mod foreign;
@@ -16,12 +12,10 @@ mod frames;
 pub(super) mod header;
 mod llff;
 mod locate;
-mod marks;
 mod masks;
 mod missing;
 mod named;
 mod names;
-mod npz;
 mod opened;
 mod opensfm;
 mod picture;
@@ -33,8 +27,7 @@ mod transforms;
 mod truth;
 
 pub use cache::{Asked, CacheStats, FrameCache, decoded_bytes, share_of_memory};
-pub use calibration::Calibration;
-pub use camera::{Camera, Extent, Point, Shot};
+pub use camera::{Calibration, Camera, Extent, Point, Shot};
 pub use folder::Manifest;
 pub(crate) use folder::{JOURNAL, PHOTOS, is_unfinished};
 pub use frames::Frames;
@@ -52,12 +45,13 @@ use crate::error::Error;
 
 pub(crate) use builder::{CaptureBuilder, RATES, check_names};
 pub(crate) use colmap::{Posed, chosen_model, images_folder, read_images, seen_points, tracks};
-pub(crate) use header::{has_alpha, read_size, size_for};
-pub(crate) use names::{is_hidden, is_image, relative};
-pub(crate) use npz::read_npy;
+pub(crate) use foreign::unread_poses;
+pub(crate) use header::{has_alpha, read_size, size_for, whole_side};
+pub(crate) use llff::{camera_of_row, read_rows};
+pub(crate) use names::{by_number, is_hidden, is_image, relative};
 pub(crate) use picture::{alpha_of, decode_image};
 pub(crate) use points::FramePoints;
-pub(crate) use report::Faults;
+pub(crate) use report::{Faults, camera_place};
 pub(crate) use truth::write_true_offsets;
 
 use crate::error::Result;
@@ -86,11 +80,10 @@ impl Capture {
 
 /// Reads a capture as [`Capture::open_with`] does and reports all of its faults at once.
 ///
-/// A folder with `capture.toml` is the project's own (SPEC 8); with `train_meta.json`, Dynamic3DGaussians'; with
-/// `transforms.json` or `transforms_train.json`, nerfstudio's, instant-ngp's or D-NeRF's; with `cameras.bin` or
-/// `cameras.txt` in a folder of `sparse`, in `sparse` or itself, COLMAP's; with `poses_bounds.npy` and images, LLFF's; with
-/// `reconstruction.json`, OpenSfM's. One of these files stands for its folder. Of a folder that is none of them, the only capture
-/// one or two folders below it is read, with a note.
+/// A folder with `capture.toml` is the project's own (SPEC 8); with `train_meta.json`, Dynamic3DGaussians'; with `transforms.json` or
+/// `transforms_train.json`, nerfstudio's, instant-ngp's or D-NeRF's; with `cameras.bin` or `cameras.txt` in a folder of `sparse`, in
+/// `sparse` or itself, COLMAP's; with `poses_bounds.npy` and images, LLFF's; with `reconstruction.json`, OpenSfM's. One of these files
+/// stands for its folder. Else the only capture one or two folders below is read, with a note.
 pub fn check_capture(path: &Path, settings: &CaptureSettings) -> Report {
     read(path, settings).1
 }
@@ -111,16 +104,13 @@ const FORMATS: [(&str, Recogniser, Reader); 7] = [
 /// The format of the project's own captures.
 const OWN: &str = "ivv capture folder";
 
-/// Whether a path, or the only capture below it, is in one of the [`FORMATS`].
+/// True if a path, or the only capture below it, is in one of the [`FORMATS`].
 pub(crate) fn is_capture(path: &Path) -> bool {
     let named = Named::of(path);
     FORMATS.into_iter().any(|(_, is, _)| is(&named)) || only_below(&named).is_ok()
 }
 
 /// Refuses what only a plain COLMAP project has: folders of smaller images, and several models.
-///
-/// # Errors
-/// [`Error::Data`] where `settings` ask for it.
 pub(crate) fn check_asked(path: &Path, format: &str, settings: &CaptureSettings) -> Result<()> {
     let refused = |option, reason, remedy| Err(Error::data(path, option, reason, remedy));
     if settings.model.is_some() && !["COLMAP", "COLMAP rig"].contains(&format) {
@@ -134,8 +124,7 @@ pub(crate) fn check_asked(path: &Path, format: &str, settings: &CaptureSettings)
     Ok(())
 }
 
-/// What the files of a folder in one of the [`FORMATS`] say, lenses that distort included, before it is compared with the
-/// images; `None` when the folder is in none of them.
+/// A capture as one of the [`FORMATS`] describes it, before it is compared with the images; `None` where none fits.
 pub(crate) fn describe(
     path: &Path,
     settings: &CaptureSettings,
@@ -179,7 +168,7 @@ pub(crate) fn describe(
     builder.notes.insert(0, note);
     builder.inside = Some(inside);
     if found.is_some() {
-        // What was wrong with the capture that is not read.
+        // Faults of the capture that is not read.
         *faults = Faults::default();
     }
     faults.append(own);
@@ -208,7 +197,7 @@ fn only_below(named: &Named) -> std::result::Result<PathBuf, Vec<PathBuf>> {
     }
 }
 
-/// What is said of a path that is no capture: a fault, and notes of what is there.
+/// The report of a path that is no capture: a fault, and notes of what is there.
 fn unknown(path: &Path, faults: &mut Faults) -> Vec<String> {
     let below = only_below(&Named::of(path)).err().unwrap_or_default();
     let reason = match (path.is_dir(), path.exists()) {
@@ -225,7 +214,7 @@ fn unknown(path: &Path, faults: &mut Faults) -> Vec<String> {
     };
     faults.add(path, "", reason, remedy);
     let named = |inside: &PathBuf| format!("it holds a capture: `ivv check {}`", inside.display());
-    below.iter().take(5).map(named).chain(foreign::unread(path)).collect()
+    below.iter().take(5).map(named).chain(unread_poses(path)).collect()
 }
 
 fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {

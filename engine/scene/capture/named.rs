@@ -1,19 +1,26 @@
-//! What somebody names as a capture: its folder, a file in it, or the folder of its model.
+//! A capture by its folder, a file in it, or the folder of its model; and the files by which a folder is known for one.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::marks::{is_capture, is_model, models};
-use super::names::is_hidden;
+use super::names::{by_number, is_hidden};
 
+const FILES: [&str; 7] = [
+    "capture.toml",
+    "prepare.json",
+    "train_meta.json",
+    "transforms.json",
+    "transforms_train.json",
+    "reconstruction.json",
+    "opensfm/reconstruction.json",
+];
+/// Folders of images beside the poses of LLFF.
+const IMAGES: [&str; 4] = ["images", "images_2", "images_4", "images_8"];
 /// Endings of videos, for telling a recording from a capture.
 const VIDEOS: [&str; 5] = ["mp4", "mov", "mkv", "avi", "webm"];
-/// Folders within folders that are searched for captures.
 const MAX_DEPTH: usize = 2;
-/// Most folders that are looked at.
 const MAX_FOLDERS: usize = 2000;
 
-/// A capture as somebody named it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Named {
     pub folder: PathBuf,
@@ -54,7 +61,6 @@ fn is_of_model(name: &str) -> bool {
     ["cameras.", "images.", "points3D."].iter().any(|stem| name.starts_with(stem))
 }
 
-/// Whether a folder `sparse` holds models.
 fn holds_models(sparse: &Path) -> bool {
     is_model(sparse) || !models(sparse).is_empty()
 }
@@ -67,7 +73,7 @@ fn extension(path: &Path) -> Option<String> {
     path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase)
 }
 
-/// Whether a folder, or one of its folders, holds videos: then it may be a recording, for which no capture inside it stands.
+/// True if a folder, or one of its folders, holds videos: then it may be a recording, for which no capture inside it stands.
 pub(super) fn has_videos(path: &Path) -> bool {
     let is_video = |path: &Path| extension(path).is_some_and(|e| VIDEOS.contains(&e.as_str())) && !is_hidden(path);
     let entries = |path: &Path| fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -102,4 +108,26 @@ pub(super) fn captures_below(path: &Path) -> Vec<PathBuf> {
         level = next;
     }
     found
+}
+
+pub(super) fn is_model(folder: &Path) -> bool {
+    ["cameras.bin", "cameras.txt"].iter().any(|name| folder.join(name).is_file())
+}
+
+pub(super) fn models(sparse: &Path) -> Vec<PathBuf> {
+    let folders = fs::read_dir(sparse).into_iter().flatten().flatten().map(|entry| entry.path());
+    let mut models: Vec<PathBuf> = folders.filter(|folder| is_model(folder)).collect();
+    models.sort_by_cached_key(|model| by_number(&model.to_string_lossy()));
+    models
+}
+
+/// True if a folder itself looks like a capture, of whatever format.
+pub(super) fn is_capture(folder: &Path) -> bool {
+    let sparse = folder.join("sparse");
+    let is_llff = || folder.join("poses_bounds.npy").is_file() && IMAGES.iter().any(|name| folder.join(name).is_dir());
+    FILES.iter().any(|name| folder.join(name).is_file())
+        || is_model(folder)
+        || is_model(&sparse)
+        || !models(&sparse).is_empty()
+        || is_llff()
 }

@@ -1,19 +1,14 @@
 //! Names that come from a capture's files: an attacker may have written them, so none may lead out of the capture.
 
-use std::cmp::Ordering;
 use std::path::{Component, Path, PathBuf};
 
-/// Longest name, bytes.
 const MAX_BYTES: usize = 4096;
 /// Extensions of images, as they are tried.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
 /// The relative path that `name` spells, without `.` components; or why it is refused.
 pub(crate) fn relative(name: &str) -> Result<PathBuf, String> {
-    let refuse = |why: &str| {
-        let start: String = name.chars().take(80).collect();
-        Err(format!("the name `{}` {why}", start.escape_debug()))
-    };
+    let refuse = |why: &str| Err(refused(name, why));
     if name.len() > MAX_BYTES {
         return refuse(&format!("has {} bytes, at most {MAX_BYTES} are allowed", name.len()));
     }
@@ -36,24 +31,23 @@ pub(crate) fn relative(name: &str) -> Result<PathBuf, String> {
     if path.as_os_str().is_empty() { refuse("is empty") } else { Ok(path) }
 }
 
+fn refused(name: &str, why: &str) -> String {
+    let start: String = name.chars().take(80).collect();
+    format!("the name `{}` {why}", start.escape_debug())
+}
+
 /// A name as a file spells it, without what leads out of the capture.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Spelled {
-    /// Relative, without `.` and `..`.
     pub path: PathBuf,
-    /// Windows' separators were in it.
     pub has_backslash: bool,
     /// It was absolute, began with a drive, or had a `..` that leads out of its folder.
     pub leads_out: bool,
 }
 
-/// The path that `name` spells below the capture: Windows' separators are read as `/`, and what leads out is left out. Or why it
-/// is refused.
+/// The path that `name` spells below the capture, with Windows' separators read as `/`; or why it is refused.
 pub(crate) fn spelled(name: &str) -> Result<Spelled, String> {
-    let refuse = |why: &str| {
-        let start: String = name.chars().take(80).collect();
-        Err(format!("the name `{}` {why}", start.escape_debug()))
-    };
+    let refuse = |why: &str| Err(refused(name, why));
     if name.len() > MAX_BYTES {
         return refuse(&format!("has {} bytes, at most {MAX_BYTES} are allowed", name.len()));
     }
@@ -61,9 +55,9 @@ pub(crate) fn spelled(name: &str) -> Result<Spelled, String> {
         return refuse("has a control character");
     }
     let has_backslash = name.contains('\\');
-    let name = name.replace('\\', "/");
-    let has_drive = name.as_bytes().get(1) == Some(&b':') && name.as_bytes()[0].is_ascii_alphabetic();
-    let rest = if has_drive { &name[2..] } else { &name };
+    let slashed = name.replace('\\', "/");
+    let has_drive = slashed.as_bytes().get(1) == Some(&b':') && slashed.as_bytes()[0].is_ascii_alphabetic();
+    let rest = if has_drive { &slashed[2..] } else { &slashed };
     let mut leads_out = has_drive || rest.starts_with('/');
     let mut path = PathBuf::new();
     for part in rest.split('/') {
@@ -76,30 +70,19 @@ pub(crate) fn spelled(name: &str) -> Result<Spelled, String> {
     if path.as_os_str().is_empty() { refuse("is empty") } else { Ok(Spelled { path, has_backslash, leads_out }) }
 }
 
-/// The order in which people count: numbers in names by their value, the rest as text. Names that differ in leading zeros alone are
-/// in the order of their text.
-pub(crate) fn by_number(a: &Path, b: &Path) -> Ordering {
-    let [text_a, text_b] = [a, b].map(|path| path.to_string_lossy().into_owned());
-    let (mut x, mut y) = (text_a.as_str(), text_b.as_str());
-    loop {
-        let [digits_x, digits_y] = [x, y].map(|rest| rest.bytes().take_while(u8::is_ascii_digit).count());
-        let order = if digits_x > 0 && digits_y > 0 {
-            let [n, m] = [&x[..digits_x], &y[..digits_y]].map(|digits| digits.trim_start_matches('0'));
-            (x, y) = (&x[digits_x..], &y[digits_y..]);
-            n.len().cmp(&m.len()).then_with(|| n.cmp(m))
-        } else {
-            let (mut chars_x, mut chars_y) = (x.chars(), y.chars());
-            let pair = (chars_x.next(), chars_y.next());
-            (x, y) = (chars_x.as_str(), chars_y.as_str());
-            if pair == (None, None) {
-                return text_a.cmp(&text_b);
-            }
-            pair.0.cmp(&pair.1)
-        };
-        if order != Ordering::Equal {
-            return order;
-        }
+/// The key that sorts names as people count: numbers by their value, the rest as text, leading zeros last.
+pub(crate) fn by_number(name: &str) -> (Vec<(String, usize, String)>, String) {
+    let (mut parts, mut rest) = (Vec::new(), name);
+    while !rest.is_empty() {
+        let (text, other) = rest.split_at(rest.find(|c: char| c.is_ascii_digit()).unwrap_or(rest.len()));
+        let (digits, after) = other.split_at(other.find(|c: char| !c.is_ascii_digit()).unwrap_or(other.len()));
+        // A digit stands for all of them where text is compared with it.
+        let text = if digits.is_empty() { text.to_owned() } else { format!("{text}0") };
+        let number = digits.trim_start_matches('0');
+        parts.push((text, number.len(), number.to_owned()));
+        rest = after;
     }
+    (parts, name.to_owned())
 }
 
 /// A name for output files from a relative path: without the extension of an image, `_` for the separators.
@@ -120,12 +103,12 @@ pub(super) fn with_image_extension(stem: &Path) -> PathBuf {
     EXTENSIONS.into_iter().map(with).find(|path| path.exists()).unwrap_or_else(|| with(EXTENSIONS[0]))
 }
 
-/// Whether a file's name begins with a dot: macOS writes such beside files on foreign drives.
+/// True if a file's name begins with a dot: macOS writes such beside files on foreign drives.
 pub(crate) fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
-/// Whether the path ends in that of a picture of any kind, and is not hidden; those that are not read are told with what they are.
+/// True if the path ends in that of a picture of any kind, and is not hidden; those that are not read are told with what they are.
 pub(super) fn is_picture(path: &Path) -> bool {
     const OTHERS: [&str; 12] =
         ["tif", "tiff", "webp", "heic", "heif", "avif", "bmp", "exr", "gif", "jxl", "dng", "ppm"];
@@ -133,7 +116,7 @@ pub(super) fn is_picture(path: &Path) -> bool {
     is_image(path) || !is_hidden(path) && extension.is_some_and(|e| OTHERS.contains(&e.as_str()))
 }
 
-/// Whether the path ends in the extension of an image, and is not hidden.
+/// True if the path ends in the extension of an image, and is not hidden.
 pub(crate) fn is_image(path: &Path) -> bool {
     if is_hidden(path) {
         return false;
@@ -176,7 +159,7 @@ mod tests {
             ["cam_10", "cam_2", "cam_02", "a/2", "a/10", "cam", "cam_1x", "cam_1", "99999999999999999999", "é2"]
                 .map(PathBuf::from)
                 .into();
-        names.sort_by(|a, b| by_number(a, b));
+        names.sort_by_cached_key(|path| by_number(&path.to_string_lossy()));
         let expected =
             ["99999999999999999999", "a/2", "a/10", "cam", "cam_1", "cam_1x", "cam_02", "cam_2", "cam_10", "é2"];
         assert_eq!(names, expected.map(PathBuf::from));

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::calibration::Calibration;
-use super::camera::{Camera, Extent, Point, Shot, extent};
+use super::camera::{Calibration, Camera, Extent, Point, Shot, extent};
 use super::header::has_alpha;
 use super::picture::{self, Picture};
 use super::points::{FramePoint, FramePoints};
@@ -49,7 +48,6 @@ pub struct Capture {
     /// What the reader dropped, guessed or converted: a sentence each.
     pub notes: Vec<String>,
     pub(super) frame_points: Option<FramePoints>,
-    /// How it was read.
     pub(super) settings: CaptureSettings,
     /// From the world of the files to this one's.
     pub(super) moved: Similarity,
@@ -156,7 +154,6 @@ impl Capture {
         self.bright(camera, frame, |shot| shot.covisible.as_ref())
     }
 
-    /// Where a mask of an image is bright.
     fn bright(&self, camera: usize, frame: u32, mask: fn(&Shot) -> Option<&PathBuf>) -> Result<Option<Vec<bool>>> {
         let source = self.source(camera, frame, &PriorPlan::default())?;
         let shot = self.cameras[camera].shot(frame);

@@ -5,13 +5,13 @@ use std::path::Path;
 
 use super::builder::CaptureBuilder;
 use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
+use super::header::whole_side;
 use super::locate::{Wanted, locate};
 use super::named::Named;
 use super::names::{flat, spelled};
 use super::report::Faults;
 use super::settings::CaptureSettings;
-use crate::error::{self, Error};
-use crate::files::read_bytes;
+use crate::files::read_json;
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose};
 use glam::{DMat3, DQuat, DVec3};
@@ -22,17 +22,17 @@ const REMEDY: &str = "correct the file, or export the reconstruction again";
 /// One of the parts that could not be joined.
 #[derive(serde::Deserialize)]
 struct Reconstruction {
-    cameras: BTreeMap<String, Given>,
-    shots: BTreeMap<String, Posed>,
+    cameras: BTreeMap<String, Projection>,
+    shots: BTreeMap<String, PosedShot>,
     #[serde(default)]
-    points: BTreeMap<String, Seen>,
+    points: BTreeMap<String, Track>,
 }
 
 /// A lens. Lengths are multiples of the picture's larger side, the principal point is counted from its middle.
-#[derive(serde::Deserialize)]
+#[derive(Default, serde::Deserialize)]
 #[serde(default)]
-struct Given {
-    projection_type: String,
+struct Projection {
+    projection_type: Option<String>,
     width: f64,
     height: f64,
     focal: Option<f64>,
@@ -48,42 +48,19 @@ struct Given {
     p2: f64,
 }
 
-impl Default for Given {
-    fn default() -> Self {
-        let zero = 0.0;
-        Given {
-            projection_type: "perspective".to_owned(),
-            width: zero,
-            height: zero,
-            focal: None,
-            focal_x: None,
-            focal_y: None,
-            c_x: zero,
-            c_y: zero,
-            k1: zero,
-            k2: zero,
-            k3: zero,
-            k4: zero,
-            p1: zero,
-            p2: zero,
-        }
-    }
-}
-
 #[derive(serde::Deserialize)]
-struct Posed {
+struct PosedShot {
     rotation: [f64; 3],
     translation: [f64; 3],
     camera: String,
 }
 
 #[derive(serde::Deserialize)]
-struct Seen {
+struct Track {
     color: [f64; 3],
     coordinates: [f64; 3],
 }
 
-/// Whether the file is there, as OpenSfM or in ODM's folder of that name.
 pub(super) fn is_reconstruction(named: &Named) -> bool {
     file(&named.folder).is_some()
 }
@@ -101,7 +78,11 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
         calibration: calibration.clone(),
         ..CaptureBuilder::default()
     };
-    let Some(mut parts) = faults.take(parse(&calibration)) else { return builder };
+    let Some(mut parts) =
+        faults.take(read_json::<Vec<Reconstruction>>(&calibration, "reconstruction of OpenSfM", REMEDY))
+    else {
+        return builder;
+    };
     let sizes: Vec<String> = parts.iter().map(|part| part.shots.len().to_string()).collect();
     // The first of those that are as large.
     let largest = (0..parts.len()).max_by_key(|at| (parts[*at].shots.len(), std::cmp::Reverse(*at)));
@@ -136,11 +117,11 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
             intrinsics: lens.intrinsics,
             world_to_camera: Pose { rotation, translation: DVec3::from(shot.translation) },
             is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
-            is_photo: false,
             shots: vec![Shot { image, ..Shot::default() }],
+            ..Camera::default()
         });
     }
-    for (id, Seen { color, coordinates }) in part.points {
+    for (id, Track { color, coordinates }) in part.points {
         if !coordinates.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
             let reason = format!("is at {coordinates:?}, not finite or beyond {MAX_COORDINATE}");
             faults.add(&calibration, format!("point `{}`", id.escape_debug()), reason, REMEDY);
@@ -152,24 +133,16 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     builder
 }
 
-fn parse(file: &Path) -> error::Result<Vec<Reconstruction>> {
-    serde_json::from_slice(&read_bytes(file)?).map_err(|fault| {
-        let place = format!("line {}, column {}", fault.line(), fault.column());
-        Error::data(file, place, format!("is no reconstruction of OpenSfM: {fault}"), REMEDY)
-    })
-}
-
 impl Reconstruction {
-    fn lens(&self, shot: &Posed) -> Result<Lens, String> {
+    fn lens(&self, shot: &PosedShot) -> Result<Lens, String> {
         let name = shot.camera.escape_debug();
         let given =
             self.cameras.get(&shot.camera).ok_or_else(|| format!("was taken by `{name}`, which is not listed"))?;
-        let &Given { width, height, c_x, c_y, k1, k2, k3, k4, p1, p2, .. } = given;
-        let is_side = |side: f64| side.fract() == 0.0 && (1.0..=65_536.0).contains(&side);
-        if !(is_side(width) && is_side(height)) {
+        let &Projection { width, height, c_x, c_y, k1, k2, k3, k4, p1, p2, .. } = given;
+        let (Some(columns), Some(rows)) = (whole_side(width), whole_side(height)) else {
             return Err(format!("has {width} x {height} pixels"));
-        }
-        let distortion = match given.projection_type.as_str() {
+        };
+        let distortion = match given.projection_type.as_deref().unwrap_or("perspective") {
             "perspective" => Distortion::brown([k1, k2, 0.0, 0.0, 0.0, 0.0], [0.0; 2]),
             "brown" => Distortion::brown([k1, k2, k3, 0.0, 0.0, 0.0], [p1, p2]),
             "fisheye" => Distortion::Fisheye([k1, k2, 0.0, 0.0]),
@@ -181,7 +154,7 @@ impl Reconstruction {
         let (Some(fx), Some(fy)) = (fx, fy) else { return Err("has a lens without focal length".to_owned()) };
         let (fx, fy) = (fx * side, fy * side);
         let (cx, cy) = (width / 2.0 + c_x * side, height / 2.0 + c_y * side);
-        let intrinsics = Intrinsics { width: width as u32, height: height as u32, fx, fy, cx, cy };
+        let intrinsics = Intrinsics { width: columns, height: rows, fx, fy, cx, cy };
         Ok(Lens { intrinsics, distortion })
     }
 }

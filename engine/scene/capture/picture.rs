@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ImageDecoder};
 
-use super::decoder::{DECODER_SLACK, decoder_of, guarded};
 use super::header::{BROKEN, fault, is_turned, read_size};
+use super::header::{DECODER_SLACK, decoder_of, guarded};
 use super::priors::{PriorSource, half_bits, half_value, is_prior};
 use super::report::Fault;
 use crate::error;
@@ -20,14 +20,11 @@ pub struct Picture {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// Row by row, top first: red in the lowest 8 bits, then green and blue; the highest 8 bits are 255 where the pixel
-    /// counts and 0 where the mask excludes it.
+    /// Row by row, top first: red in the lowest 8 bits, green, blue; the highest 8 bits are 255, or 0 where the mask excludes the pixel.
     pub pixels: Vec<u32>,
-    /// Priors of the depth, by pixel: halves, see [`half_bits`](super::half_bits); one that is not finite is none. Empty where
-    /// there are none at all.
+    /// Priors of the depth, by pixel: [halves](super::half_bits), of which those that are not finite are none; may be empty.
     pub depth: Vec<u16>,
-    /// Priors of the flow, by pixel: halves of its columns and rows, in pixels; none where either is not finite. Empty where
-    /// there are none at all.
+    /// Priors of the flow, by pixel: halves of columns and rows, in pixels, likewise; may be empty.
     pub flow: Vec<[u16; 2]>,
     /// Pixels that count.
     pub n_visible: u32,
@@ -37,7 +34,6 @@ pub struct Picture {
     pub n_flow: u32,
 }
 
-/// Whether the mask lets a pixel count.
 fn counts(word: u32) -> bool {
     word >> 24 != 0
 }
@@ -71,9 +67,8 @@ impl Picture {
         Picture { depth, flow, n_depth, n_flow, ..self }
     }
 
-    /// The picture in pixels that are the means of `factor` x `factor` of its own, of those that count, rounded to 8 bits; a
-    /// pixel counts when one of them does. Priors are means likewise, the flow's in its own pixels. What does not fill a pixel
-    /// at the right and at the bottom is cut off.
+    /// The picture in means of `factor` x `factor` pixels that count, rounded to 8 bits; priors likewise, the flow in the new pixels. What
+    /// does not fill a pixel at the right and at the bottom is cut off.
     pub fn reduced(&self, factor: u32) -> Picture {
         let (width, height) = (self.width / factor, self.height / factor);
         let n_pixels = width as usize * height as usize;
@@ -118,7 +113,6 @@ fn mean<const N: usize>(priors: impl Iterator<Item = [u16; N]>) -> [f64; N] {
     sums.map(|sum| sum / n)
 }
 
-/// What is needed to decode one image; the threads of a cache share it.
 #[derive(Clone, Debug)]
 pub(super) struct Source {
     pub image: PathBuf,
@@ -132,9 +126,6 @@ pub(super) struct Source {
 }
 
 /// Decodes an image and its mask, and reduces them.
-///
-/// # Errors
-/// `Error::Data` naming the image or the mask.
 pub(super) fn decode(source: &Source) -> error::Result<Picture> {
     Ok(decode_or_fault(source)?)
 }
@@ -156,10 +147,7 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
     Ok(if source.reduction > 1 { whole.reduced(source.reduction) } else { whole })
 }
 
-/// Whether each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
-///
-/// # Errors
-/// `Error::Data` naming the mask.
+/// True if each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
 pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
     let mask = guarded(path, || pixels_of(path, source))?;
     if path == source.image {
@@ -168,15 +156,11 @@ pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
     Ok(mask.into_luma8().as_raw().iter().map(|level| *level >= 128).collect())
 }
 
-/// The alpha channel of an image, row by row.
 pub(crate) fn alpha_of(image: DynamicImage) -> Vec<u8> {
     image.into_rgba8().as_raw().as_chunks::<4>().0.iter().map(|pixel| pixel[3]).collect()
 }
 
 /// Decodes an image or a mask of a known size.
-///
-/// # Errors
-/// `Error::Data` naming the image.
 pub(crate) fn decode_image(path: &Path, width: u32, height: u32) -> error::Result<DynamicImage> {
     let (image, priors) = (path.to_owned(), PriorSource::default());
     let source = Source { image, mask: None, width, height, background: [0.0; 3], priors, reduction: 1 };
@@ -200,7 +184,6 @@ fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
     DynamicImage::from_decoder(decoder).map_err(|cause| fault(path, format!("does not decode: {cause}"), BROKEN))
 }
 
-/// The picture as its EXIF says that it is shown.
 fn turned(path: &Path, mut decoder: impl ImageDecoder) -> Result<DynamicImage, Fault> {
     let broken = |cause| fault(path, format!("does not decode: {cause}"), BROKEN);
     let turn = decoder.orientation().map_err(broken)?;

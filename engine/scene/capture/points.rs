@@ -24,11 +24,7 @@ pub struct FramePoint {
     pub seen_by: Vec<usize>,
 }
 
-/// The points of a PLY: `x y z`, and `red green blue` as bytes or, from 0 to 1, as floats; grey where they are absent. Lists and
-/// other elements are skipped.
-///
-/// # Errors
-/// [`Error::Data`] when the file is damaged, has no positions, or one that is not finite.
+/// The points of a PLY: `x y z`, and `red green blue` as bytes or as floats from 0 to 1; grey where absent.
 pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
     let missing = |what: &str| Error::data(path, "header", format!("has no {what}"), "export the points again");
     let (header, mut rows) = Rows::open(path)?;
@@ -64,14 +60,12 @@ pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct FramePoints {
     pub folder: PathBuf,
-    /// Name of the camera of an id.
     pub cameras: HashMap<u32, String>,
     /// Which files of the clip belong to its frames.
     pub frames: Frames,
 }
 
 impl FramePoints {
-    /// True if a frame has a file.
     pub fn has(&self, frame: u32) -> bool {
         self.path(frame).exists()
     }
@@ -83,8 +77,7 @@ impl FramePoints {
         Columns::find(&path, header.element("vertex")).map(|_| ())
     }
 
-    /// The points of a frame in the world of the file. `index` gives a camera's index by its name; who saw a point and has
-    /// none is left out.
+    /// The points of a frame in the world of the file. `index` gives a camera's index by its name, or leaves it out.
     pub fn read(&self, frame: u32, index: impl Fn(&str) -> Option<usize>) -> Result<Vec<FramePoint>> {
         let known: HashMap<u32, Option<usize>> = self.cameras.iter().map(|(id, name)| (*id, index(name))).collect();
         let path = self.path(frame);
@@ -107,7 +100,6 @@ impl FramePoints {
         Ok(points)
     }
 
-    /// The file of a frame.
     pub fn path(&self, frame: u32) -> PathBuf {
         let file = u64::from(self.frames.from) + u64::from(frame) * u64::from(self.frames.every);
         self.folder.join(format!("{file:05}.ply"))

@@ -12,13 +12,12 @@ use crate::scene::prior::{read_depth, read_flow};
 /// Which priors are decoded with the images of a capture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PriorPlan {
-    /// Whether flow is.
+    /// True if flow is.
     pub flow: bool,
     /// Images whose depth is, by (camera, frame): with (a, b) the prior p stands for a p + b, which is not below 0.
     pub depth: HashMap<(usize, u32), [f64; 2]>,
 }
 
-/// The priors of one image.
 #[derive(Clone, Debug, Default)]
 pub(super) struct PriorSource {
     pub flow: Option<PathBuf>,
@@ -30,16 +29,15 @@ impl PriorSource {
         self.flow.is_none() && self.depth.is_none()
     }
 
-    /// Decodes the priors of an image of `width` x `height` pixels: halves of depth and of flow, by pixel; empty where there are
-    /// none.
+    /// Decodes the priors of an image: halves of depth and of flow, by pixel; empty where there are none.
     pub fn decode(&self, width: u32, height: u32) -> std::result::Result<(Vec<u16>, Vec<[u16; 2]>), Fault> {
         let flow = match &self.flow {
-            Some(path) => told(path, read_flow(path, width, height))?,
+            Some(path) => as_fault(path, read_flow(path, width, height))?,
             None => Vec::new(),
         };
         let depth = match &self.depth {
             Some((path, [a, b])) => {
-                let prior = told(path, read_depth(path, width, height))?;
+                let prior = as_fault(path, read_depth(path, width, height))?;
                 // Not `max`, which would make NaN a number.
                 let compared = |p: f32| {
                     let d = (a * f64::from(p) + b) as f32;
@@ -53,8 +51,8 @@ impl PriorSource {
     }
 }
 
-/// An error of a reader as a fault, which can be told more than once.
-fn told<T>(path: &Path, outcome: Result<T>) -> std::result::Result<T, Fault> {
+/// An error of a reader as a fault, which can be reported more than once.
+fn as_fault<T>(path: &Path, outcome: Result<T>) -> std::result::Result<T, Fault> {
     outcome.map_err(|error| match error {
         Error::Data { file, place, reason, remedy } => Fault { file, place, reason, remedy },
         other => Fault {
@@ -66,9 +64,7 @@ fn told<T>(path: &Path, outcome: Result<T>) -> std::result::Result<T, Fault> {
     })
 }
 
-/// A prior as the device takes it: the half nearest to `x`. What is not finite is no prior; nor is what lies beyond a half's
-/// range of 65,504 (pixels, scene units or their inverse). Rounding changes a prior by 2^-11 of it at most, and one below 2^-14
-/// by 2^-25.
+/// A prior as the device takes it: the half nearest to `x`. Values that are not finite, or beyond a half's 65,504, are no prior.
 pub fn half_bits(x: f32) -> u16 {
     f16::from_f32(x).to_bits()
 }
@@ -78,7 +74,6 @@ pub fn half_value(bits: u16) -> f64 {
     f16::from_bits(bits).to_f64()
 }
 
-/// Whether the halves are a prior: all finite.
 pub(super) fn is_prior(halves: &[u16]) -> bool {
     halves.iter().all(|half| half & 0x7c00 != 0x7c00)
 }

@@ -1,4 +1,4 @@
-//! What is wrong with a capture: every fault at once, and what it holds.
+//! The faults of a capture, all at once, and its contents.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -18,9 +18,9 @@ pub struct Fault {
     pub file: PathBuf,
     /// Where in it: a line, a byte offset, a camera, a frame; empty for the file as a whole.
     pub place: String,
-    /// What is wrong there.
+    /// The fault.
     pub reason: String,
-    /// What to do about it.
+    /// Its remedy.
     pub remedy: String,
 }
 
@@ -36,7 +36,6 @@ impl From<Fault> for Error {
     }
 }
 
-/// Collects faults while reading continues.
 #[derive(Debug, Default)]
 pub(crate) struct Faults {
     kept: Vec<Fault>,
@@ -44,19 +43,16 @@ pub(crate) struct Faults {
 }
 
 impl Faults {
-    /// Notes a fault of `file` at `place`.
     pub fn add(&mut self, file: &Path, place: impl Into<String>, reason: impl Into<String>, remedy: impl Into<String>) {
         self.push(Fault { file: file.to_owned(), place: place.into(), reason: reason.into(), remedy: remedy.into() });
     }
 
-    /// Notes those of another list.
     pub fn append(&mut self, others: Faults) {
         let n_uncounted = others.n - others.kept.len() as u64;
         others.kept.into_iter().for_each(|fault| self.push(fault));
         self.n += n_uncounted;
     }
 
-    /// Notes a fault.
     pub fn push(&mut self, fault: Fault) {
         self.n += 1;
         if self.kept.len() < MAX_KEPT {
@@ -79,19 +75,21 @@ impl Faults {
         }
     }
 
-    /// The first as an error.
     pub fn first(&self) -> Option<Error> {
         self.kept.first().cloned().map(Error::from)
     }
 
-    /// How many there are.
     pub fn n(&self) -> u64 {
         self.n
     }
 }
 
-/// What `ivv check` tells of a capture.
-#[derive(Clone, Debug, serde::Serialize)]
+pub(crate) fn camera_place(name: &str) -> String {
+    format!("camera `{}`", name.escape_debug())
+}
+
+/// The report of `ivv check` on a capture.
+#[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Report {
     /// The folder; of a folder that only holds a capture, that one.
     #[serde(serialize_with = "as_text")]
@@ -124,11 +122,11 @@ pub struct Report {
     pub n_sounds: usize,
     /// Sparse points.
     pub n_points: usize,
-    /// Whether every frame has points of its own.
+    /// True if every frame has points of its own.
     pub has_frame_points: bool,
     /// Bytes of all images when decoded, 4 for each pixel.
     pub bytes_decoded: u64,
-    /// What is worth knowing and no fault.
+    /// Notes that are no fault.
     pub notes: Vec<String>,
     /// How many faults there are.
     pub n_faults: u64,
@@ -138,28 +136,7 @@ pub struct Report {
 
 impl Report {
     pub(crate) fn new(path: &Path, format: &str) -> Self {
-        Report {
-            path: path.to_owned(),
-            format: format.to_owned(),
-            n_frames: 0,
-            fps: 0.0,
-            n_cameras: 0,
-            n_test_cameras: 0,
-            n_photos: 0,
-            n_images: 0,
-            n_masks: 0,
-            n_foregrounds: 0,
-            n_alphas: 0,
-            n_flows: 0,
-            n_depths: 0,
-            n_sounds: 0,
-            n_points: 0,
-            has_frame_points: false,
-            bytes_decoded: 0,
-            notes: Vec::new(),
-            n_faults: 0,
-            faults: Vec::new(),
-        }
+        Report { path: path.to_owned(), format: format.to_owned(), ..Report::default() }
     }
 
     pub(crate) fn set_faults(&mut self, faults: Faults) {
@@ -167,8 +144,7 @@ impl Report {
         self.faults = faults.kept;
     }
 
-    /// The faults with those of one kind (the same reason and remedy but for numbers, of different files) together, in the order
-    /// of the first of each kind.
+    /// The faults, those of one kind (equal but for numbers and files) together, in the order of the first.
     pub fn grouped(&self) -> Vec<Vec<&Fault>> {
         let mut groups: Vec<Vec<&Fault>> = Vec::new();
         let mut of: HashMap<(String, String), usize> = HashMap::new();

@@ -5,8 +5,8 @@ use std::path::Path;
 
 use super::builder::check_names;
 use super::report::Faults;
-use crate::error::{Error, Result};
-use crate::files::{cannot_read, read_file, write_atomic};
+use crate::error::Result;
+use crate::files::{read_file, read_json, write_atomic};
 
 const FILE: &str = "truth.json";
 
@@ -23,23 +23,14 @@ pub(super) fn read_true_offsets(folder: &Path, cameras: &[&str], faults: &mut Fa
     if !path.exists() {
         return BTreeMap::new();
     }
-    let text = read_file(&path).map_err(|fault| cannot_read(&path, &fault));
-    let truth = text.and_then(|text| {
-        serde_json::from_slice::<Truth>(&text).map_err(|fault| {
-            let place = format!("line {}", fault.line());
-            let remedy = "give {\"time_offsets_frames\": {\"<camera>\": <frames>, ...}}, or remove the file";
-            Error::data(&path, place, format!("is no truth of a capture: {fault}"), remedy)
-        })
-    });
-    let offsets = faults.take(truth).map(|truth| truth.time_offsets_frames).unwrap_or_default();
+    let remedy = "give {\"time_offsets_frames\": {\"<camera>\": <frames>, ...}}, or remove the file";
+    let truth = faults.take(read_json::<Truth>(&path, "truth of a capture", remedy));
+    let offsets = truth.map(|truth| truth.time_offsets_frames).unwrap_or_default();
     check_names("time_offsets_frames", offsets.keys(), cameras, &path, faults);
     offsets
 }
 
 /// Writes the file with the offsets; one that says the same already is left as it is.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be written.
 pub(crate) fn write_true_offsets(folder: &Path, offsets: BTreeMap<String, f64>) -> Result<()> {
     let text = serde_json::to_vec_pretty(&Truth { time_offsets_frames: offsets }).map_err(std::io::Error::other);
     let path = folder.join(FILE);

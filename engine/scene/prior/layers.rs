@@ -8,7 +8,7 @@ use exr::prelude::{ReadChannels, ReadLayers, ReadSpecificChannel, Vec2};
 
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
-use crate::scene::capture::decoder::guarded;
+use crate::scene::capture::header::guarded;
 
 /// Names of the channels of a flow and of a depth, the first that are present being taken.
 const FLOW: &[Channels] = &[&["flow.X", "flow.Y"], &["u", "v"], &["U", "V"], &["X", "Y"], &["R", "G"]];

@@ -5,8 +5,7 @@ use std::path::Path;
 use image::{ColorType, DynamicImage, ImageDecoder};
 
 use crate::error::{Error, Result};
-use crate::scene::capture::decoder::{DECODER_SLACK, decoder_of, guarded};
-use crate::scene::capture::header::{BROKEN, read_size};
+use crate::scene::capture::header::{BROKEN, DECODER_SLACK, decoder_of, guarded, read_size};
 
 /// Bytes of the widest pixel, 16 bits of three channels.
 const MAX_PIXEL_BYTES: u64 = 6;

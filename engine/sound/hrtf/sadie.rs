@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use sha2::{Digest, Sha256};
 
-use super::measured::{Measured, Meta};
+use super::{Measured, Meta};
 use crate::error::{Error, Result};
 use crate::files::{read_file, read_text};
 use crate::sound::geometry::degrees;
@@ -16,9 +16,6 @@ use crate::sound::wav;
 const LICENCES: [&str; 4] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING"];
 
 /// Reads the stereo responses of a folder.
-///
-/// # Errors
-/// [`Error::Data`] where no file is named by its direction, or one is not stereo or of another rate or length.
 pub fn read(folder: &Path) -> Result<Measured> {
     let fault = |path: &Path, reason: String| {
         Error::data(path, "", reason, "give a folder of stereo WAV files named azi_<degrees>_ele_<degrees>.wav")
@@ -59,7 +56,6 @@ pub fn read(folder: &Path) -> Result<Measured> {
     })
 }
 
-/// Azimuth and elevation of a file's name, degrees.
 fn angles(name: &str) -> Option<[f64; 2]> {
     let stem = name.strip_suffix(".wav")?;
     let (_, rest) = stem.split_once("azi_")?;

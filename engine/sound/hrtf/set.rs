@@ -5,8 +5,7 @@ use std::path::Path;
 
 use glam::DVec3;
 
-use super::measured::{Measured, Meta};
-use super::{sadie, sofa, sphere};
+use super::{Measured, Meta, sadie, sofa, sphere};
 use crate::error::{Error, Result};
 use crate::sound::FS;
 use crate::sound::align::{Aligner, EXTRA, LEAD, before_onset, choose};
@@ -62,9 +61,6 @@ pub struct HrtfSet {
 
 impl HrtfSet {
     /// Opens `sphere` (the built-in model), a SOFA file, or a folder of WAV files named as SADIE's.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where it cannot be read or is not a set of responses around the whole head; see [`HrtfSet::new`].
     pub fn open(source: impl AsRef<Path>) -> Result<Self> {
         let source = source.as_ref();
         if source == Path::new("sphere") {
@@ -75,10 +71,6 @@ impl HrtfSet {
     }
 
     /// Prepares measured responses: 48 kHz, directions once each, frontal energy 1, aligned.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming `source`: numbers that are not finite, silent responses, lengths that differ, directions
-    /// that do not surround the head, or a left side that is not the left ear's.
     pub fn new(measured: Measured, source: &Path) -> Result<Self> {
         check(&measured, source)?;
         let fault = |place: &str, reason: String, remedy: &str| Error::data(source, place, reason, remedy);
@@ -165,32 +157,18 @@ impl HrtfSet {
         if first < second && left > right {
             return Ok(());
         }
-        let (az, el) = self.angles(at);
+        let (az, el) = angles(self.directions[at]);
         let reason = format!(
-            "at azimuth {az:.0}, elevation {el:.0} degrees, on the left, the left ear hears {:.0} us later and {:.1} dB louder",
+            "at azimuth {:.0}, elevation {:.0} degrees, on the left, the left ear hears {:.0} us later and {:.1} dB louder",
+            az.to_degrees(),
+            el.to_degrees(),
             (first - second) / f64::from(FS) * 1e6,
             10.0 * (left / right).log10()
         );
         Err(Error::data(source, "", reason, "count azimuth counter-clockwise from the front, the left ear first"))
     }
 
-    /// The set with its aligned responses cut to `taps` samples, faded over the last 16: fewer operations, less accurate.
-    /// At least 32 from the onset on are kept.
-    pub fn with_taps(mut self, taps: usize) -> Self {
-        const FADE: usize = 16;
-        let taps = taps.clamp(self.lead + 2 * FADE, self.taps);
-        let cut = |response: &[f32]| {
-            let fade = |k: usize| ((taps - k) as f32 / FADE as f32).min(1.0);
-            response[..taps].iter().enumerate().map(|(k, value)| value * fade(k)).collect::<Vec<f32>>()
-        };
-        if taps < self.taps {
-            self.aligned = self.aligned.chunks(self.taps).flat_map(cut).collect();
-            self.taps = taps;
-        }
-        self
-    }
-
-    /// What both ears hear of a direction in the head's frame.
+    /// The filter of a direction in the head's frame.
     pub fn filter(&self, to: DVec3, lookup: Lookup) -> Filter {
         match lookup {
             Lookup::Nearest => {
@@ -223,20 +201,9 @@ impl HrtfSet {
         &self.directions
     }
 
-    /// (azimuth, elevation) of a measured direction, degrees.
-    pub fn angles(&self, at: usize) -> (f64, f64) {
-        let (az, el) = angles(self.directions[at]);
-        (az.to_degrees(), el.to_degrees())
-    }
-
     /// The triangles between directions.
     pub fn hull(&self) -> &Hull {
         &self.hull
-    }
-
-    /// By how many samples each ear hears a measured direction later than the taps of [`HrtfSet::raw`] say.
-    pub fn extra(&self, at: usize) -> [f64; 2] {
-        self.extra[at]
     }
 
     /// A measured response, normalised.
@@ -277,9 +244,6 @@ impl HrtfSet {
     }
 
     /// The set without some directions, as if they had not been measured.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where the directions left do not surround the head.
     pub fn without(&self, left_out: &[usize]) -> Result<Self> {
         let keep: Vec<usize> = (0..self.directions.len()).filter(|at| !left_out.contains(at)).collect();
         let directions: Vec<DVec3> = keep.iter().map(|at| self.directions[*at]).collect();
@@ -307,7 +271,6 @@ impl HrtfSet {
     }
 }
 
-/// By direction and ear, the onset, samples.
 fn onsets(aligner: &mut Aligner, directions: &[DVec3], irs: &[[Vec<f32>; 2]], hull: &Hull) -> Vec<[f64; 2]> {
     let neighbours = hull.neighbours();
     let by_ear = [(0, DVec3::Y), (1, -DVec3::Y)].map(|(ear, side)| {
@@ -324,7 +287,6 @@ fn onsets(aligner: &mut Aligner, directions: &[DVec3], irs: &[[Vec<f32>; 2]], hu
     by_ear[0].iter().zip(&by_ear[1]).map(|(left, right)| [*left, *right]).collect()
 }
 
-/// Mean energy of both ears.
 fn energy(filter: &Filter) -> f64 {
     0.5 * filter.responses.iter().flatten().map(|value| f64::from(*value).powi(2)).sum::<f64>()
 }

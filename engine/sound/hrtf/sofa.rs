@@ -1,6 +1,5 @@
-//! SOFA files (AES69): the convention SimpleFreeFieldHRIR, read through `sofar`'s HDF5 parser as it stands in the file.
-//!
-//! Nothing is resampled, normalised or interpolated by the crate: its interpolation mixes responses that are not aligned.
+//! SOFA files (AES69) of the convention SimpleFreeFieldHRIR, read through `sofar`'s HDF5 parser without its interpolation, which mixes
+//! responses that are not aligned.
 
 use std::collections::HashMap;
 use std::fs;
@@ -14,7 +13,7 @@ use glam::DVec3;
 use sha2::{Digest, Sha256};
 use sofar::hdf::{DataFormat, DataObject, ParsedHdf, parse_with_children};
 
-use super::measured::{Measured, Meta};
+use super::{Measured, Meta};
 use crate::error::{Error, Result};
 use crate::files::read_file;
 use crate::sound::geometry::degrees;
@@ -22,20 +21,15 @@ use crate::sound::geometry::degrees;
 /// Sets are far smaller: SADIE II's largest has 36 MB.
 const MAX_BYTES: u64 = 1 << 30;
 
-/// Types of HDF5 may hold types, and the parser calls itself for each without a limit. A file that could hold so many is
-/// read, on a stack that is large enough for them; any other is refused. A level takes up to 10 kB without optimisation. Real
-/// files have some fifty places that look like such a type, and more where numbers do.
+/// Types of HDF5 may hold types, and the parser recurses without a limit, 10 kB a level without optimisation. Real files have some
+/// fifty places that look like such a type; a file with more than this is refused.
 const DEEPEST: usize = 20_000;
-/// Bytes of that stack.
 const STACK: usize = 256 << 20;
-/// Parts of a file may refer to parts, each of them several times, and the parser follows every reference: what takes longer
-/// than this, and another second for each million bytes, is given up.
+/// Parts of a file may refer to parts many times, and the parser follows each: a file that takes longer than this, and another second
+/// for each million bytes, is given up.
 const LIMIT: Duration = Duration::from_secs(20);
 
 /// Reads the responses of a SOFA file.
-///
-/// # Errors
-/// [`Error::Data`] where the file is not HDF5, is damaged, or holds something else than free-field responses of two ears.
 pub fn read(path: &Path) -> Result<Measured> {
     let fault = |place: &str, reason: String| {
         Error::data(
@@ -58,8 +52,7 @@ pub fn read(path: &Path) -> Result<Measured> {
     file.measured(format!("{:x}", Sha256::digest(bytes.as_slice()))).map_err(|(place, reason)| fault(place, reason))
 }
 
-/// How many places of a file look like a type that holds types: of class 6 or 9 in version 1 or 3, smaller than 64 bytes. The
-/// parser goes no deeper.
+/// The places of a file that look like a type that holds types (class 6 or 9 in version 1 or 3, below 64 bytes): the parser's depth.
 fn places_of_nested_types(bytes: &[u8]) -> usize {
     let is_one = |place: &&[u8]| matches!(place, [0x16 | 0x19 | 0x36 | 0x39, _, _, _, 0..64, 0, 0, 0]);
     bytes.windows(8).filter(is_one).count()
@@ -86,7 +79,6 @@ fn in_time(bytes: Arc<Vec<u8>>, limit: Duration) -> std::result::Result<File, (S
     })
 }
 
-/// What is needed of a file, not yet believed.
 struct File {
     attributes: HashMap<String, String>,
     arrays: HashMap<&'static str, Array>,

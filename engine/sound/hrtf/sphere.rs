@@ -1,8 +1,7 @@
-//! The head as a rigid sphere: a set of responses that needs no file and no licence.
+//! The head as a rigid sphere: a set of responses without a file or a licence.
 //!
-//! Duda and Martens, "Range dependence of the response of a spherical head model", JASA 104 (1998). There is no outer ear
-//! in it: it tells left from right as people hear it, but not above from below, and front from back only weakly, because
-//! the ears sit a little behind the middle.
+//! Duda and Martens, "Range dependence of the response of a spherical head model", JASA 104 (1998). Without an outer ear it does not
+//! tell above from below, and front from back only weakly.
 
 use std::collections::HashMap;
 use std::f64::consts::PI;
@@ -10,14 +9,13 @@ use std::f64::consts::PI;
 use glam::DVec3;
 use realfft::num_complex::Complex64;
 
-use super::measured::{Measured, Meta};
+use super::{Measured, Meta};
 use crate::sound::FS;
 use crate::sound::geometry::direction;
 use crate::sound::spectrum::Spectra;
 
 /// Speed of sound of the model, metres per second.
 pub const SPEED_OF_SOUND: f64 = 343.0;
-/// Taps of a response.
 const TAPS: usize = 256;
 /// Samples by which responses are late, so that none begins before 0.
 const LEAD: f64 = 48.0;

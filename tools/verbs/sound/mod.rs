@@ -1,9 +1,6 @@
 //! `ivv sound`: the sound field. One file per verb.
 
-mod bench;
-mod inspect_hrtf;
 mod localize;
-mod plot;
 mod render;
 mod synth;
 
@@ -20,13 +17,8 @@ enum Verb {
     Localize(localize::Args),
     /// Renders what a head hears along a path.
     Render(render::Args),
-    /// Writes a sound scene whose truth is known: a built-in one, or the ears' truth of a synthetic capture.
+    /// Writes a path around the speaker of a synthetic capture, and what a head truly hears on it.
     Synth(synth::Args),
-    /// Measures renderings against the truth: a scene of your own, or the built-in one with the paper's ablation and a table
-    /// of speed and accuracy.
-    Bench(bench::Args),
-    /// Says what a set of head-related responses holds, from whom and under which licence.
-    InspectHrtf(inspect_hrtf::Args),
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
@@ -34,7 +26,5 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         Verb::Localize(args) => localize::run(args, json),
         Verb::Render(args) => render::run(args, json),
         Verb::Synth(args) => synth::run(args, json),
-        Verb::Bench(args) => bench::run(args, json),
-        Verb::InspectHrtf(args) => inspect_hrtf::run(args, json),
     }
 }

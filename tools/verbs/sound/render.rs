@@ -1,13 +1,11 @@
 //! `ivv sound render`.
 
-use super::plot::plot;
 use crate::run::axes::Axes;
 use crate::run::files::write_json;
 use crate::ui::screen::out;
 use ivv::sound::geometry::Mode;
 use ivv::sound::hrtf::{HrtfSet, Lookup};
 use ivv::sound::loudness::{self, PEAK_LIMIT_DB};
-use ivv::sound::metrics::ear_course;
 use ivv::sound::path::{Convention, read_path};
 use ivv::sound::render::{RenderConfig, Rendered, SourceReport, render_ambix, render_signals, signals};
 use ivv::sound::scene_file::SoundScene;
@@ -46,14 +44,11 @@ pub struct Args {
     /// Also write a JSON report.
     #[arg(long)]
     report: Option<PathBuf>,
-    /// Also plot azimuth, and the time and level differences between the ears, over time: .svg.
-    #[arg(long)]
-    plot: Option<PathBuf>,
 }
 
 /// How a scene is rendered.
 #[derive(clap::Args)]
-pub struct ConfigArgs {
+struct ConfigArgs {
     /// paper2d: the paper's, on the horizon. paper3d: with elevation. physical: with delay and Doppler, for metric scenes.
     #[arg(long, default_value = "paper2d", value_parser = mode)]
     mode: Mode,
@@ -86,8 +81,7 @@ fn lookup(text: &str) -> Result<Lookup, String> {
 }
 
 impl ConfigArgs {
-    /// The settings.
-    pub fn config(&self) -> anyhow::Result<RenderConfig> {
+    fn config(&self) -> anyhow::Result<RenderConfig> {
         let r_min = self.r_min;
         anyhow::ensure!(r_min > 0.0 && r_min.is_finite(), "--r-min: expected a positive number, found {r_min}");
         if let Some(lufs) = self.lufs {
@@ -123,9 +117,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     }
     if let Some(path) = &args.report {
         write_json(path, &rendered.report)?;
-    }
-    if let Some(path) = &args.plot {
-        draw(&rendered, path)?;
     }
     if json {
         out!("{}", serde_json::to_string(&rendered.report)?);
@@ -164,18 +155,4 @@ fn print(rendered: &Rendered, output: &Path, seconds: f64) {
         report.gain_db,
         report.seconds / seconds.max(1e-9)
     );
-}
-
-/// Draws a rendering of one source; of several, the azimuth is that of the first.
-fn draw(rendered: &Rendered, path: &Path) -> anyhow::Result<()> {
-    let cues = rendered.cues.first().map(Vec::as_slice).unwrap_or_default();
-    let course = ear_course(&rendered.samples);
-    let curves = [
-        ("azimuth, degrees", cues.iter().map(|cue| [cue.t, cue.az.to_degrees()]).collect()),
-        ("the left ear leads by, us", course.iter().map(|at| [at.t, 1e6 * at.itd]).collect()),
-        ("the left ear is louder by, dB", course.iter().map(|at| [at.t, at.ild_db]).collect()),
-    ];
-    let svg = plot(&curves);
-    ivv::files::write_atomic(path, |to| to.write_all(svg.as_bytes()))?;
-    Ok(())
 }

@@ -5,10 +5,10 @@ use crate::ui::screen::out;
 use anyhow::Context;
 use glam::{DQuat, DVec3};
 use ivv::sound::FS;
+use ivv::sound::emitter::Emitter;
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::pose::{HeadPose, PoseTrack};
 use ivv::sound::rig::Rig;
-use ivv::sound::simulate::{Emitter, Motion, Simulated, simulate};
 use ivv::sound::sinc::DelayTable;
 use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
 use ivv::sound::wav::{Channel, Depth, read_channel, write};
@@ -22,42 +22,21 @@ const SPEED: f64 = 60.0;
 /// Options of `ivv sound synth`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder to write to: path.csv and truth.wav; of the built-in scene also mic.wav and scene.json.
+    /// The folder to write to: path.csv and truth.wav.
     #[arg(short, long)]
     output: PathBuf,
-    /// A capture of `ivv synth`: writes what a head would truly hear on a path around its speaker.
+    /// A capture of `ivv synth`.
     #[arg(long)]
-    capture: Option<PathBuf>,
-    /// Seconds of the built-in scene.
-    #[arg(long, default_value_t = 4.0)]
-    seconds: f64,
-    /// The built-in scene stands still; else the speaker walks around a head that turns.
-    #[arg(long)]
-    still: bool,
-    /// Seed of the built-in scene's voice.
-    #[arg(long, default_value_t = 1)]
-    seed: u64,
+    capture: PathBuf,
     /// The ears: `sphere`, a SOFA file, or a folder of WAV files as SADIE's.
     #[arg(long, default_value = "sphere")]
     hrtf: PathBuf,
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let seconds = args.seconds;
-    anyhow::ensure!((0.1..=600.0).contains(&seconds), "--seconds: expected a number from 0.1 to 600, found {seconds}");
     let hrtf = HrtfSet::open(&args.hrtf)?;
     make_folder(&args.output)?;
-    let (head, truth) = match &args.capture {
-        Some(capture) => of_capture(capture, &hrtf)?,
-        None => {
-            let motion = if args.still { Motion::Still } else { Motion::Walk };
-            let Simulated { mut scene, recording, head, truth } = simulate(motion, seconds, args.seed, &hrtf);
-            scene.mic.wav = args.output.join("mic.wav");
-            write(&scene.mic.wav, &recording.iter().map(|value| [*value]).collect::<Vec<_>>(), Depth::Int24)?;
-            scene.write(&args.output.join("scene.json"))?;
-            (head, truth)
-        }
-    };
+    let (head, truth) = of_capture(&args.capture, &hrtf)?;
     write_path(&head, &args.output.join("path.csv"))?;
     write(&args.output.join("truth.wav"), &truth, Depth::Float32)?;
     let seconds = truth.len() as f64 / f64::from(FS);

@@ -9,7 +9,6 @@ use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
 use crate::scene::capture::report::Faults;
 
-/// Longest name of an image, bytes.
 const MAX_NAME_BYTES: usize = 4096;
 /// Bytes of a 2D observation: x, y, id of its point.
 const OBSERVATION_BYTES: u64 = 24;
@@ -19,7 +18,6 @@ const CAMERA_BYTES: u64 = 24 + 2 * 8;
 const IMAGE_BYTES: u64 = 4 + 7 * 8 + 4 + 1 + 8;
 /// Fewest bytes of a point: id, position, colour, error, length of its track.
 const POINT_BYTES: u64 = 8 + 3 * 8 + 3 + 8 + 8;
-/// Bytes of an element of a track: image, observation.
 const TRACK_BYTES: u64 = 8;
 
 /// A file that knows how much of it is left, so that no count is believed beyond that.
@@ -128,7 +126,6 @@ fn records(
     faults.take(outcome);
 }
 
-/// `cameras.bin`.
 pub(super) fn cameras(path: &Path, faults: &mut Faults) -> Vec<RawCamera> {
     let mut cameras = Vec::new();
     records(path, faults, "cameras", CAMERA_BYTES, |reader, _| {
@@ -167,7 +164,6 @@ pub(super) fn n_images(path: &Path) -> usize {
     counted.map_or(0, |n| n as usize)
 }
 
-/// `points3D.bin`, point by point.
 pub(super) fn points(path: &Path, faults: &mut Faults, mut add: impl FnMut(RawPoint, &mut Faults)) {
     records(path, faults, "points", POINT_BYTES, |reader, faults| {
         let place = reader.place();

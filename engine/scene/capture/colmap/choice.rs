@@ -1,5 +1,4 @@
-//! Which of a project's models is read: COLMAP's mapper writes one for each part that it could not join to the others, numbered
-//! by when it began them.
+//! Choice of a project's model: COLMAP's mapper writes one for each part that it could not join to the others.
 
 use std::path::{Path, PathBuf};
 
@@ -7,11 +6,10 @@ use super::bin::n_images as n_in_binary;
 use super::raw::{STEMS, is_there};
 use super::text::images as images_in_text;
 use crate::error::{Error, Result};
-use crate::scene::capture::marks::{is_model, models};
+use crate::scene::capture::named::{is_model, models};
 use crate::scene::capture::report::Faults;
 use crate::scene::capture::settings::CaptureSettings;
 
-/// Images of a model; 0 where the file cannot be read.
 fn n_images(folder: &Path) -> usize {
     match is_there(folder, STEMS[1]) {
         Some((file, true)) => n_in_binary(&file),
@@ -26,9 +24,6 @@ pub(crate) fn model_folder(path: &Path) -> Option<PathBuf> {
 }
 
 /// The model that the settings ask for, or else as [`model_folder`]; with a note where there are several.
-///
-/// # Errors
-/// [`Error::Data`] where there is no such model.
 pub(crate) fn chosen_model(path: &Path, settings: &CaptureSettings) -> Result<Option<(PathBuf, Option<String>)>> {
     let sparse = path.join("sparse");
     let models = models(&sparse);

@@ -1,4 +1,4 @@
-//! Whether the points of a model lie before the cameras that saw them, and how its poses are meant where they do not.
+//! Checks that the points of a model lie before the cameras that saw them, and finds how its poses are meant where they do not.
 
 use std::collections::HashMap;
 
@@ -8,7 +8,6 @@ use glam::DVec3;
 
 /// Observations that are judged, those of the first points.
 const MAX_JUDGED: usize = 20_000;
-/// Fewer say nothing.
 const MIN_JUDGED: usize = 24;
 /// The share of observations that a right model shows at least in or near its pictures.
 const GOOD: f64 = 0.9;
@@ -20,9 +19,9 @@ const DOUBTFUL: f64 = 0.5;
 const MARGIN: f64 = 0.5;
 
 /// A way in which a pose may be meant: what it is, and what its owner should write.
-type Way = (&'static str, &'static str);
+type Convention = (&'static str, &'static str);
 
-const WAYS: [Way; 6] = [
+const CONVENTIONS: [Convention; 6] = [
     ("as COLMAP has them", ""),
     ("with quaternions x y z w", "write quaternions as w x y z"),
     ("with centres of cameras in place of TX TY TZ", "write the translation -R C in place of the centre C"),
@@ -37,14 +36,13 @@ const WAYS: [Way; 6] = [
     ),
 ];
 
-/// What the observations of the points say of the poses.
 #[derive(Default)]
 pub(super) struct Facing {
     /// By image: its lens with its reach, and its pose in every way.
-    cameras: HashMap<u32, (Lens, f64, [Option<Pose>; WAYS.len()])>,
+    cameras: HashMap<u32, (Lens, f64, [Option<Pose>; CONVENTIONS.len()])>,
     n_judged: usize,
     n_behind: usize,
-    n_seen: [usize; WAYS.len()],
+    n_seen: [usize; CONVENTIONS.len()],
 }
 
 impl Facing {
@@ -79,12 +77,11 @@ impl Facing {
         }
     }
 
-    /// What is wrong, and what to do about it, where most points do not lie before the cameras that saw them. The second is nothing
-    /// where no way fits better.
+    /// The fault where most points do not lie before the cameras that saw them, and its remedy where another convention fits.
     pub fn verdict(&self) -> Option<(String, Option<&'static str>)> {
         let n = self.n_judged;
         let share = |way: usize| self.n_seen[way] as f64 / n as f64;
-        let best = (1..WAYS.len()).max_by_key(|way| (self.n_seen[*way], std::cmp::Reverse(*way)))?;
+        let best = (1..CONVENTIONS.len()).max_by_key(|way| (self.n_seen[*way], std::cmp::Reverse(*way)))?;
         let is_other = share(best) >= GOOD && share(best) - share(0) >= BETTER;
         if n < MIN_JUDGED || share(0) >= DOUBTFUL && !is_other {
             return None;
@@ -97,19 +94,19 @@ impl Facing {
         if !is_other {
             return Some((format!("{wrong}: poses or points may be wrong"), None));
         }
-        let (what, remedy) = WAYS[best];
+        let (what, remedy) = CONVENTIONS[best];
         Some((format!("{wrong}; the poses fit {what} ({:.0} % are in the picture)", 100.0 * share(best)), Some(remedy)))
     }
 }
 
-/// Whether a point of the camera's axes is seen in the picture or near it.
+/// True if a point of the camera's axes is seen in the picture or near it.
 fn shows(lens: &Lens, reach: f64, local: DVec3) -> bool {
     if local.z.is_nan() || local.z <= 0.0 {
         return false;
     }
     let size = lens.intrinsics.size();
     let at = [local.x / local.z, local.y / local.z];
-    // What lies beyond the lens's reach is judged as a pinhole sees it.
+    // Beyond the lens's reach a pinhole decides.
     let pinhole = Lens { distortion: Distortion::None, ..*lens };
     let pixel = lens.pixel(at, reach).or_else(|| pinhole.pixel(at, reach));
     let near = |v: f64, side: f64| (-MARGIN * side..=(1.0 + MARGIN) * side).contains(&v);

@@ -3,7 +3,6 @@
 mod bin;
 mod choice;
 mod facing;
-mod lens;
 mod raw;
 mod text;
 
@@ -35,7 +34,6 @@ const SHORTEST_QUATERNION: f64 = 1e-6;
 /// In what COLMAP on Windows writes names of files that are not plain: its user's code page.
 const ENCODINGS: [&Encoding; 6] = [GBK, SHIFT_JIS, EUC_KR, BIG5, WINDOWS_1251, WINDOWS_1252];
 
-/// An image of the model: where it is, and what took it.
 pub(crate) struct Posed {
     /// Relative, without `..`; the likeliest, where its encoding is unknown.
     pub name: PathBuf,
@@ -46,14 +44,11 @@ pub(crate) struct Posed {
     wanted: Wanted,
 }
 
-/// A sparse model.
 #[derive(Default)]
 pub(crate) struct Model {
     pub images: Vec<Posed>,
     pub points: Vec<Point>,
-    /// The file of the images.
     pub file: PathBuf,
-    /// What is worth knowing of them, and no fault.
     pub notes: Vec<String>,
 }
 
@@ -62,7 +57,6 @@ pub(super) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
     read(folder, true, faults)
 }
 
-/// Reads a model without its points.
 pub(crate) fn read_images(folder: &Path, faults: &mut Faults) -> Model {
     read(folder, false, faults)
 }
@@ -76,7 +70,7 @@ fn read(folder: &Path, with_points: bool, faults: &mut Faults) -> Model {
     let known = check_cameras(&cameras, raw, faults);
     let n_before = faults.n();
     let (raw, n_alone) = if is_binary { (bin::images(&images, faults), 0) } else { text::images(&images, faults) };
-    // What could not be read whole says nothing of the tracks.
+    // A model that could not be read whole says nothing of the tracks.
     let ids = (faults.n() == n_before).then(|| raw.iter().map(|image| image.id).collect());
     let mut facing = Facing::default();
     for image in &raw {
@@ -131,7 +125,6 @@ fn check_cameras(file: &Path, raw: Vec<RawCamera>, faults: &mut Faults) -> HashM
     known
 }
 
-/// Checks the images one by one; what is good goes into the model.
 fn check_images(raw: Vec<RawImage>, known: &HashMap<u32, Option<Lens>>, model: &mut Model, faults: &mut Faults) {
     let (mut ids, mut names) = (HashSet::new(), HashSet::new());
     let file = model.file.clone();
@@ -172,7 +165,6 @@ fn check_images(raw: Vec<RawImage>, known: &HashMap<u32, Option<Lens>>, model: &
 }
 
 impl RawImage {
-    /// The pose, and the length of the quaternion.
     fn pose(&self) -> Result<(Pose, f64), String> {
         let (length, translation) = (DVec4::from(self.quaternion).length(), DVec3::from(self.translation));
         // Written positively, so that NaN fails.
@@ -187,7 +179,7 @@ impl RawImage {
         Ok((Pose::of_quaternion(self.quaternion, translation), length))
     }
 
-    /// What the name may mean: more than one path where it is not UTF-8, as COLMAP writes it on some Windows.
+    /// The readings of the name: more than one path where it is not UTF-8, as COLMAP writes it on some Windows.
     fn wanted(&self) -> Result<Wanted, String> {
         if let Ok(name) = std::str::from_utf8(&self.name) {
             return spelled(name).map(Wanted::from);
@@ -262,9 +254,6 @@ impl CheckedPoints {
 }
 
 /// The points of a model, each with the ids of the images that saw it, ascending, each once.
-///
-/// # Errors
-/// [`Error::Data`](crate::Error::Data) with the first fault.
 pub(crate) fn seen_points(folder: &Path) -> crate::Result<Vec<(Point, Vec<u32>)>> {
     let mut faults = Faults::default();
     let mut points = Vec::new();
@@ -278,9 +267,6 @@ pub(crate) fn seen_points(folder: &Path) -> crate::Result<Vec<(Point, Vec<u32>)>
 }
 
 /// The points of a model that COLMAP wrote, each with the names of the images that saw it.
-///
-/// # Errors
-/// [`Error::Data`](crate::Error::Data) with the first fault.
 pub(crate) fn tracks(folder: &Path) -> crate::Result<Vec<(Point, Vec<PathBuf>)>> {
     let mut faults = Faults::default();
     let images = read_images(folder, &mut faults).images;
@@ -296,8 +282,7 @@ pub(crate) fn tracks(folder: &Path) -> crate::Result<Vec<(Point, Vec<PathBuf>)>>
     Ok(seen_points(folder)?.into_iter().map(named).collect())
 }
 
-/// The folder of a plain COLMAP project's images: the one that is asked for, or where it is absent the largest of its smaller
-/// copies.
+/// The folder of a plain COLMAP project's images: as asked for, or where absent the largest of its smaller copies.
 pub(crate) fn images_folder(path: &Path, settings: &CaptureSettings) -> PathBuf {
     let images = path.join(&settings.images);
     let smaller = |n: u32| {
@@ -358,7 +343,7 @@ fn add_cameras(
     model: &Model,
     builder: &mut CaptureBuilder,
 ) {
-    // What somebody has chosen is not looked for elsewhere.
+    // A folder that somebody has chosen is not looked for elsewhere.
     let is_asked = settings.asked_images().is_some() || settings.downscale.is_some();
     let root = if is_asked { images } else { &named.folder };
     let wanted: Vec<Wanted> = model.images.iter().map(|posed| posed.wanted.clone()).collect();
@@ -391,7 +376,6 @@ fn add_cameras(
     find_masks(&named.folder, images, builder);
 }
 
-/// Says which names were read as what.
 fn note_encodings(images: &[Posed], files: &[(PathBuf, usize)], notes: &mut Vec<String>) {
     let odd = || images.iter().zip(files).filter(|(posed, _)| posed.wanted.readings.len() > 1);
     let n = odd().count();
@@ -408,7 +392,6 @@ fn note_encodings(images: &[Posed], files: &[(PathBuf, usize)], notes: &mut Vec<
 }
 
 impl Posed {
-    /// The camera of one image, at frame 0.
     fn camera(&self, name: String, image: &Path) -> Camera {
         let shot = Shot { frame: 0, image: image.to_owned(), ..Shot::default() };
         let intrinsics = self.lens.intrinsics;

@@ -54,7 +54,6 @@ impl<'a> Lines<'a> {
         Ok(read > 0)
     }
 
-    /// The next line that begins a record.
     fn record(&mut self) -> error::Result<bool> {
         while self.any()? {
             let line = self.line.trim_ascii();
@@ -106,7 +105,6 @@ fn numbers<const N: usize>(fields: &mut SplitAsciiWhitespace, what: &str) -> Res
     Ok(values)
 }
 
-/// `cameras.txt`.
 pub(super) fn cameras(path: &Path, faults: &mut Faults) -> Vec<RawCamera> {
     let mut cameras = Vec::new();
     records(path, faults, |lines, _| Ok(camera(lines).map(|camera| cameras.push(camera))));
@@ -129,8 +127,7 @@ fn camera(lines: &Lines) -> Result<RawCamera, String> {
     Ok(RawCamera { place: lines.place(), id, kind, width, height, params })
 }
 
-/// `images.txt`, and how many images have no line of observations. The second line of an image, its observations, may be blank.
-/// Some programs and editors leave out blank lines: then the next image comes at once.
+/// `images.txt`, and how many images lack the line of observations, which may be blank and which some programs leave out.
 pub(super) fn images(path: &Path, faults: &mut Faults) -> (Vec<RawImage>, usize) {
     let (mut images, mut n_alone) = (Vec::new(), 0);
     records(path, faults, |lines, _| {
@@ -151,14 +148,14 @@ pub(super) fn images(path: &Path, faults: &mut Faults) -> (Vec<RawImage>, usize)
     (images, n_alone)
 }
 
-/// Whether fields are x, y and the number of a point, again and again.
+/// True if fields are x, y and the number of a point, again and again.
 fn are_observations(fields: &[&str]) -> bool {
     let (all, rest) = fields.as_chunks::<3>();
     let is_one = |[x, y, id]: &[&str; 3]| [x, y].iter().all(|v| v.parse::<f64>().is_ok()) && id.parse::<i64>().is_ok();
     rest.is_empty() && all.iter().all(is_one)
 }
 
-/// Whether fields are those of an image: its number, seven numbers of its pose, the number of its camera, a name.
+/// True if fields are those of an image: its number, seven numbers of its pose, the number of its camera, a name.
 fn begins_image(fields: &[&str]) -> bool {
     let is_number = |field: &&str| field.parse::<f64>().is_ok();
     let is_id = |at: usize| fields.get(at).is_some_and(|field| field.parse::<u32>().is_ok());
@@ -179,7 +176,6 @@ fn image(lines: &Lines) -> Result<RawImage, String> {
     Ok(RawImage { place: lines.place(), id, quaternion, translation, camera_id, name: name.to_owned() })
 }
 
-/// `points3D.txt`, point by point.
 pub(super) fn points(path: &Path, faults: &mut Faults, mut add: impl FnMut(RawPoint, &mut Faults)) {
     records(path, faults, |lines, faults| Ok(point(lines).map(|point| add(point, faults))));
 }

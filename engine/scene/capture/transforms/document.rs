@@ -1,19 +1,18 @@
-//! What a `transforms.json` says, in the dialects of those who write it.
+//! The contents of a `transforms.json`, in the dialects of its writers.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use super::entry::REMEDY;
-use crate::error::{self, Error};
-use crate::files::read_bytes;
+use super::REMEDY;
+use crate::error;
+use crate::files::{parse_json, read_bytes};
 use crate::scene::Intrinsics;
-use crate::scene::capture::decoder::MAX_SIDE;
+use crate::scene::capture::header::{MAX_SIDE, whole_side};
 use crate::scene::undistort::{Distortion, Lens};
 use serde_json::Value;
 
-/// Keys that hold a 3 x 3 matrix of intrinsics.
 const MATRICES: [&str; 5] = ["K", "k", "intrinsic", "intrinsics", "intrinsic_matrix"];
-/// What unknown keys may mean, in lower case and without `_`: keys of ours, and what others write.
+/// Guesses for unknown keys, in lower case and without `_`: keys of ours, and those of others.
 const MEANT: [(&str, &[&str]); 8] = [
     ("fl_x", &["f1x", "flx", "fx", "focalx", "focallengthx", "focal", "f", "focallength"]),
     ("fl_y", &["f1y", "fly", "fy", "focaly", "focallengthy"]),
@@ -44,9 +43,8 @@ pub(super) struct GivenLens {
     k4: Option<f64>,
     p1: Option<f64>,
     p2: Option<f64>,
-    /// What instant-ngp says instead of a model.
+    /// instant-ngp's key instead of a model.
     is_fisheye: Option<bool>,
-    /// All other keys.
     #[serde(flatten)]
     others: BTreeMap<String, Value>,
 }
@@ -79,19 +77,14 @@ impl Document {
         let bytes = read_bytes(file)?;
         // Some programs on Windows begin UTF-8 with a mark.
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&bytes);
-        let fault = |fault: serde_json::Error| {
-            let place = format!("line {}, column {}", fault.line(), fault.column());
-            Error::data(file, place, format!("is no transforms.json: {fault}"), REMEDY)
-        };
-        let is_list = bytes.trim_ascii_start().starts_with(b"[");
-        if !is_list {
-            return serde_json::from_slice(bytes).map_err(fault);
+        if !bytes.trim_ascii_start().starts_with(b"[") {
+            return parse_json(file, bytes, "transforms.json", REMEDY);
         }
-        let frames = serde_json::from_slice(bytes).map_err(fault)?;
+        let frames = parse_json(file, bytes, "transforms.json", REMEDY)?;
         Ok(Document { frames, test_filenames: None, ply_file_path: None, lens: GivenLens::default() })
     }
 
-    /// What is said of keys that are not read, though they may have been meant to be.
+    /// A note on keys that are not read, though they may have been meant to be.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         let lenses = || self.frames.iter().map(|frame| &frame.lens);
@@ -125,7 +118,6 @@ pub(super) fn unfit(reason: String) -> Unfit {
     Unfit { reason, remedy: REMEDY, needs_size: false }
 }
 
-/// The numbers of a list, or of a list of lists.
 pub(super) fn numbers(value: &Value) -> Option<Vec<f64>> {
     let row = |row: &Value| row.as_array().map_or_else(|| row.as_f64().map(|v| vec![v]), |_| flat(row));
     value.as_array()?.iter().map(row).collect::<Option<Vec<_>>>().map(|rows| rows.concat())
@@ -136,7 +128,6 @@ fn flat(row: &Value) -> Option<Vec<f64>> {
 }
 
 impl GivenLens {
-    /// The numbers by name.
     fn numbers(&self) -> [(&'static str, Option<f64>); 14] {
         [
             ("w", self.w),
@@ -177,7 +168,7 @@ impl GivenLens {
         }
     }
 
-    /// What stands here, else in `file`, else what follows from the size of the images.
+    /// The value here, else in `file`, else what follows from the size of the images.
     pub fn or(&self, file: &GivenLens, size: Option<(u32, u32)>) -> Result<GivenLens, Unfit> {
         let (w, h) = size.unzip();
         let with_matrix = |lens: &GivenLens| {
@@ -209,7 +200,6 @@ impl GivenLens {
         })
     }
 
-    /// The numbers without gaps.
     pub fn resolved(&self) -> Result<Lens, Unfit> {
         let [k1, k2, k3, k4, p1, p2] =
             [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].map(Option::unwrap_or_default);
@@ -229,17 +219,16 @@ impl GivenLens {
         let (Some(w), Some(h)) = (self.w, self.h) else {
             return Err(Unfit { needs_size: true, ..unfit("gives no w and h".to_owned()) });
         };
-        let is_side = |side: f64| side.fract() == 0.0 && (1.0..=f64::from(MAX_SIDE)).contains(&side);
-        if !(is_side(w) && is_side(h)) {
+        let (Some(width), Some(height)) = (whole_side(w), whole_side(h)) else {
             return Err(unfit(format!("has {w} x {h} pixels, whole numbers of 1 to {MAX_SIDE} are allowed")));
-        }
+        };
         let by_angle = |side: f64, angle: f64| side / (2.0 * (angle / 2.0).tan());
         let Some(fx) = self.fl_x.or_else(|| Some(by_angle(w, self.camera_angle_x?))) else {
             return Err(unfit("gives neither fl_x nor camera_angle_x nor a matrix K".to_owned()));
         };
         let fy = self.fl_y.or_else(|| Some(by_angle(h, self.camera_angle_y?))).unwrap_or(fx);
         let (cx, cy) = (self.cx.unwrap_or(w / 2.0), self.cy.unwrap_or(h / 2.0));
-        let intrinsics = Intrinsics { width: w as u32, height: h as u32, fx, fy, cx, cy };
+        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
         Ok(Lens { intrinsics, distortion })
     }
 }

@@ -1,19 +1,14 @@
-//! `transforms.json` of nerfstudio and instant-ngp, and D-NeRF's split into `transforms_train.json` and
-//! `transforms_test.json`. Poses map camera to world, the camera x right, y up, z backward (OpenGL).
+//! `transforms.json` of nerfstudio, instant-ngp and D-NeRF. Poses map camera to world, x right, y up, z backward (OpenGL).
 
 mod document;
-mod entry;
-mod group;
 mod pose;
 mod split;
-mod times;
 
+use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use self::document::{Document, Frame, Unfit};
-use self::entry::{Entry, REMEDY};
-use crate::scene::Pose;
-use crate::scene::capture::builder::CaptureBuilder;
+use crate::scene::capture::builder::{CaptureBuilder, MAX_FRAMES};
 use crate::scene::capture::camera::{Camera, Shot};
 use crate::scene::capture::header::read_size;
 use crate::scene::capture::locate::{Located, Wanted, locate};
@@ -23,13 +18,31 @@ use crate::scene::capture::points::read_cloud;
 use crate::scene::capture::report::Faults;
 use crate::scene::capture::settings::CaptureSettings;
 use crate::scene::prior::depth_size;
-use crate::scene::undistort::Lens;
+use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::{Intrinsics, Pose};
 
+pub(super) const REMEDY: &str = "correct the file, or export the capture again";
 const POSE_REMEDY: &str = "give transform_matrix from camera to world, the camera's axes x right, y up, z back";
 /// The files by whose names a folder is recognised, the likelier first.
 const FILES: [&str; 2] = ["transforms_train.json", "transforms.json"];
 
-/// Whether a file was named, or one of [`FILES`] is there.
+/// Two times closer than this are one.
+const TIME_TOLERANCE: f64 = 1e-6;
+/// How far a time may lie from the grid of frames, in frames.
+const GRID_TOLERANCE: f64 = 0.05;
+/// Most frames between the two closest times: irregular times have a fine common grid too, but not one of a clip.
+const MAX_DIVISION: f64 = 8.0;
+
+/// An image, until images of one place are one camera.
+struct Entry {
+    camera: Camera,
+    distortion: Distortion,
+    name: PathBuf,
+    shot: Shot,
+    time: Option<f64>,
+}
+
+/// True if a file was named, or one of [`FILES`] is there.
 pub(super) fn is_transforms(named: &Named) -> bool {
     named.file.is_some() || FILES.iter().any(|name| named.folder.join(name).is_file())
 }
@@ -63,14 +76,14 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     if !has_test && settings.test_every > 0 {
         entries.iter_mut().step_by(settings.test_every).for_each(|entry| entry.camera.is_test = true);
     }
-    match times::frames_of(&entries) {
+    match frames_of(&entries) {
         Ok((frames, n_frames)) => {
             entries.iter_mut().zip(frames).for_each(|(entry, frame)| entry.shot.frame = frame);
             builder.n_frames = n_frames;
         }
         Err(reason) => faults.add(&calibration, "field `time`", reason, "give every frame a time on one grid, or none"),
     }
-    group::group(entries, &mut builder);
+    group(entries, &mut builder);
     builder
 }
 
@@ -131,15 +144,14 @@ fn add_unsized(path: &Path, file: &Path, images: &[PathBuf], faults: &mut Faults
     broken.into_iter().for_each(|fault| faults.push(fault));
 }
 
-/// A frame and its image.
-struct Found<'a> {
+struct ImageFrame<'a> {
     place: String,
     frame: &'a Frame,
     name: PathBuf,
     image: PathBuf,
 }
 
-impl Found<'_> {
+impl ImageFrame<'_> {
     fn entry(&self, lens: Lens, world_to_camera: Pose, [mask, depth]: [Option<PathBuf>; 2], is_test: bool) -> Entry {
         let Lens { intrinsics, distortion } = lens;
         let name = flat(&self.name);
@@ -156,7 +168,6 @@ struct Others {
     size: fn(&Path) -> Option<(u32, u32)>,
 }
 
-/// Where the files are that a file names.
 struct Below<'a> {
     path: &'a Path,
     file: &'a Path,
@@ -169,7 +180,12 @@ impl Below<'_> {
     }
 
     /// The frames whose names are good, each with its image.
-    fn images<'a>(&self, frames: &'a [Frame], builder: &mut CaptureBuilder, faults: &mut Faults) -> Vec<Found<'a>> {
+    fn images<'a>(
+        &self,
+        frames: &'a [Frame],
+        builder: &mut CaptureBuilder,
+        faults: &mut Faults,
+    ) -> Vec<ImageFrame<'a>> {
         let (mut named, mut wanted) = (Vec::new(), Vec::new());
         for (index, frame) in frames.iter().enumerate() {
             let place = format!("frame {index}");
@@ -186,14 +202,14 @@ impl Below<'_> {
         let located = self.located(base, base, &wanted);
         builder.notes.extend(located.notes);
         builder.elsewhere.extend(located.elsewhere);
-        let found = |((place, frame, name), (image, _))| Found { place, frame, name, image };
+        let found = |((place, frame, name), (image, _))| ImageFrame { place, frame, name, image };
         named.into_iter().zip(located.files).map(found).collect()
     }
 
     /// The files of another kind that frames name, by frame. What is not there, or not of its image's size, is not used.
     fn others(
         &self,
-        frames: &[Found],
+        frames: &[ImageFrame],
         others: &Others,
         builder: &mut CaptureBuilder,
         faults: &mut Faults,
@@ -231,4 +247,64 @@ impl Below<'_> {
             Err(reason) => faults.add(self.file, "field `ply_file_path`", reason, REMEDY),
         }
     }
+}
+
+/// Images of one place, lens and part at different frames are one camera.
+fn group(entries: Vec<Entry>, builder: &mut CaptureBuilder) {
+    let cameras = &mut builder.cameras;
+    let mut known: HashMap<(Vec<u64>, bool), usize> = HashMap::new();
+    for Entry { camera, distortion, shot, .. } in entries {
+        let Intrinsics { width, height, fx, fy, cx, cy } = camera.intrinsics;
+        let (pose, lens) = (camera.world_to_camera.rows(), [fx, fy, cx, cy, width.into(), height.into()]);
+        let numbers = pose.as_flattened().iter().chain(&lens);
+        let key = (numbers.map(|v| v.to_bits()).collect(), camera.is_test);
+        let at = known.get(&key).copied();
+        match at.filter(|&at| cameras[at].shots.iter().all(|other| other.frame != shot.frame)) {
+            Some(at) => cameras[at].shots.push(shot),
+            None => {
+                known.insert(key, cameras.len());
+                builder.distorted.insert(camera.name.clone(), distortion);
+                cameras.push(Camera { shots: vec![shot], ..camera });
+            }
+        }
+    }
+}
+
+/// Each image's frame and the number of frames. Times must lie on a grid of their greatest common divisor, from frame 0.
+fn frames_of(entries: &[Entry]) -> Result<(Vec<u32>, u32), String> {
+    let times: Vec<f64> = entries.iter().filter_map(|entry| entry.time).collect();
+    if times.is_empty() {
+        return Ok((vec![0; entries.len()], 1));
+    }
+    if times.len() != entries.len() {
+        return Err(format!("{} of {} frames have one", times.len(), entries.len()));
+    }
+    if let Some(time) = times.iter().find(|time| !time.is_finite()) {
+        return Err(format!("is {time}"));
+    }
+    let mut sorted = times.clone();
+    sorted.sort_unstable_by(f64::total_cmp);
+    let (first, span) = (sorted[0], sorted[sorted.len() - 1] - sorted[0]);
+    let tolerance = TIME_TOLERANCE * span.max(f64::MIN_POSITIVE);
+    let gaps = sorted.windows(2).map(|pair| pair[1] - pair[0]).filter(|gap| *gap > tolerance);
+    let smallest_gap = gaps.clone().fold(f64::INFINITY, f64::min);
+    // Rounded times leave remainders that a smaller step would only follow, hence the bound.
+    let step = gaps.fold(0.0_f64, |step, gap| {
+        let (mut a, mut b) = (step.max(gap), step.min(gap));
+        let smallest = GRID_TOLERANCE * if b > 0.0 { b } else { a };
+        while b > smallest {
+            (a, b) = (b, (a % b).min(b - a % b));
+        }
+        a
+    });
+    if step == 0.0 {
+        return Ok((vec![0; entries.len()], 1));
+    }
+    let n_frames = (span / step).round() + 1.0;
+    let grid = times.iter().map(|time| (time - first) / step);
+    let too_fine = step * MAX_DIVISION < smallest_gap || n_frames > f64::from(MAX_FRAMES);
+    if too_fine || grid.clone().any(|f| (f - f.round()).abs() > GRID_TOLERANCE) {
+        return Err(format!("the {} times lie on no common grid of frames", times.len()));
+    }
+    Ok((grid.map(|f| f.round() as u32).collect(), n_frames as u32))
 }

@@ -4,15 +4,14 @@ use std::collections::HashMap;
 use std::fs;
 use std::path::Path;
 
-use super::entry::{Entry, REMEDY};
+use super::{Entry, REMEDY};
 use crate::scene::capture::report::Faults;
 
 /// How far two poses may differ, in any entry, to be one: files are written with as few digits.
 const SAME_POSE: f64 = 1e-6;
 
-/// Adds the test views to the training views. A view that is both would be scored as held out though it was trained on: it is left
-/// out of training, unless less than half of the training would remain; then it is left out of the test views. Whether any test
-/// view is left.
+/// Adds the test views to the training views, and tells if any is left. A view that is both leaves training, unless less than half of
+/// that would remain; then it leaves the test views.
 pub(super) fn join(entries: &mut Vec<Entry>, mut tests: Vec<Entry>, notes: &mut Vec<String>) -> bool {
     tests.iter_mut().for_each(|entry| entry.camera.is_test = true);
     let mut by_image: HashMap<&Path, usize> = HashMap::new();
@@ -54,7 +53,7 @@ fn cell(entry: &Entry) -> [i64; 3] {
     entry.camera.world_to_camera.translation.to_array().map(|v| (v / 1e-3).round() as i64)
 }
 
-/// Whether two views have one pose, one time and one picture.
+/// True if two views have one pose, one time and one picture.
 fn is_same(a: &Entry, b: &Entry) -> bool {
     let rows = [a, b].map(|entry| entry.camera.world_to_camera.rows());
     let size = a.camera.world_to_camera.translation.abs().max_element().max(1.0);

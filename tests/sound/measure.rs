@@ -4,12 +4,16 @@ use std::f64::consts::PI;
 
 use realfft::num_complex::Complex64;
 
-use super::FS;
-use super::align::peak;
-use super::geometry::degrees;
-use super::hrtf::{HrtfSet, Lookup};
-use super::spectrum::{Spectra, good_length};
-use super::wola::Baker;
+use ivv::report::statistics::mean;
+use ivv::sound::FS;
+use ivv::sound::align::peak;
+use ivv::sound::geometry::degrees;
+use ivv::sound::hrtf::{HrtfSet, Lookup};
+use ivv::sound::pose::PoseTrack;
+use ivv::sound::render::SPEED_OF_SOUND;
+use ivv::sound::scene_file::SoundScene;
+use ivv::sound::spectrum::{Spectra, good_length};
+use ivv::sound::wola::Baker;
 
 /// Up to this frequency the ear uses differences of time, hertz.
 const ITD_BAND: f64 = 1500.0;
@@ -172,4 +176,52 @@ impl Localiser {
 /// An angle in (-180, 180].
 pub fn wrap_degrees(angle: f64) -> f64 {
     180.0 - (180.0 - angle).rem_euclid(360.0)
+}
+
+/// Samples over which direction and level are judged.
+const FRAME: usize = 4096;
+
+/// How far a rendering is from the truth.
+#[derive(Clone, Copy, Debug)]
+pub struct Difference {
+    /// Mean error of azimuth, degrees.
+    pub azimuth: f64,
+    /// Mean error of level, decibels.
+    pub level: f64,
+    /// Frames that were judged.
+    pub frames: usize,
+}
+
+/// Compares what a template localiser hears in a rendering and in the truth, frame by frame.
+///
+/// `late` is by how many seconds the truth is later than the rendering at a time; the paper's modes leave that out.
+pub fn compare(rendered: &[[f32; 2]], truth: &[[f32; 2]], hrtf: &HrtfSet, late: impl Fn(f64) -> f64) -> Difference {
+    let mut localiser = Localiser::new(hrtf, FRAME);
+    let (mut azimuths, mut levels) = (Vec::new(), Vec::new());
+    // Nothing was said before the recording began, so its first moments are no matter.
+    for start in (FRAME / 2..rendered.len().saturating_sub(FRAME)).step_by(FRAME / 2) {
+        let middle = (start + FRAME / 2) as f64 / f64::from(FS);
+        let there = start as f64 + late(middle) * f64::from(FS);
+        if there < 0.0 || there as usize + FRAME > truth.len() {
+            continue;
+        }
+        let (heard, meant) = (
+            &rendered[start..start + FRAME],
+            &truth[there.round() as usize..][..FRAME.min(truth.len() - there.round() as usize)],
+        );
+        if let (Some(a), Some(b)) = (localiser.azimuth(heard), localiser.azimuth(meant)) {
+            azimuths.push(wrap_degrees(a - b).abs());
+            levels.push((level_db(heard) - level_db(meant)).abs());
+        }
+    }
+    assert!(!azimuths.is_empty(), "no frame of both holds sound");
+    let mean = |values: &[f64]| mean(values.iter().copied()).unwrap_or(0.0);
+    Difference { azimuth: mean(&azimuths), level: mean(&levels), frames: azimuths.len() }
+}
+
+/// By how much later a scene's first source is heard by a head than in the recording, seconds.
+pub fn lateness(scene: &SoundScene, head: &PoseTrack, t: f64) -> f64 {
+    let source = scene.sources.first().and_then(|source| source.track.at(t)).unwrap_or_default();
+    let way = source.distance(head.at(t).p) - source.distance(scene.mic.pose.at(t).p);
+    way * scene.metres_per_unit.unwrap_or(0.0) / SPEED_OF_SOUND
 }

@@ -1,25 +1,21 @@
 //! Finding the pictures of a camera that a calibration names.
 
-mod order;
-
 use std::collections::HashSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-pub(in crate::prepare) use self::order::{by_number, numbered};
 use crate::prepare::foreign::{Kind, converted, counts, kind, of_most};
 use crate::prepare::source::recording::{Footage, SourceCamera};
-use crate::scene::capture::{Faults, Shot, is_hidden, is_image, relative};
+use crate::scene::capture::{Faults, Shot, by_number, camera_place, is_hidden, is_image, relative};
 use crate::video::{chapters, is_later_chapter};
+use crate::words::listed;
 
 const VIDEOS: [&str; 9] = ["mp4", "mov", "mkv", "avi", "webm", "m4v", "mts", "m2ts", "mxf"];
 /// Folders of videos, or of folders of images, below a source.
 const FOLDERS: [&str; 5] = ["", "videos", "images", "calibration/extrinsic", "recordings"];
-/// Files that a message names.
-const NAMED: usize = 5;
 
-/// The video `<folder>/<name>.mp4` (or of another ending), the images of `<folder>/<name>` or `<folder>/<name>/images`, the first of
-/// them being frame 0 (what their numbers leave out is missing), or the one clip in `<folder>/<name>`.
+/// The video `<folder>/<name>.mp4` (or another ending), the images of `<folder>/<name>` or its `images`, numbered from the first on, or
+/// the one clip in `<folder>/<name>`.
 pub(in crate::prepare) fn find(footage: &Path, name: &str) -> Option<Footage> {
     FOLDERS.iter().find_map(|folder| {
         let stem = footage.join(folder).join(name);
@@ -48,7 +44,7 @@ pub(super) fn clips(folder: &Path) -> Vec<PathBuf> {
     files
 }
 
-/// What a folder holds that is not hidden, in the order of numbers.
+/// The entries of a folder that are not hidden, in the order of numbers.
 pub(in crate::prepare) fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut files: Vec<PathBuf> = entries.filter(|path| !is_hidden(path)).collect();
@@ -58,7 +54,7 @@ pub(in crate::prepare) fn files(folder: &Path) -> Vec<PathBuf> {
 
 /// As [`find`]; that there is none, or that the name leads out of the folder, is a fault of the calibration.
 pub(super) fn take(footage: &Path, name: &str, calibration: &Path, faults: &mut Faults) -> Option<Footage> {
-    let place = || format!("camera `{}`", name.escape_debug());
+    let place = || camera_place(name);
     if let Err(reason) = relative(name) {
         faults.add(calibration, place(), reason, "rename the camera");
         return None;
@@ -75,7 +71,6 @@ pub(super) fn take(footage: &Path, name: &str, calibration: &Path, faults: &mut 
     found
 }
 
-/// Why a camera has no footage, and what to do.
 fn absent(footage: &Path, name: &str) -> (String, String) {
     let place = footage.display();
     let reason = "has neither a video nor images";
@@ -93,7 +88,7 @@ fn absent(footage: &Path, name: &str) -> (String, String) {
             folder.display(),
             clips.iter().map(|clip| format!("'{}'", name_of(clip))).collect::<Vec<_>>().join(" "),
         );
-        return (format!("has {} clips in {}: {}", clips.len(), folder.display(), some(&clips)), remedy);
+        return (format!("has {} clips in {}: {}", clips.len(), folder.display(), listed(&names(&clips))), remedy);
     }
     let held = files(&folder);
     let holds = if held.is_empty() { "is empty".to_owned() } else { format!("holds {}", counts(&held)) };
@@ -102,7 +97,6 @@ fn absent(footage: &Path, name: &str) -> (String, String) {
     (format!("{reason}: {} {holds}", folder.display()), remedy)
 }
 
-/// What is worth knowing about the files that became the cameras' footage.
 pub(super) fn notes(cameras: &[SourceCamera]) -> Vec<String> {
     let mut notes = Vec::new();
     let mut begins: Vec<(String, u64)> = Vec::new();
@@ -121,7 +115,7 @@ pub(super) fn notes(cameras: &[SourceCamera]) -> Vec<String> {
                         "camera `{}`: {} chapters of one take are joined: {}",
                         camera.name,
                         parts.len(),
-                        some(&parts)
+                        listed(&names(&parts))
                     ));
                 }
             }
@@ -163,24 +157,21 @@ fn name_of(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Names of files, the first few.
-fn some(files: &[PathBuf]) -> String {
-    let named: Vec<String> = files.iter().take(NAMED).map(|file| name_of(file)).collect();
-    format!("{}{}", named.join(", "), if files.len() > NAMED { ", ..." } else { "" })
+fn names(files: &[PathBuf]) -> Vec<String> {
+    files.iter().map(|file| name_of(file)).collect()
 }
 
-/// Whether a path is a video, by its ending.
 pub(in crate::prepare) fn is_video(path: &Path) -> bool {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
     !is_hidden(path) && ending.is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)) && path.is_file()
 }
 
-/// Whether a film has the ending of those that phones put beside a photo, with its name (Live Photo).
+/// True if a film has the ending of those that phones put beside a photo, with its name (Live Photo).
 pub(super) fn is_of_phone(film: &Path) -> bool {
     film.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mov"))
 }
 
-/// Whether a folder of a source holds a video, or a folder of each of several cameras with a clip. The short film of a Live Photo is none.
+/// True if a folder of a source holds a video, or folders of several cameras with a clip each; the film of a Live Photo is none.
 pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
     let is_loose = FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok()).any(|entries| {
         let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
@@ -194,8 +185,7 @@ pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
     is_loose || (loose_names(footage).is_empty() && camera_folders(footage).len() > 1)
 }
 
-/// Names of all videos in the folders of a source, without ending, in the order of numbers; where there is none, those of the folders
-/// that hold one clip each.
+/// Names of all videos in the folders of a source, in the order of numbers; else of the folders that hold one clip each.
 pub(in crate::prepare) fn video_names(footage: &Path) -> Vec<String> {
     let names = loose_names(footage);
     if names.is_empty() { camera_folders(footage) } else { names }
@@ -206,7 +196,6 @@ fn loose_names(footage: &Path) -> Vec<String> {
     sorted(videos.filter_map(|path| Some(path.file_stem()?.to_str()?.to_owned())))
 }
 
-/// Names of folders of one clip each.
 fn camera_folders(footage: &Path) -> Vec<String> {
     let folders = FOLDERS.iter().flat_map(|folder| files(&footage.join(folder)));
     let cameras = folders.filter(|path| path.is_dir() && clips(path).len() == 1);
@@ -250,4 +239,23 @@ fn images(folder: &Path) -> Option<Footage> {
     let shots = frames.into_iter().zip(files).map(|(frame, image)| Shot { frame, image, ..Shot::default() });
     let shots: Vec<Shot> = shots.collect();
     (!shots.is_empty()).then_some(Footage::Images(shots))
+}
+
+/// The frames of `files` by the numbers that their names end with, so that a lost image does not move later ones. None where the names
+/// are not numbers in even steps, such as times.
+pub(super) fn numbered(files: &[PathBuf]) -> Option<Vec<u32>> {
+    let split = |path: &PathBuf| -> Option<(String, u64)> {
+        let stem = path.file_stem()?.to_str()?;
+        let text = stem.trim_end_matches(|c: char| c.is_ascii_digit());
+        Some((text.to_owned(), stem[text.len()..].parse().ok()?))
+    };
+    let names: Vec<(String, u64)> = files.iter().map(split).collect::<Option<_>>()?;
+    let (text, first) = names.first()?;
+    let steps: Vec<u64> = names.windows(2).map(|two| two[1].1.checked_sub(two[0].1)).collect::<Option<_>>()?;
+    let step = steps.iter().copied().min().unwrap_or(1).max(1);
+    let is_even = steps.iter().all(|&n| n > 0 && n % step == 0) && names.iter().all(|(other, _)| other == text);
+    let frames = names.iter().map(|(_, number)| u32::try_from((number - first) / step).ok());
+    let frames: Vec<u32> = frames.collect::<Option<_>>()?;
+    let most_are_there = frames.last().is_some_and(|&last| (last as usize) < 2 * files.len());
+    (is_even && most_are_there).then_some(frames)
 }
