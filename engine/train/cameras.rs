@@ -258,7 +258,7 @@ impl Cameras {
         grid: Option<OwnGrid>,
     ) {
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
-            let (d_graded, tv_weight) = (&graded.d_image, terms::grid_variation_weight(&self.config));
+            let (d_graded, tv_weight) = (&graded.d_image, terms::GRID_VARIATION_WEIGHT);
             let back = GradedBack { image: rendered, d_graded, d_image: d_rendered, size, tv_weight };
             graded.grids.record_backward(rec, grid.place, &back);
         }

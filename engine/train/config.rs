@@ -145,16 +145,10 @@ settings! {
         depth: f64 = 1.0, "", Range::NOT_NEGATIVE;
         /// Whether inverse depths or depths are compared.
         depth_space: DepthSpace = DepthSpace::Inverse, "", Range::Word(&["inverse", "metric"]);
-        /// Whether the depth error moves centres only, and leaves opacities and shapes alone.
-        depth_detach_alpha: bool = false, "", Range::Switch;
         /// Weight of the flow error, where the capture has optical flow.
         flow: f64 = 0.1, "", Range::NOT_NEGATIVE;
-        /// Whether the rendered flow includes the motion of the camera; auto includes it where a camera moves.
-        flow_model: FlowChoice = FlowChoice::Auto, "", Range::Word(&["auto", "velocity", "displacement"]);
         /// Weight of the squared time offsets.
         offset: f64 = 1e-4, "", Range::NOT_NEGATIVE;
-        /// Weight of the total variation of the bilateral grids.
-        grid_variation: f64 = 10.0, "", Range::NOT_NEGATIVE;
         /// SSIM at every pixel (1), or at every second pixel of every second row (2).
         ssim_stride: u32 = 1, "pixels", Range::OneOf(&[1, 2]);
         /// Weight of LPIPS, where loss.lpips_weights names a file.
@@ -163,22 +157,7 @@ settings! {
         lpips_weights: Option<PathBuf> = None, "", Range::Path;
         /// Side of the square that LPIPS looks at; 0 for the whole image.
         lpips_crop: u32 = 0, "pixels", Range::Whole(0, u32::MAX as u64);
-        /// LPIPS counts in every n-th step, with n times the weight.
-        lpips_every: u64 = 1, "steps", Range::Whole(1, u64::MAX);
     }
-}
-
-/// What the rendered flow is, see [`crate::scene::FlowModel`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FlowChoice {
-    /// The displacement where a camera moves, whose flow the priors hold too; the velocity elsewhere.
-    #[default]
-    Auto,
-    /// The projected velocity (paper).
-    Velocity,
-    /// The displacement, by the camera's motion too.
-    Displacement,
 }
 
 /// Where the first Gaussians come from.

@@ -43,8 +43,8 @@ pub use average::Average;
 pub use base::Base;
 pub use checkpoint::{CameraState, Checkpoint, Owed, StepRoom};
 pub use config::{
-    Config, Density, FlowChoice, GridKind, Init, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required,
-    Resolution, Round, Strategy, all_settings,
+    Config, Density, GridKind, Init, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution, Round,
+    Strategy, all_settings,
 };
 pub use density::{density_round, noise, regularisers};
 pub use depth_fit::{DepthFits, DepthSummary, fit_depths};

@@ -1,6 +1,6 @@
 //! What a trainer needs to know of a capture beside its pictures.
 
-use super::config::{Config, FlowChoice, PoseKind};
+use super::config::{Config, PoseKind, Rate};
 use super::init::cameras_look_inward;
 use super::lenses;
 use super::terms::{self, TermData};
@@ -103,12 +103,7 @@ impl Setup {
             has_grid: if may_have_grids && config.required.grids_at == 0.0 { trained } else { Vec::new() },
             most_grids: if may_have_grids { n_trained } else { 0 },
             data: terms::data(config, capture),
-            flow_model: match config.loss.flow_model {
-                FlowChoice::Velocity => FlowModel::Velocity,
-                FlowChoice::Displacement => FlowModel::Displacement,
-                FlowChoice::Auto if capture.cameras.iter().any(Camera::moves) => FlowModel::Displacement,
-                FlowChoice::Auto => FlowModel::Velocity,
-            },
+            flow_model: flow_model(capture),
             shows_background,
             varies_background: config.vary_background && !shows_background && cameras_look_inward(capture),
         }
@@ -123,6 +118,11 @@ fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     let firsts = cameras.iter().map(|(_, camera)| camera.shots[0].image.as_path());
     let with_alpha: Vec<&Path> = firsts.filter(|image| has_alpha(image)).collect();
     let some: Vec<&Path> =
+/// The displacement where a camera moves, whose flow the priors hold too; elsewhere the projected velocity, as in the paper.
+fn flow_model(capture: &Capture) -> FlowModel {
+    if capture.cameras.iter().any(Camera::moves) { FlowModel::Displacement } else { FlowModel::Velocity }
+}
+
         with_alpha.iter().step_by(with_alpha.len().div_ceil(MOST_LOOKED_AT).max(1)).copied().collect();
     let shows_through = in_parallel(some.len(), threads(), |k| Ok(is_transparent(some[k])), |_| {});
     if shows_through.unwrap_or_default().contains(&true) {

@@ -11,16 +11,10 @@ use std::path::Path;
 pub(super) const TERM: TermKind = TermKind {
     logged: &[Logged { key: "lpips", plot: "LPIPS of training images", from_zero: true }],
     new: |gpu, config, _| {
-        let Loss { lpips, lpips_crop, lpips_every, .. } = config.loss;
+        let Loss { lpips, lpips_crop, .. } = config.loss;
         let Some(file) = config.loss.lpips_file() else { return Ok(None) };
         let network = Lpips::load(gpu, file)?;
-        Ok(Some(Box::new(Perceptual {
-            network,
-            weight: lpips,
-            crop: lpips_crop,
-            every: lpips_every,
-            seed: config.seed,
-        })))
+        Ok(Some(Box::new(Perceptual { network, weight: lpips, crop: lpips_crop, seed: config.seed })))
     },
     ..TermKind::NONE
 };
@@ -56,10 +50,6 @@ struct Perceptual {
 }
 
 impl Perceptual {
-    fn is_due(&self, shown: &Shown) -> bool {
-        shown.step.is_multiple_of(self.every)
-    }
-
     /// First column and row, and size, of what is compared.
     fn part(&self, shown: &Shown) -> [[u32; 2]; 2] {
         let Shown { step, size, .. } = *shown;
@@ -72,17 +62,14 @@ impl Perceptual {
 
 impl Term for Perceptual {
     fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
-        if !self.is_due(shown) {
-            return Ok(None);
-        }
         let [origin, crop] = self.part(shown);
         // Of a picture that its trunk cannot see there is none, as there is no score.
         if self.network.scratch_bytes(crop, true).is_err() {
             return Ok(None);
         }
         let compared = stage::Compared { image: on.image, truth: on.truth, size: shown.size, origin, crop };
-        let weight = (self.weight * self.every as f64) as f32;
-        self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.d_image, weight })).map(Some)
+        let cotangent = Cotangent { d_image: on.d_image, weight: self.weight as f32 };
+        self.network.record(gpu, rec, &compared, Some(cotangent)).map(Some)
     }
 
     fn parts(&self, _: &Shown, [value, ..]: [f32; 4]) -> Vec<Part> {
