@@ -1,7 +1,7 @@
 //! What of the cameras is learnt beside the Gaussians: clocks, poses and bilateral grids.
 
 use super::checkpoint::CameraState;
-use super::config::{Config, GridKind, PoseKind};
+use super::config::{Config, GridKind, PoseKind, Rate};
 use super::density::recovered_from;
 use super::setup::Setup;
 use super::terms::{self, WithCotangent};
@@ -18,6 +18,8 @@ use std::path::Path;
 const POSES_FROM: f64 = 0.1;
 /// When it is judged whether the poses of a clip differ from the capture's, of the run.
 const POSES_JUDGED: f64 = 0.3;
+/// Learning rate of the colour maps, that of the authors of bilateral grids (SPEC 6). It does not follow the length of a run.
+const GRID_RATE: f64 = 2e-3;
 /// Longest shift of a camera, scene extents.
 const MOST_SHIFT: f64 = 0.1;
 
@@ -48,6 +50,7 @@ pub(super) struct Cameras {
     /// Whether poses have been learnt already, in a run that may have been shorter.
     has_learnt_poses: bool,
     learns_pose: Vec<Option<DVec3>>,
+    pose_rate: Rate,
     /// Of the scene, scene units.
     extent: f64,
     graded: Option<Graded>,
@@ -155,6 +158,7 @@ impl Cameras {
             poses: None,
             has_learnt_poses: false,
             learns_pose,
+            pose_rate: setup.pose_rate,
             extent: setup.extent.radius,
             graded: Graded::new(gpu, config, setup)?,
             kept: None,
@@ -334,7 +338,7 @@ impl Cameras {
                 is_free: graded.is_free,
                 is_affine: self.config.grids == GridKind::Affine,
                 camera_step: grid.step,
-                rate: lr.grid.at(done),
+                rate: GRID_RATE,
             };
             graded.grids.record_step(rec, grid.place, &at, &work.status);
         }
@@ -344,8 +348,8 @@ impl Cameras {
         if let Some(poses) = self.poses_at(step, total) {
             let at = PoseStep {
                 camera: camera as u32,
-                turn_rate: lr.pose_turn.at(done) * pace,
-                shift_rate: lr.pose_shift.at(done) * pace * self.extent,
+                turn_rate: self.pose_rate.at(done) * pace,
+                shift_rate: self.pose_rate.at(done) * pace * self.extent,
                 most_shift: MOST_SHIFT * self.extent,
             };
             poses.record_step(rec, (&backward.d_camera, &work.view), &work.status, &at);

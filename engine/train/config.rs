@@ -366,10 +366,8 @@ settings! {
         /// Longest standard deviation of a Gaussian whose position has the rate `lr.position`. Positions of others have theirs
         /// in proportion to the size, from a quarter to sixteen times. 0: all have the same, as in 3DGS.
         position_size: f64 = 0.012, "scene extents", Range::NOT_NEGATIVE;
-        /// Learning rate of the constant colour.
-        sh0: Rate = Rate::constant(2.5e-3), "", Range::Rate;
-        /// Learning rate of the higher spherical harmonics.
-        sh_rest: Rate = Rate::constant(1.25e-4), "", Range::Rate;
+        /// Learning rate of the constant colour. The higher spherical harmonics have a twentieth of it, as in 3DGS.
+        sh: Rate = Rate::constant(2.5e-3), "", Range::Rate;
         /// Learning rate of opacities, as logits.
         opacity: Rate = Rate::constant(2.5e-2), "", Range::Rate;
         /// Learning rate of scales, as logarithms.
@@ -384,12 +382,6 @@ settings! {
         t_scale: Rate = Rate::constant(3e-2), "", Range::Rate;
         /// Learning rate of the cameras' time offsets.
         offset: Rate = Rate::constant(1e-3), "frames", Range::Rate;
-        /// Learning rate of the turns of the cameras' poses.
-        pose_turn: Rate = Rate { start: 3e-5, end: 3e-7 }, "radians", Range::Rate;
-        /// Learning rate of the shifts of the cameras' poses.
-        pose_shift: Rate = Rate { start: 3e-5, end: 3e-7 }, "scene extents", Range::Rate;
-        /// Learning rate of the colour maps.
-        grid: Rate = Rate::constant(2e-3), "", Range::Rate;
     } with {
         /// How much larger they are in a shorter run.
         pace: Pace,

@@ -19,6 +19,10 @@ const LEVELS_ALIKE: i32 = 2;
 /// 0.06 % of the darkest has.
 const MOST_BEHIND: f64 = 0.05;
 
+/// The learning rate of poses in a run of 30,000 steps. It falls like that of positions, but is lower: a scene can follow its cameras, and
+/// a calibration is seldom far off.
+const POSE_RATE: Rate = Rate { start: 3e-5, end: 3e-7 };
+
 /// A capture, to a trainer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
@@ -47,6 +51,8 @@ pub struct Setup {
     pub data: TermData,
     /// What the rendered flow is, to be like the priors'.
     pub flow_model: FlowModel,
+    /// Learning rate of the poses: of turns in radians, of shifts in scene extents.
+    pub pose_rate: Rate,
     /// Whether images show the background: it shows through them, or much of what they show has its colour.
     pub shows_background: bool,
     /// Whether each image of a step has a background of its own colour.
@@ -69,6 +75,7 @@ impl Setup {
             most_grids: 0,
             data: TermData::NONE,
             flow_model: FlowModel::Velocity,
+            pose_rate: POSE_RATE,
             shows_background: true,
             varies_background: false,
         }
@@ -99,6 +106,7 @@ impl Setup {
                 PoseKind::Learnt => centers(capture),
                 PoseKind::Auto | PoseKind::Given => Vec::new(),
             },
+            pose_rate: POSE_RATE,
             // Those that are required come later.
             has_grid: if may_have_grids && config.required.grids_at == 0.0 { trained } else { Vec::new() },
             most_grids: if may_have_grids { n_trained } else { 0 },
@@ -110,6 +118,11 @@ impl Setup {
     }
 }
 
+/// The displacement where a camera moves, whose flow the priors hold too; elsewhere the projected velocity, as in the paper.
+fn flow_model(capture: &Capture) -> FlowModel {
+    if capture.cameras.iter().any(Camera::moves) { FlowModel::Displacement } else { FlowModel::Velocity }
+}
+
 /// Whether training images of `capture` show the `background`: it shows through some, or much of most has its very colour, as where a
 /// single object was cut out. Some images are looked at, of cameras and times evenly chosen: a clip may fade in from black.
 fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
@@ -118,11 +131,6 @@ fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     let firsts = cameras.iter().map(|(_, camera)| camera.shots[0].image.as_path());
     let with_alpha: Vec<&Path> = firsts.filter(|image| has_alpha(image)).collect();
     let some: Vec<&Path> =
-/// The displacement where a camera moves, whose flow the priors hold too; elsewhere the projected velocity, as in the paper.
-fn flow_model(capture: &Capture) -> FlowModel {
-    if capture.cameras.iter().any(Camera::moves) { FlowModel::Displacement } else { FlowModel::Velocity }
-}
-
         with_alpha.iter().step_by(with_alpha.len().div_ceil(MOST_LOOKED_AT).max(1)).copied().collect();
     let shows_through = in_parallel(some.len(), threads(), |k| Ok(is_transparent(some[k])), |_| {});
     if shows_through.unwrap_or_default().contains(&true) {

@@ -123,8 +123,7 @@ fn maps_follow_the_light_of_a_part() {
         darker.iter_mut().for_each(|level| *level = (0.7 * f64::from(*level)).round() as u8);
         darker.save(file).unwrap();
     }
-    let on_top =
-        ["train", capture, "-o", text(&part), "--base", text(&base), "--steps", "400", "--set", "lr.grid=0.02"];
+    let on_top = ["train", capture, "-o", text(&part), "--base", text(&base), "--steps", "1200"];
     works(&[&on_top[..], &SHORT[2..]].concat());
     let mean_gain = |run: &Path| {
         let cameras = Checkpoint::newest(&run.join("checkpoints")).unwrap().unwrap().cameras;
