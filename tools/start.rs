@@ -56,10 +56,10 @@ impl Start {
                 alert!("{reason}");
             }
             capture = base.calibrated(capture)?;
-        } else if !config.trains_static {
-            let remedy = "name with --base the run that has the static scene, or set trains_static=true";
+        } else if config.holds_static {
+            let remedy = "name with --base the run that has the static scene, or leave holds_static out";
             let file = args.settings.file().unwrap_or(Path::new("settings"));
-            return Err(Error::data(file, "trains_static", "is false, but no --base is given", remedy).into());
+            return Err(Error::data(file, "holds_static", "is true, but no --base is given", remedy).into());
         }
         let capture = shown(capture, &config);
         let mut run = Run::new(&capture, Constants::default())?;
@@ -238,7 +238,7 @@ pub fn capture(args: &Args, config: &Config) -> anyhow::Result<Capture> {
 
 /// What a run learns from: photographs show what rests, which teaches a run nothing that leaves that alone.
 pub fn shown(capture: Capture, config: &Config) -> Capture {
-    if config.trains_static { capture } else { capture.without_photos() }
+    if config.holds_static { capture.without_photos() } else { capture }
 }
 
 /// Images that are trained on.

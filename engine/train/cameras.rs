@@ -106,7 +106,7 @@ fn n_filming_grids(setup: &Setup) -> usize {
 /// Whether nothing fixes the tint that all cameras have in common: each trained camera that films has a grid, and all colours are
 /// trained. Photographs do not fix it, since they show the light of another day.
 fn is_free(config: &Config, setup: &Setup) -> bool {
-    config.trains_static && n_filming_grids(setup) == setup.n_filming
+    !config.holds_static && n_filming_grids(setup) == setup.n_filming
 }
 
 impl Graded {
@@ -114,7 +114,7 @@ impl Graded {
     fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Option<Self>> {
         let is_free = is_free(config, setup);
         // The gauge sees all grids at a time, and may be told only during the run that it is free.
-        let may_be_free = is_free || (config.trains_static && setup.has_grid.is_empty());
+        let may_be_free = is_free || (!config.holds_static && setup.has_grid.is_empty());
         let (needed, limit) = (setup.most_grids as u64 * (GRID_BYTES / 3), gpu.caps().max_binding_bytes);
         if may_be_free && needed > limit {
             return Err(Error::OutOfMemory {
@@ -439,14 +439,14 @@ mod tests {
     #[test]
     fn the_tint_is_free_where_each_camera_that_films_has_a_grid_and_colours_are_trained() {
         // Three cameras, one of them for tests, and two photographs.
-        let is_free = |has_grid: [bool; 5], trains_static: bool| {
+        let is_free = |has_grid: [bool; 5], holds_static: bool| {
             let plain = Setup::plain(Extent { center: [0.0; 3], radius: 1.0 }, 0.1);
             let setup = Setup { has_grid: has_grid.to_vec(), n_filming: 2, first_photo: 3, ..plain };
-            is_free(&Config { trains_static, ..Config::default() }, &setup)
+            is_free(&Config { holds_static, ..Config::default() }, &setup)
         };
-        assert!(is_free([true, false, true, true, true], true));
-        assert!(is_free([true, false, true, true, false], true), "a photograph holds no tint");
-        assert!(!is_free([false, false, true, true, true], true), "a camera without a grid does");
-        assert!(!is_free([true, false, true, true, true], false), "and so do colours that stay");
+        assert!(is_free([true, false, true, true, true], false));
+        assert!(is_free([true, false, true, true, false], false), "a photograph holds no tint");
+        assert!(!is_free([false, false, true, true, true], false), "a camera without a grid does");
+        assert!(!is_free([true, false, true, true, true], true), "and so do colours that stay");
     }
 }

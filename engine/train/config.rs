@@ -56,9 +56,6 @@ settings! {
         init_point_tau: f64 = 2.0, "frames", Range::POSITIVE;
         /// How long points at rest are visible with init=flow; 0 makes them static for good.
         init_static_tau: f64 = 10.0, "clips", Range::NOT_NEGATIVE;
-        /// Whether static Gaussians are trained. False on top of another run alone (`--base`): they stay as they began, and are neither
-        /// pruned nor cloned nor split.
-        trains_static: bool = true, "", Range::Switch;
         /// How many evenly spread directions are checked at the end of a run. Where no training camera sees one, but a camera sees close
         /// to it, a large static Gaussian is put behind the scene, in the colour seen next to it. 0 leaves black holes there. None where
         /// images show the background, where it shows through the scene, and where there would be more than max_gaussians; density control
@@ -88,6 +85,9 @@ settings! {
         loss: Loss,
         /// Learning rates.
         lr: LearningRates,
+        /// No setting: true in a run on top of another (`--base`), which keeps that run's static Gaussians as they are.
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        holds_static: bool,
         /// Where Gaussians are added and removed.
         density: Density,
         /// Whether the first part of the run sees smaller images.

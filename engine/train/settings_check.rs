@@ -65,6 +65,7 @@ fn leaves(prefix: &str, settings: &Value, names: &mut Vec<String>) {
                 match prefix {
                     // The record of the preset is not a setting.
                     "" if key == "preset" && !value.is_string() => {}
+                    "" if key == "holds_static" && value.is_boolean() => {}
                     "" => leaves(key, value, names),
                     prefix => leaves(&format!("{prefix}.{key}"), value, names),
                 }

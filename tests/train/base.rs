@@ -56,7 +56,7 @@ fn a_part_of_a_clip_is_trained_on_top_of_a_run_over_the_clip() {
     let run = Run::read(&part).unwrap();
     let config: Config = serde_json::from_value(json(&part.join("config.json"))).unwrap();
     assert!(
-        !config.offsets && !config.trains_static && json(&part.join("train.json"))["offsets"] == serde_json::json!([])
+        !config.offsets && config.holds_static && json(&part.join("train.json"))["offsets"] == serde_json::json!([])
     );
     let below = Checkpoint::newest(&base.join("checkpoints")).unwrap().unwrap();
     let fps = Run::read(&base).unwrap().held.fps;
@@ -76,7 +76,7 @@ fn a_part_of_a_clip_is_trained_on_top_of_a_run_over_the_clip() {
     let alone = tiny.folder.join("alone");
     let settings = part.join("config.json");
     let told = fails(&["train", capture, "-o", text(&alone), "--config", text(&settings)], 3);
-    assert!(told.contains("trains_static") && told.contains("--base") && !alone.exists(), "{told}");
+    assert!(told.contains("holds_static") && told.contains("--base") && !alone.exists(), "{told}");
 
     let other = tiny.folder.join("other");
     let first = tiny.capture.cameras[0].name.as_str();

@@ -167,7 +167,7 @@ fn what_moves_is_told_from_what_stands_still_and_how_it_moves() {
     let hull_frames: BTreeSet<u32> = all.motion[..n_hull].iter().map(|m| (6.0 * m.t_center).round() as u32).collect();
     assert_eq!(hull_frames, BTreeSet::from([1, 3, 5]));
     // Where nothing that rests is trained, what moves is the same.
-    let (moving, alone) = first(capture, &Config { trains_static: false, ..config(Init::Auto) });
+    let (moving, alone) = first(capture, &Config { holds_static: true, ..config(Init::Auto) });
     assert!(alone.n_static == 0 && alone.motion == all.motion && moving.n_hulls == 3, "{moving}");
 }
 

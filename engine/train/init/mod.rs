@@ -124,7 +124,7 @@ impl Initial {
 #[tracing::instrument(level = "info", name = "initialise", skip_all)]
 pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let mut initial =
-        if config.trains_static { all(capture, config, progress)? } else { moving(capture, config, progress)? };
+        if config.holds_static { moving(capture, config, progress)? } else { all(capture, config, progress)? };
     if capture.has_photos() {
         let mut splats = of_photos(capture, config)?;
         initial.n_photos = splats.len();
@@ -232,7 +232,7 @@ fn from_pictures(
     };
     let hull_frames = if has_hulls { hull_frames(capture, &cameras) } else { Vec::new() };
     let mut n_looked_at = hull_frames.len();
-    if config.trains_static {
+    if !config.holds_static {
         // Every camera is swept, too.
         n_looked_at += 1 + usize::from(!hull_frames.contains(&capture.reference_frame));
     }
@@ -249,12 +249,12 @@ fn from_pictures(
     let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
     let known = frames.as_ref().map(|frames| frames.still.0.as_slice());
     let points = if config.init == Init::Auto { capture.points.as_slice() } else { &[] };
-    let looks_at_rest = config.trains_static;
+    let looks_at_rest = !config.holds_static;
     let views = Views { capture, points, config, cameras: &cameras, hull_frames: &hull_frames, looks_at_rest, cut_out };
     let Surfaces { still, moving, n_known, n_found } = views.surfaces(known, &lenses, &mut done)?;
     let n_hull = moving.iter().map(|(_, found)| found.len()).sum::<usize>();
     let n_flow = frames.as_ref().map_or(0, |frames| frames.moving.len());
-    if config.trains_static && n_found + n_hull == 0 && still.len() + n_flow < ENOUGH {
+    if !config.holds_static && n_found + n_hull == 0 && still.len() + n_flow < ENOUGH {
         return Ok(at_random(capture, config, format!("{because}; no surface was found in the pictures")));
     }
     let mut splats = Splats::new(config.sh_degree);
