@@ -46,14 +46,6 @@ settings! {
             Range::Word(&["auto", "flow", "any_view", "concat", "points", "hull", "frustum", "random"]);
         /// Most Gaussians from surfaces found in the images. If the capture has more points, as many as it has points.
         init_points: usize = 20_000, "Gaussians", Range::Whole(1, MOST_POINTS);
-        /// Gaussians from the visual hull of one frame.
-        init_moving_points: usize = 1500, "Gaussians", Range::Whole(1, MOST_POINTS);
-        /// Opacity of Gaussians that begin on surfaces found in the images.
-        init_opacity: f64 = 0.5, "", Range::OPACITY;
-        /// A point with more flow than this moves.
-        init_flow_threshold: f64 = 0.1, "pixels per frame", Range::NOT_NEGATIVE;
-        /// How long Gaussians from the points of one frame are visible.
-        init_point_tau: f64 = 2.0, "frames", Range::POSITIVE;
         /// How long points at rest are visible with init=flow; 0 makes them static for good.
         init_static_tau: f64 = 10.0, "clips", Range::NOT_NEGATIVE;
         /// How many evenly spread directions are checked at the end of a run. Where no training camera sees one, but a camera sees close
@@ -85,9 +77,6 @@ settings! {
         loss: Loss,
         /// Learning rates.
         lr: LearningRates,
-        /// No setting: true in a run on top of another (`--base`), which keeps that run's static Gaussians as they are.
-        #[serde(skip_serializing_if = "std::ops::Not::not")]
-        holds_static: bool,
         /// Where Gaussians are added and removed.
         density: Density,
         /// Whether the first part of the run sees smaller images.
@@ -96,6 +85,9 @@ settings! {
         frame: Knobs,
         /// What is kept of the model: everything, or only what the scene requires.
         required: Required,
+        /// No setting: true in a run on top of another (`--base`), which keeps that run's static Gaussians as they are.
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        holds_static: bool,
         /// The preset that the settings began from.
         #[serde(skip_serializing_if = "Option::is_none")]
         preset: Option<PresetId>,

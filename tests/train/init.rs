@@ -44,7 +44,7 @@ fn training(with_foreground: bool) -> (Capture, Similarity) {
 }
 
 fn config() -> Config {
-    Config { sh_degree: 0, init_points: 3000, init_moving_points: 300, ..Config::default() }
+    Config { sh_degree: 0, init_points: 3000, ..Config::default() }
 }
 
 fn first(capture: &Capture, config: &Config) -> Initial {

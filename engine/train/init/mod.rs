@@ -49,6 +49,9 @@ const HULL_PIXELS: u64 = 1 << 28;
 /// Gaussians from points that are worth beginning with where the pictures show no surface. Fewer cover no picture, and by
 /// division they grow too slowly: of a room with 100 of them nothing is seen after 500 steps.
 const ENOUGH: usize = 200;
+/// Opacity of Gaussians on surfaces that the pictures show: they cover the pictures from the first step, and let what is behind them learn
+/// all the same.
+const SURFACE_OPACITY: f64 = 0.5;
 /// Standard deviation of a Gaussian in units of the distance to its neighbours: they touch on a surface.
 const SIZE: f64 = 0.5;
 /// Points that are this many times farther from their neighbours than half of all points are dropped: what many cameras
@@ -264,8 +267,8 @@ fn from_pictures(
         _ => points::throughout(capture),
     };
     let (still, sizes) = settled(still, &lenses, &reach);
-    points::append(&mut splats, &still, &sizes, config.init_opacity, at_rest);
-    append_moving(&mut splats, moving, capture, config, (&lenses, &reach))?;
+    points::append(&mut splats, &still, &sizes, SURFACE_OPACITY, at_rest);
+    append_moving(&mut splats, moving, capture, (&lenses, &reach))?;
     let counts = frames.as_ref().map(|frames| frames.counts);
     if let Some(frames) = frames {
         splats.append(frames.moving);
@@ -286,7 +289,6 @@ fn append_moving(
     splats: &mut Splats,
     moving: Vec<(u32, Vec<Found>)>,
     capture: &Capture,
-    config: &Config,
     (lenses, reach): (&Lenses, &Reach),
 ) -> Result<()> {
     let n_frames = f64::from(capture.n_frames);
@@ -302,7 +304,7 @@ fn append_moving(
         let velocities = follow::velocities(found, &others, spacing)?;
         for ((found, size), velocity) in found.iter().zip(sizes).zip(velocities) {
             let motion = Motion { velocity, t_center: *time as f32, t_scale: tau.ln() as f32 };
-            points::push(splats, found, *size, config.init_opacity, (capture.n_frames > 1).then_some(motion));
+            points::push(splats, found, *size, SURFACE_OPACITY, (capture.n_frames > 1).then_some(motion));
         }
     }
     Ok(())
@@ -317,7 +319,7 @@ fn of_photos(capture: &Capture, config: &Config) -> Result<Splats> {
     let (reach, lenses) = (Reach::new(capture), Lenses::new(capture));
     let (found, sizes) = settled(views.surfaces(None, &lenses, &mut || ())?.still, &lenses, &reach);
     let mut splats = Splats::new(config.sh_degree);
-    points::append(&mut splats, &found, &sizes, config.init_opacity, None);
+    points::append(&mut splats, &found, &sizes, SURFACE_OPACITY, None);
     Ok(splats)
 }
 
