@@ -246,17 +246,8 @@ settings! {
         stop: f64 = 0.5, "of the run", Range::SHARE;
         /// Steps between two rounds, at most. Short runs have ten rounds that add, but at least eight steps apart.
         every: u64 = 100, "steps", Range::Whole(1, u64::MAX);
-        /// adc: mean gradient of a projected centre above which a Gaussian is cloned or split.
-        gradient: f32 = 2e-4, "half images", Range::NOT_NEGATIVE;
         /// adc: share of the Gaussians that one round may add.
         growth: f64 = 0.05, "of the Gaussians", Range::SHARE;
-        /// Gaussians that are never more opaque than this are removed (adc) or moved elsewhere (mcmc).
-        prune_opacity: f32 = 0.005, "", Range::BELOW_ONE;
-        /// adc: Gaussians larger than this are removed while others are added.
-        prune_scale: f32 = 0.5, "scene extents", Range::POSITIVE;
-        /// Gaussians that reach further than this share of their distance towards a lens, or towards a view between cameras, are removed
-        /// (adc) or moved elsewhere (mcmc) while others are added.
-        prune_veil: f32 = 0.33, "depths", Range::POSITIVE;
         /// adc: steps between two resets of the opacities; 0 never resets.
         reset_every: u64 = 3000, "steps", Range::Whole(0, u64::MAX);
         /// mcmc: share of the Gaussians that one round adds, up to max_gaussians.

@@ -72,9 +72,6 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
         ("density.growth", "-5.0", "a number from 0 to 1"),
         ("density.stop", "-1.0", "a number from 0 to 1"),
         ("density.every", "0", "a whole number, 1 or more"),
-        ("density.prune_opacity", "7.0", "a number of at least 0 and below 1"),
-        ("density.prune_scale", "-1.0", "a number above 0"),
-        ("density.prune_veil", "0.0", "a number above 0"),
         ("density.mcmc_noise", "-1.0", "a number, 0 or more"),
         ("density.mcmc_growth", "2.0", "a number from 0 to 1"),
         ("init_points", "0", "a whole number from 1 to 50000000"),
@@ -101,7 +98,7 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
     assert_eq!(config.check().unwrap_err(), "average is not a finite number; expected a number from 0 to 1");
     config = Config { epochs: 0, ..Config::default() };
     assert!(config.check().unwrap_err().contains("epochs and steps"));
-    (config.epochs, config.density.prune_scale) = (1, -0.01);
+    (config.epochs, config.frame.t_cut) = (1, -0.01);
     assert!(config.check().unwrap_err().contains("is -0.01;"), "32 bits are shown as they were written");
 }
 
@@ -167,8 +164,8 @@ fn settings_are_listed_with_default_unit_range_meaning_and_presets() {
     let text = works(&["train", "--list-settings", "density"]);
     let listed = all_settings().filter(|setting| setting.name.starts_with("density."));
     assert!(listed.clone().all(|setting| text.contains(&format!("{} = ", setting.name))), "{text}");
-    assert!(text.contains("density.prune_scale = 0.5 (scene extents)\n"), "{text}");
-    assert!(text.contains("    Expected: a number above 0.\n") && !text.contains("lr."), "{text}");
+    assert!(text.contains("density.growth = 0.05 (of the Gaussians)\n"), "{text}");
+    assert!(text.contains("    Expected: a number from 0 to 1.\n") && !text.contains("lr."), "{text}");
     assert_eq!(text.lines().last().unwrap().split(' ').next().unwrap(), listed.count().to_string());
     assert!(works(&["train", "--list-settings", "frame.t_cut"]).contains("    Presets: fast 0.001.\n"));
     assert!(fails(&["train", "--list-settings", "densty.growth"], 2).contains("did you mean density.growth?"));
