@@ -58,7 +58,7 @@ impl Base {
             sh_degree: self.config.sh_degree,
             grids: self.config.grids,
             // They are of all Gaussians.
-            required: Required { reviews: 0, grids_at: 0.0, ..config.required },
+            required: Required { reviews: 0, grids_at: 0.0 },
             ..config
         }
     }

@@ -1,4 +1,4 @@
-//! All numbers of a training run, with their defaults (SPEC 6).
+//! The settings of a training run, with their defaults (SPEC 6).
 
 use crate::settings::{Knobs, Range, Setting, settings};
 use crate::stage::{Accumulation, AdamMode, DepthSpace, MOST_IMAGES};
@@ -95,16 +95,10 @@ settings! {
 }
 
 settings! {
-    /// Reviews of what the scene requires (SPEC 12). Without any, all that the settings ask for is modelled.
+    /// Reviews of what the scene requires (SPEC 12). Without any, a run keeps all that it models.
     pub struct Required in "required." {
         /// How often Gaussians are reduced to what the images need; 0 never reduces them.
         reviews: u32 = 0, "reviews", Range::Whole(0, u32::MAX as u64);
-        /// When the first review takes place.
-        first: f64 = 0.6, "of the run", Range::SHARE;
-        /// When the last review takes place.
-        last: f64 = 0.8, "of the run", Range::BELOW_ONE;
-        /// Training images that a review looks at, at most.
-        images: usize = 128, "images", Range::COUNT;
         /// When it is decided which cameras need a colour map; 0 gives one to all from the start.
         grids_at: f64 = 0.0, "of the run", Range::BELOW_ONE;
     }

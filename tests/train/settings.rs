@@ -81,7 +81,7 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
         ("moment_bits", "31", "16 or 32"),
         ("resolution.reduction", "0", "a whole number from 1 to 8"),
         ("loss.depth", "-1.0", "a number, 0 or more"),
-        ("required.first", "1.5", "a number from 0 to 1"),
+        ("required.grids_at", "1.0", "a number of at least 0 and below 1"),
         ("frame.t_cut", "0.5", "a number of at least 0 and below 0.5"),
         ("lr.scale", "-1.0", "a number above 0"),
         ("lr.scale", "{\"end\":0.0,\"start\":1.0}", "both above 0"),

@@ -26,7 +26,7 @@ use crate::train::init::initialise;
 use crate::train::judge::judge_poses;
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;
-use crate::train::require::{Due, review};
+use crate::train::require::{Due, MOST_IMAGES, review};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Seen, Trainer};
 use coming::Coming;
@@ -440,7 +440,8 @@ impl<'a> Session<'a> {
     fn review(&mut self, due: Due) -> Result<()> {
         let begun = Instant::now();
         let mut looked = work(&mut self.watch, Phase::Review);
-        let review = review(&mut self.trainer, &self.gpu, self.capture, self.constants, due, &mut looked)?;
+        let (gpu, capture, constants) = (&self.gpu, self.capture, self.constants);
+        let review = review(&mut self.trainer, gpu, capture, constants, due, MOST_IMAGES, &mut looked)?;
         self.seconds += begun.elapsed().as_secs_f64();
         // Its Gaussians are others.
         self.average = Average::default();

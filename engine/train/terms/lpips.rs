@@ -44,8 +44,6 @@ struct Perceptual {
     weight: f64,
     /// Side of the square that is compared, pixels; 0 for all.
     crop: u32,
-    /// Steps between two that have it.
-    every: u64,
     seed: u64,
 }
 

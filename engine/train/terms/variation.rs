@@ -3,7 +3,6 @@
 use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
-use crate::train::config::Config;
 
 pub(super) const TERM: TermKind = TermKind {
     logged: &[Logged { key: "grid_variation", plot: "", from_zero: true }],
