@@ -16,6 +16,11 @@ use std::fmt;
 
 /// Views of a point that its velocity is taken from, evenly chosen: every pair of them is tried.
 const MOST_VIEWS: usize = 8;
+/// A point with more flow than this moves, pixels per frame (SPEC 5). [`moves`] asks two views, since one view is often wrong by more.
+const THRESHOLD: f64 = 0.1;
+/// How long a Gaussian from the points of one frame is visible, frames. Twice as long made no difference
+/// (`assets/lab/techniques.md`, "Other settings").
+const POINT_TAU: f64 = 2.0;
 /// Flow agrees with a movement within this many thresholds and this part of its length.
 const AGREE_THRESHOLDS: f64 = 2.0;
 const AGREE_PART: f64 = 0.15;
@@ -123,8 +128,7 @@ pub(super) fn from_frames(
         let found: Vec<Found> =
             points.iter().map(|point| Found { position: point.position, color: color(point) }).collect();
         let sizes = spacings(&found, &reach);
-        let sights =
-            if by_flow { sights(capture, &points, frame, settings.flow_threshold, threads)? } else { Vec::new() };
+        let sights = if by_flow { sights(capture, &points, frame, THRESHOLD, threads)? } else { Vec::new() };
         counts.before += points.len();
         for (i, (found, &size)) in found.iter().zip(&sizes).enumerate() {
             let sights = sights.get(i).map_or(&[][..], Vec::as_slice);
@@ -135,10 +139,10 @@ pub(super) fn from_frames(
                 t_center,
                 t_scale: tau.ln() as f32,
             };
-            let is_dynamic = !by_flow || moves(sights, settings.flow_threshold, rule);
+            let is_dynamic = !by_flow || moves(sights, THRESHOLD, rule);
             if is_dynamic && capture.n_frames > 1 {
-                let way = movement(DVec3::from_array(found.position), sights, settings.flow_threshold);
-                let motion = motion((way / dt).to_array(), settings.point_tau * dt);
+                let way = movement(DVec3::from_array(found.position), sights, THRESHOLD);
+                let motion = motion((way / dt).to_array(), POINT_TAU * dt);
                 push(&mut moving, found, size, OPACITY, Some(motion));
                 counts.with_velocity += usize::from(way != DVec3::ZERO);
             } else if frame == capture.reference_frame {

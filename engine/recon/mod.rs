@@ -54,6 +54,9 @@ const HULL_PIXELS: u64 = 1 << 28;
 /// A run begins with at least so many Gaussians from points if the pictures show no surface. Fewer cover no picture,
 /// and division makes too few of them: with 100 of them a room is not recognisable after 500 steps.
 const ENOUGH: usize = 200;
+/// Opacity of Gaussians on surfaces that the pictures show: they cover the pictures from the first step, and let what is behind them learn
+/// all the same.
+const SURFACE_OPACITY: f64 = 0.5;
 /// The first Gaussians, and where they come from.
 #[derive(Clone, Debug)]
 pub struct Initial {
@@ -276,8 +279,8 @@ fn from_pictures(
         _ => points::throughout(capture),
     };
     let (still, sizes) = sizing.sized(still);
-    points::append(&mut splats, &still, &sizes, settings.opacity, at_rest);
-    append_moving(&mut splats, moving, capture, settings, &sizing)?;
+    points::append(&mut splats, &still, &sizes, SURFACE_OPACITY, at_rest);
+    append_moving(&mut splats, moving, capture, &sizing)?;
     let counts = frames.as_ref().map(|frames| frames.counts);
     if let Some(frames) = frames {
         splats.append(frames.moving);
@@ -298,7 +301,6 @@ fn append_moving(
     splats: &mut Splats,
     moving: Vec<(u32, Vec<Found>)>,
     capture: &Capture,
-    settings: &Settings,
     sizing: &Sizing,
 ) -> Result<()> {
     let n_frames = f64::from(capture.n_frames);
@@ -314,7 +316,7 @@ fn append_moving(
         let velocities = follow::velocities(found, &others, spacing)?;
         for ((found, size), velocity) in found.iter().zip(sizes).zip(velocities) {
             let motion = Motion { velocity, t_center: *time as f32, t_scale: tau.ln() as f32 };
-            points::push(splats, found, *size, settings.opacity, (capture.n_frames > 1).then_some(motion));
+            points::push(splats, found, *size, SURFACE_OPACITY, (capture.n_frames > 1).then_some(motion));
         }
     }
     Ok(())
@@ -335,7 +337,7 @@ fn of_photos(capture: &Capture, settings: &Settings) -> Result<Splats> {
     let sizing = Sizing::new(capture);
     let (found, sizes) = sizing.sized(views.surfaces(None, &sizing.lenses, &mut || ())?.still);
     let mut splats = Splats::new(settings.sh_degree);
-    points::append(&mut splats, &found, &sizes, settings.opacity, None);
+    points::append(&mut splats, &found, &sizes, SURFACE_OPACITY, None);
     Ok(splats)
 }
 

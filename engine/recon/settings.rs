@@ -54,16 +54,8 @@ pub struct Settings {
     pub trains_static: bool,
     /// Gaussians from surfaces, at most.
     pub n_points: usize,
-    /// Gaussians from the visual hull of one frame.
-    pub n_moving_points: usize,
     /// All Gaussians, at most.
     pub most: usize,
-    /// Opacity of Gaussians on surfaces.
-    pub opacity: f64,
-    /// A point with more flow than this moves, pixels per frame.
-    pub flow_threshold: f64,
-    /// How long Gaussians from the points of one frame are visible, frames.
-    pub point_tau: f64,
     /// How long points at rest are visible, clips; 0 makes them static.
     pub static_tau: f64,
 }

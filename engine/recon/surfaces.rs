@@ -15,6 +15,9 @@ use crate::scene::capture::{Capture, Point};
 const HULL_SIDE: usize = 320;
 /// Longest side of the pictures that are swept, pixels.
 const SWEEP_SIDE: usize = 128;
+/// Gaussians from the hull of one frame, at most. With 600, dynamic parts lost some 0.8 dB (`assets/lab/techniques.md`, "Hulls beside
+/// points and flow").
+const MOVING_POINTS: usize = 1500;
 /// Pixels of the training pictures of a frame for each point of a surface, at least: small pictures resolve no more.
 const PIXELS_PER_POINT: u64 = 16;
 /// Key of the random choice among a hull's points.
@@ -92,7 +95,7 @@ impl Views<'_> {
             }
             if has_hull {
                 let key = [self.settings.seed, HULL_KEY, u64::from(frame)];
-                let found = hull::surface(&carving, Ground::Moving, self.settings.n_moving_points, &key);
+                let found = hull::surface(&carving, Ground::Moving, MOVING_POINTS, &key);
                 surfaces.moving.push((frame, found));
             }
         }

@@ -106,14 +106,10 @@ impl Range {
     pub(crate) const COUNT: Range = Range::Whole(1, u32::MAX as u64);
     /// Numbers of 0 and more.
     pub(crate) const NOT_NEGATIVE: Range = Range::Number(Bound::Included(0.0), Bound::Unbounded);
-    /// Numbers above 0.
-    pub(crate) const POSITIVE: Range = Range::Number(Bound::Excluded(0.0), Bound::Unbounded);
     /// A share, none and all included.
     pub(crate) const SHARE: Range = Range::Number(Bound::Included(0.0), Bound::Included(1.0));
     /// A share that is never all.
     pub(crate) const BELOW_ONE: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(1.0));
-    /// An opacity whose logit is finite.
-    pub(crate) const OPACITY: Range = Range::Number(Bound::Excluded(0.0), Bound::Excluded(1.0));
     /// A contribution, or a rest of light, that may be left out.
     pub(crate) const CUT: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(0.5));
 

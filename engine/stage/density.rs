@@ -343,7 +343,7 @@ impl DensityRound {
 }
 
 fn nothing_left() -> Error {
-    let remedy = "prune less: lower density.prune_opacity, or raise density.prune_scale; or begin with more Gaussians";
+    let remedy = "begin with more Gaussians, or set density.stop=0 to prune none";
     Error::data(Path::new("settings"), "density", "density control pruned every Gaussian", remedy)
 }
 

@@ -55,13 +55,13 @@ impl Base {
     /// `config`, without learning anew what is taken over.
     pub fn config(&self, config: Config) -> Config {
         Config {
-            trains_static: false,
+            holds_static: true,
             offsets: false,
             poses: PoseKind::Given,
             sh_degree: self.config.sh_degree,
             grids: self.config.grids,
             // Reviews concern all Gaussians.
-            required: Required { reviews: 0, grids_at: 0.0, ..config.required },
+            required: Required { reviews: 0, grids_at: 0.0 },
             ..config
         }
     }
@@ -186,12 +186,12 @@ impl Config {
     /// [`Error::Data`] naming the setting.
     pub fn check_held(&self) -> Result<()> {
         let (draws, reviews) = (self.density.strategy == Strategy::Mcmc, self.required.reviews > 0);
-        let changed = match (self.trains_static, draws, reviews) {
-            (false, true, _) => "density.strategy=mcmc, which would change those that it copies",
-            (false, _, true) => "required.reviews, which would reduce them",
+        let changed = match (self.holds_static, draws, reviews) {
+            (true, true, _) => "density.strategy=mcmc, which would change those that it copies",
+            (true, _, true) => "required.reviews, which would reduce them",
             _ => return Ok(()),
         };
         let reason = format!("leaves static Gaussians as they are, and was given with {changed}");
-        Err(Error::data(Path::new("settings"), "trains_static=false", reason, "leave one of the two out"))
+        Err(Error::data(Path::new("settings"), "a run on top of another (--base)", reason, "leave one of the two out"))
     }
 }

@@ -1,7 +1,7 @@
 //! Parameters of the cameras that are learnt: clocks, poses and bilateral grids.
 
 use super::checkpoint::CameraState;
-use super::config::{Config, GridKind, PoseKind};
+use super::config::{Config, GridKind, PoseKind, Rate};
 use super::density::recovered_from;
 use super::setup::Setup;
 use super::terms::{self, Pair};
@@ -19,6 +19,8 @@ use std::path::Path;
 const POSES_FROM: f64 = 0.1;
 /// The share of the run at which the learnt poses of a clip are compared with the capture's.
 const POSES_JUDGED: f64 = 0.3;
+/// Learning rate of the colour maps, that of the authors of bilateral grids (SPEC 6). It does not follow the length of a run.
+const GRID_RATE: f64 = 2e-3;
 /// Longest shift of a camera, scene extents.
 const MOST_SHIFT: f64 = 0.1;
 
@@ -49,6 +51,7 @@ pub(super) struct Cameras {
     /// Poses have been learnt already, perhaps in a shorter run.
     has_learnt_poses: bool,
     learns_pose: Vec<Option<DVec3>>,
+    pose_rate: Rate,
     /// Radius of the scene, scene units.
     extent: f64,
     graded: Option<Graded>,
@@ -112,7 +115,7 @@ fn n_filming_grids(setup: &Setup) -> usize {
 /// True if nothing fixes the tint that all cameras have in common: each trained camera that films has a grid, and all
 /// colours are trained. Photographs do not fix it, since they show the light of another day.
 fn is_free(config: &Config, setup: &Setup) -> bool {
-    config.trains_static && n_filming_grids(setup) == setup.n_filming
+    !config.holds_static && n_filming_grids(setup) == setup.n_filming
 }
 
 impl Graded {
@@ -120,7 +123,7 @@ impl Graded {
     fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Option<Self>> {
         let is_free = is_free(config, setup);
         // The gauge binds all grids at once, and may turn out to be free only during the run.
-        let may_be_free = is_free || (config.trains_static && setup.has_grid.is_empty());
+        let may_be_free = is_free || (!config.holds_static && setup.has_grid.is_empty());
         let needed = setup.most_grids as u64 * (GRID_BYTES / 3);
         let limit = gpu.caps().max_binding_bytes;
         if may_be_free && needed > limit {
@@ -163,6 +166,7 @@ impl Cameras {
             poses: None,
             has_learnt_poses: false,
             learns_pose: setup.learns_pose.clone(),
+            pose_rate: setup.pose_rate,
             extent: setup.extent.radius,
             graded: Graded::new(gpu, config, setup)?,
             kept: None,
@@ -268,7 +272,7 @@ impl Cameras {
                 d_graded: &graded.d_image,
                 d_image: rendered.cotangent,
                 size,
-                tv_weight: terms::grid_variation_weight(&self.config),
+                tv_weight: terms::GRID_VARIATION_WEIGHT,
             };
             graded.grids.record_backward(rec, grid.place, &back);
         }
@@ -338,7 +342,7 @@ impl Cameras {
                 is_free: graded.is_free,
                 is_affine: self.config.grids == GridKind::Affine,
                 camera_step: grid.step,
-                rate: lr.grid.at(done),
+                rate: GRID_RATE,
             };
             graded.grids.record_step(rec, grid.place, &at, &work.status);
         }
@@ -348,8 +352,8 @@ impl Cameras {
         if let Some(poses) = self.poses_at(step) {
             let at = PoseStep {
                 camera: camera as u32,
-                turn_rate: lr.pose_turn.at(done) * pace,
-                shift_rate: lr.pose_shift.at(done) * pace * self.extent,
+                turn_rate: self.pose_rate.at(done) * pace,
+                shift_rate: self.pose_rate.at(done) * pace * self.extent,
                 most_shift: MOST_SHIFT * self.extent,
             };
             poses.record_step(rec, &backward.d_camera, &work.view, &work.status, &at);
@@ -437,14 +441,14 @@ mod tests {
     #[test]
     fn the_tint_is_free_where_each_camera_that_films_has_a_grid_and_colours_are_trained() {
         // Three cameras, one of them for tests, and two photographs.
-        let is_free = |has_grid: [bool; 5], trains_static: bool| {
+        let is_free = |has_grid: [bool; 5], holds_static: bool| {
             let plain = Setup::plain(Extent { center: [0.0; 3], radius: 1.0 }, 0.1);
             let setup = Setup { has_grid: has_grid.to_vec(), n_filming: 2, first_photo: 3, ..plain };
-            is_free(&Config { trains_static, ..Config::default() }, &setup)
+            is_free(&Config { holds_static, ..Config::default() }, &setup)
         };
-        assert!(is_free([true, false, true, true, true], true));
-        assert!(is_free([true, false, true, true, false], true), "a photograph holds no tint");
-        assert!(!is_free([false, false, true, true, true], true), "a camera without a grid does");
-        assert!(!is_free([true, false, true, true, true], false), "and so do colours that stay");
+        assert!(is_free([true, false, true, true, true], false));
+        assert!(is_free([true, false, true, true, false], false), "a photograph holds no tint");
+        assert!(!is_free([false, false, true, true, true], false), "a camera without a grid does");
+        assert!(!is_free([true, false, true, true, true], true), "and so do colours that stay");
     }
 }

@@ -1,4 +1,4 @@
-//! All numbers of a training run, with their defaults (SPEC 6).
+//! The settings of a training run, with their defaults (SPEC 6).
 
 use crate::recon::Init;
 use crate::settings::{Knobs, Range, Setting, settings};
@@ -47,19 +47,8 @@ settings! {
             Range::Word(&["auto", "flow", "any_view", "concat", "points", "hull", "frustum", "random"]);
         /// Most Gaussians from surfaces found in the images. If the capture has more points, as many as it has points.
         init_points: usize = 20_000, "Gaussians", Range::Whole(1, MOST_POINTS);
-        /// Gaussians from the visual hull of one frame.
-        init_moving_points: usize = 1500, "Gaussians", Range::Whole(1, MOST_POINTS);
-        /// Opacity of Gaussians that begin on surfaces found in the images.
-        init_opacity: f64 = 0.5, "", Range::OPACITY;
-        /// A point with more flow than this moves.
-        init_flow_threshold: f64 = 0.1, "pixels per frame", Range::NOT_NEGATIVE;
-        /// How long Gaussians from the points of one frame are visible.
-        init_point_tau: f64 = 2.0, "frames", Range::POSITIVE;
         /// How long points at rest are visible with init=flow; 0 makes them static for good.
         init_static_tau: f64 = 10.0, "clips", Range::NOT_NEGATIVE;
-        /// Whether static Gaussians are trained. False on top of another run alone (`--base`): they stay as they began, and are neither
-        /// pruned nor cloned nor split.
-        trains_static: bool = true, "", Range::Switch;
         /// How many evenly spread directions are checked at the end of a run. Where no training camera sees one, but a camera sees close
         /// to it, a large static Gaussian is put behind the scene, in the colour seen next to it. 0 leaves black holes there. None where
         /// images show the background, where it shows through the scene, and where there would be more than max_gaussians; density control
@@ -97,6 +86,9 @@ settings! {
         frame: Knobs,
         /// What is kept of the model: everything, or only what the scene requires.
         required: Required,
+        /// No setting: true in a run on top of another (`--base`), which keeps that run's static Gaussians as they are.
+        #[serde(skip_serializing_if = "std::ops::Not::not")]
+        holds_static: bool,
         /// The preset that the settings began from.
         #[serde(skip_serializing_if = "Option::is_none")]
         preset: Option<PresetId>,
@@ -104,16 +96,10 @@ settings! {
 }
 
 settings! {
-    /// Reviews of what the scene requires (SPEC 12). Without any, all that the settings ask for is modelled.
+    /// Reviews of what the scene requires (SPEC 12). Without any, a run keeps all that it models.
     pub struct Required in "required." {
         /// How often Gaussians are reduced to what the images need; 0 never reduces them.
         reviews: u32 = 0, "reviews", Range::Whole(0, u32::MAX as u64);
-        /// When the first review takes place.
-        first: f64 = 0.6, "of the run", Range::SHARE;
-        /// When the last review takes place.
-        last: f64 = 0.8, "of the run", Range::BELOW_ONE;
-        /// Training images that a review looks at, at most.
-        images: usize = 128, "images", Range::COUNT;
         /// When it is decided which cameras need a colour map; 0 gives one to all from the start.
         grids_at: f64 = 0.0, "of the run", Range::BELOW_ONE;
     }
@@ -146,16 +132,10 @@ settings! {
         depth: f64 = 1.0, "", Range::NOT_NEGATIVE;
         /// Whether inverse depths or depths are compared.
         depth_space: DepthSpace = DepthSpace::Inverse, "", Range::Word(&["inverse", "metric"]);
-        /// Whether the depth error moves centres only, and leaves opacities and shapes alone.
-        depth_detach_alpha: bool = false, "", Range::Switch;
         /// Weight of the flow error, where the capture has optical flow.
         flow: f64 = 0.1, "", Range::NOT_NEGATIVE;
-        /// Whether the rendered flow includes the motion of the camera; auto includes it where a camera moves.
-        flow_model: FlowChoice = FlowChoice::Auto, "", Range::Word(&["auto", "velocity", "displacement"]);
         /// Weight of the squared time offsets.
         offset: f64 = 1e-4, "", Range::NOT_NEGATIVE;
-        /// Weight of the total variation of the bilateral grids.
-        grid_variation: f64 = 10.0, "", Range::NOT_NEGATIVE;
         /// SSIM at every pixel (1), or at every second pixel of every second row (2).
         ssim_stride: u32 = 1, "pixels", Range::OneOf(&[1, 2]);
         /// Weight of LPIPS, where loss.lpips_weights names a file.
@@ -164,22 +144,9 @@ settings! {
         lpips_weights: Option<PathBuf> = None, "", Range::Path;
         /// Side of the square that LPIPS looks at; 0 for the whole image.
         lpips_crop: u32 = 0, "pixels", Range::Whole(0, u32::MAX as u64);
-        /// LPIPS counts in every n-th step, with n times the weight.
-        lpips_every: u64 = 1, "steps", Range::Whole(1, u64::MAX);
     }
 }
 
-/// What the rendered flow is, see [`crate::scene::FlowModel`].
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub enum FlowChoice {
-    /// The displacement where a camera moves, whose flow the priors hold too; the velocity elsewhere.
-    #[default]
-    Auto,
-    /// The projected velocity (paper).
-    Velocity,
-    /// The displacement, by the camera's motion too.
-    Displacement,
 }
 
 /// What corrects the colours of a camera.
@@ -234,17 +201,8 @@ settings! {
         stop: f64 = 0.5, "of the run", Range::SHARE;
         /// Steps between two rounds, at most. Short runs have ten rounds that add, but at least eight steps apart.
         every: u64 = 100, "steps", Range::Whole(1, u64::MAX);
-        /// adc: mean gradient of a projected centre above which a Gaussian is cloned or split.
-        gradient: f32 = 2e-4, "half images", Range::NOT_NEGATIVE;
         /// adc: share of the Gaussians that one round may add.
         growth: f64 = 0.05, "of the Gaussians", Range::SHARE;
-        /// Gaussians that are never more opaque than this are removed (adc) or moved elsewhere (mcmc).
-        prune_opacity: f32 = 0.005, "", Range::BELOW_ONE;
-        /// adc: Gaussians larger than this are removed while others are added.
-        prune_scale: f32 = 0.5, "scene extents", Range::POSITIVE;
-        /// Gaussians that reach further than this share of their distance towards a lens, or towards a view between cameras, are removed
-        /// (adc) or moved elsewhere (mcmc) while others are added.
-        prune_veil: f32 = 0.33, "depths", Range::POSITIVE;
         /// adc: steps between two resets of the opacities; 0 never resets.
         reset_every: u64 = 3000, "steps", Range::Whole(0, u64::MAX);
         /// mcmc: share of the Gaussians that one round adds, up to max_gaussians.
@@ -346,10 +304,8 @@ settings! {
         /// Longest standard deviation of a Gaussian whose position has the rate `lr.position`. Positions of others have theirs
         /// in proportion to the size, from a quarter to sixteen times. 0: all have the same, as in 3DGS.
         position_size: f64 = 0.012, "scene extents", Range::NOT_NEGATIVE;
-        /// Learning rate of the constant colour.
-        sh0: Rate = Rate::constant(2.5e-3), "", Range::Rate;
-        /// Learning rate of the higher spherical harmonics.
-        sh_rest: Rate = Rate::constant(1.25e-4), "", Range::Rate;
+        /// Learning rate of the constant colour. The higher spherical harmonics have a twentieth of it, as in 3DGS.
+        sh: Rate = Rate::constant(2.5e-3), "", Range::Rate;
         /// Learning rate of opacities, as logits.
         opacity: Rate = Rate::constant(2.5e-2), "", Range::Rate;
         /// Learning rate of scales, as logarithms.
@@ -364,12 +320,6 @@ settings! {
         t_scale: Rate = Rate::constant(3e-2), "", Range::Rate;
         /// Learning rate of the cameras' time offsets.
         offset: Rate = Rate::constant(1e-3), "frames", Range::Rate;
-        /// Learning rate of the turns of the cameras' poses.
-        pose_turn: Rate = Rate { start: 3e-5, end: 3e-7 }, "radians", Range::Rate;
-        /// Learning rate of the shifts of the cameras' poses.
-        pose_shift: Rate = Rate { start: 3e-5, end: 3e-7 }, "scene extents", Range::Rate;
-        /// Learning rate of the colour maps.
-        grid: Rate = Rate::constant(2e-3), "", Range::Rate;
     } with {
         /// How much larger they are in a shorter run.
         pace: Pace,

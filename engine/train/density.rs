@@ -16,8 +16,18 @@ const NOISE: u64 = 2;
 const FIRST: f64 = 2.0 / 3.0;
 /// Gaussians that a round may add, however few there are: a capture may begin with few points.
 const LEAST_GROWTH: f64 = 1000.0;
+/// A Gaussian grows where the mean gradient of its projected centre is larger than this, half images, as in 3DGS. `density.growth` bounds
+/// how many do.
+const GRADIENT: f32 = 2e-4;
 /// A growing Gaussian larger than this is split, a smaller one is cloned: extents, as in 3DGS.
 const SPLIT_ABOVE: f32 = 0.01;
+/// A Gaussian that is never more opaque than this goes, as in 3DGS.
+const PRUNE_OPACITY: f32 = 0.005;
+/// A Gaussian larger than this goes while others are added, extents: it reaches through the space in which the cameras are.
+const PRUNE_SCALE: f32 = 0.5;
+/// A Gaussian that reaches further than this share of its distance towards a lens, or towards a view between cameras, goes while others are
+/// added. A share of 0.2 scored lower (`assets/lab/techniques.md`).
+const PRUNE_VEIL: f32 = 0.33;
 /// A reset lowers opacities to this: ten times what is pruned, so that none goes before it was seen again.
 const RESET_TO: f32 = 0.05;
 /// Part of the steps between two resets of the opacities in which the scene recovers from one.
@@ -46,7 +56,7 @@ pub fn density_round(
         return None;
     }
     let radius = extent.radius as f32;
-    let pulled = Choice::Pulled { gradient: density.gradient, split_above: SPLIT_ABOVE * radius };
+    let pulled = Choice::Pulled { gradient: GRADIENT, split_above: SPLIT_ABOVE * radius };
     let grows = due == Some(Round::Growth);
     // None grows twice in a round.
     let most = f64::from(n_trained) / f64::from(n.max(1));
@@ -67,9 +77,9 @@ pub fn density_round(
         center: std::array::from_fn(|k| (extent.center[k] - origin[k]) as f32),
         extent: radius,
         limits: PruneLimits {
-            opacity: density.prune_opacity,
-            log_scale: if is_adc && may_leave_holes { (density.prune_scale * radius).ln() } else { f32::INFINITY },
-            veil: if may_leave_holes { density.prune_veil } else { f32::INFINITY },
+            opacity: PRUNE_OPACITY,
+            log_scale: if is_adc && may_leave_holes { (PRUNE_SCALE * radius).ln() } else { f32::INFINITY },
+            veil: if may_leave_holes { PRUNE_VEIL } else { f32::INFINITY },
         },
         opacity_ceiling: if resets { (RESET_TO / (1.0 - RESET_TO)).ln() } else { f32::MAX },
         max_gaussians: u32::try_from(config.max_gaussians).unwrap_or(u32::MAX),

@@ -13,13 +13,9 @@ impl Config {
             init: self.init,
             seed: self.seed,
             sh_degree: self.sh_degree,
-            trains_static: self.trains_static,
+            trains_static: !self.holds_static,
             n_points: self.init_points,
-            n_moving_points: self.init_moving_points,
             most: most_first(self),
-            opacity: self.init_opacity,
-            flow_threshold: self.init_flow_threshold,
-            point_tau: self.init_point_tau,
             static_tau: self.init_static_tau,
         }
     }

@@ -32,7 +32,7 @@ pub use average::Average;
 pub use base::Base;
 pub use checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
 pub use config::{
-    Config, Density, FlowChoice, GridKind, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution,
+    Config, Density, GridKind, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution,
     Round, Strategy, all_settings,
 };
 pub use density::{density_round, noise, regularisers};

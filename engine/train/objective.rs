@@ -6,7 +6,7 @@ use super::images::{Counts, Planes, Resident, Residents};
 use super::setup::Setup;
 use super::terms::{self, Pair, Part, Rendered, Shown, Term};
 use crate::error::Result;
-use crate::gpu::generated::{Status, ViewParams};
+use crate::gpu::generated::Status;
 use crate::gpu::{Buf, Gpu, Recording, Staging};
 use crate::stage::{self, MOST_TERMS, Outputs, Workspace};
 use std::collections::BTreeMap;
@@ -55,11 +55,6 @@ impl Objective {
     pub fn outputs(&self) -> Outputs {
         let is_all = self.terms.iter().any(|term| term.outputs() == Outputs::All);
         if is_all { Outputs::All } else { Outputs::Color }
-    }
-
-    /// Lets the terms adjust how a view is rendered.
-    pub fn adjust(&self, view: &mut ViewParams) {
-        self.terms.iter().for_each(|term| term.adjust(view));
     }
 
     /// Room for pictures of `pixels` pixels.

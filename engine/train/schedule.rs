@@ -3,6 +3,9 @@
 use super::config::Config;
 use crate::stage::Rates;
 
+/// The rate of the constant colour over that of the higher bands, as in 3DGS.
+const HIGHER_BANDS: f64 = 20.0;
+
 /// The rates of step `step` (from 1) of `total` for a scene of `extent`; past the end they go on as they were. A step on several
 /// images takes the rates of a run with as many images, times the square root of their number: the gradients of images are
 /// independent, so the noise of their sum grows with that root.
@@ -14,8 +17,8 @@ pub fn rates(config: &Config, step: u64, total: u64, extent: f64) -> Rates {
     // SPEC 6: the degree grows by one every thirtieth of the run.
     let degree = ((30.0 * done) as usize).min(config.sh_degree as usize);
     let sh = std::array::from_fn(|band| match band {
-        0 => pace * lr.sh0.at(done),
-        band if band <= degree => pace * lr.sh_rest.at(done),
+        0 => pace * lr.sh.at(done),
+        band if band <= degree => pace * (lr.sh.at(done) / HIGHER_BANDS),
         _ => 0.0,
     });
     Rates {

@@ -63,8 +63,9 @@ fn leaves(prefix: &str, settings: &Value, names: &mut Vec<String>) {
         Value::Object(inner) => {
             for (key, value) in inner {
                 match prefix {
-                    // The record of the preset is not a setting.
+                    // Records of what a run began from, not settings.
                     "" if key == "preset" && !value.is_string() => {}
+                    "" if key == "holds_static" && value.is_boolean() => {}
                     "" => leaves(key, value, names),
                     prefix => leaves(&format!("{prefix}.{key}"), value, names),
                 }
@@ -101,10 +102,6 @@ impl Config {
         check_settings(&as_written(self)?)?;
         if self.epochs == 0 && self.steps == 0 {
             return Err("epochs and steps are both 0; expected one of them to be positive".to_owned());
-        }
-        let (first, last) = (self.required.first, self.required.last);
-        if first > last {
-            return Err(format!("required.first is {first}; expected at most required.last, which is {last}"));
         }
         if self.batch > 1 && self.adam == AdamMode::Lazy {
             return Err("adam is lazy, and batch above 1; expected adam=dense with steps on several images".to_owned());

@@ -1,6 +1,6 @@
 //! Facts of a capture that a trainer needs beside its pictures.
 
-use super::config::{Config, FlowChoice, PoseKind};
+use super::config::{Config, PoseKind, Rate};
 use super::lenses;
 use super::terms::{self, TermData};
 use crate::parallel::{in_parallel, threads};
@@ -19,7 +19,11 @@ const LEVELS_ALIKE: i32 = 2;
 /// was measured on, 0.06 % of the darkest has.
 const MOST_BEHIND: f64 = 0.05;
 
-/// What a trainer needs to know of a capture.
+/// The learning rate of poses in a run of 30,000 steps. It falls like that of positions, but is lower: a scene can follow its cameras, and
+/// a calibration is seldom far off.
+const POSE_RATE: Rate = Rate { start: 3e-5, end: 3e-7 };
+
+/// Facts of a capture that a trainer needs.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
     /// Where the cameras are.
@@ -47,6 +51,8 @@ pub struct Setup {
     pub data: TermData,
     /// The kind of flow that is rendered, the same as the priors'.
     pub flow_model: FlowModel,
+    /// Learning rate of the poses: of turns in radians, of shifts in scene extents.
+    pub pose_rate: Rate,
     /// Images show the background: through transparent pixels, or in its colour.
     pub shows_background: bool,
     /// Each image of a step has a random background.
@@ -69,6 +75,7 @@ impl Setup {
             most_grids: 0,
             data: TermData::NONE,
             flow_model: FlowModel::Velocity,
+            pose_rate: POSE_RATE,
             shows_background: true,
             varies_background: false,
         }
@@ -99,20 +106,21 @@ impl Setup {
                 PoseKind::Learnt => centers(capture),
                 PoseKind::Auto | PoseKind::Given => Vec::new(),
             },
+            pose_rate: POSE_RATE,
             // A review decides later which cameras get one.
             has_grid: if may_have_grids && config.required.grids_at == 0.0 { trained } else { Vec::new() },
             most_grids: if may_have_grids { n_trained } else { 0 },
             data: terms::data(config, capture),
-            flow_model: match config.loss.flow_model {
-                FlowChoice::Velocity => FlowModel::Velocity,
-                FlowChoice::Displacement => FlowModel::Displacement,
-                FlowChoice::Auto if capture.cameras.iter().any(Camera::moves) => FlowModel::Displacement,
-                FlowChoice::Auto => FlowModel::Velocity,
-            },
+            flow_model: flow_model(capture),
             shows_background,
             varies_background: config.vary_background && !shows_background && cameras_look_inward(capture),
         }
     }
+}
+
+/// The displacement where a camera moves, whose flow the priors hold too; elsewhere the projected velocity, as in the paper.
+fn flow_model(capture: &Capture) -> FlowModel {
+    if capture.cameras.iter().any(Camera::moves) { FlowModel::Displacement } else { FlowModel::Velocity }
 }
 
 /// True if training images of `capture` show the `background`: it shows through some, or much of most has exactly its

@@ -52,7 +52,7 @@ fn a_part_of_a_clip_is_trained_on_top_of_a_run_over_the_clip() {
     let run = Run::read(&part).unwrap();
     let config: Config = serde_json::from_value(json(&part.join("config.json"))).unwrap();
     assert!(
-        !config.offsets && !config.trains_static && json(&part.join("train.json"))["offsets"] == serde_json::json!([])
+        !config.offsets && config.holds_static && json(&part.join("train.json"))["offsets"] == serde_json::json!([])
     );
     let below = Checkpoint::newest(&base.join("checkpoints")).unwrap().unwrap();
     let fps = Run::read(&base).unwrap().held.fps;
@@ -72,7 +72,7 @@ fn a_part_of_a_clip_is_trained_on_top_of_a_run_over_the_clip() {
     let alone = tiny.folder.join("alone");
     let settings = part.join("config.json");
     let told = fails(&["train", capture, "-o", text(&alone), "--config", text(&settings)], 3);
-    assert!(told.contains("trains_static") && told.contains("--base") && !alone.exists(), "{told}");
+    assert!(told.contains("holds_static") && told.contains("--base") && !alone.exists(), "{told}");
 
     let other = tiny.folder.join("other");
     let first = tiny.capture.cameras[0].name.as_str();
@@ -120,8 +120,7 @@ fn maps_follow_the_light_of_a_part() {
         darker.iter_mut().for_each(|level| *level = (0.7 * f64::from(*level)).round() as u8);
         darker.save(file).unwrap();
     }
-    let on_top =
-        ["train", capture, "-o", text(&part), "--base", text(&base), "--steps", "400", "--set", "lr.grid=0.02"];
+    let on_top = ["train", capture, "-o", text(&part), "--base", text(&base), "--steps", "1200"];
     works(&[&on_top[..], &SHORT[2..]].concat());
     let mean_gain = |run: &Path| {
         let cameras = Checkpoint::newest(&run.join("checkpoints")).unwrap().unwrap().cameras;

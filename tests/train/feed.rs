@@ -27,7 +27,7 @@ fn images_that_stay_on_the_device_give_the_bits_of_those_that_pass() {
     let gpu = gpu();
     let tiny = Tiny::new("feed");
     // Reduced images leave when whole ones come, and reviews continue with another trainer.
-    let required = Required { reviews: 2, first: 0.3, last: 0.6, grids_at: 0.2, images: 4 };
+    let required = Required { reviews: 2, grids_at: 0.2 };
     let resolution = Resolution { reduction: 2, until: 0.3 };
     let config = Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, required, resolution, ..Config::default() };
     let run = |bytes| {

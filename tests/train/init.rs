@@ -44,7 +44,7 @@ fn training(with_foreground: bool) -> (Capture, Similarity) {
 }
 
 fn config() -> Config {
-    Config { sh_degree: 0, init_points: 3000, init_moving_points: 300, ..Config::default() }
+    Config { sh_degree: 0, init_points: 3000, ..Config::default() }
 }
 
 fn first(capture: &Capture, config: &Config) -> Initial {
@@ -131,7 +131,7 @@ fn of_a_single_frame_nothing_moves_on_top_of_what_rests() {
     let (mut capture, _) = training(true);
     capture.n_frames = 1;
     capture.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));
-    let initial = first(&capture, &Config { trains_static: false, ..config() });
+    let initial = first(&capture, &Config { holds_static: true, ..config() });
     assert!(initial.n_hulls == 1 && initial.splats.is_empty(), "{initial}");
 }
 

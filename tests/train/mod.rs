@@ -62,14 +62,13 @@ fn steady() -> Config {
     Config { lr, ..Config::default() }
 }
 
-/// Rates of 0: a run that learns only what a test gives a rate.
+/// Rates of 0: a run that learns only what a test gives a rate. Poses and colour maps, where there are any, learn too.
 fn nothing_moves(pace: Pace) -> LearningRates {
     let still = Rate::constant(0.0);
     LearningRates {
         position: still,
         position_size: 0.0,
-        sh0: still,
-        sh_rest: still,
+        sh: still,
         opacity: still,
         scale: still,
         rotation: still,
@@ -77,9 +76,6 @@ fn nothing_moves(pace: Pace) -> LearningRates {
         t_center: still,
         t_scale: still,
         offset: still,
-        pose_turn: still,
-        pose_shift: still,
-        grid: still,
         pace,
     }
 }
@@ -245,6 +241,7 @@ fn rates_decay_exponentially_and_bands_join_one_by_one() {
         assert!((begin.position - 3.2e-4).abs() < 1e-12 && (end.position - 3.2e-6).abs() < 1e-12);
         assert_eq!([begin.reference_size, end.reference_size], [2.0 * config.lr.position_size; 2]);
         assert_eq!([begin.scale, end.scale, begin.opacity, end.sh[0]], [5e-3, 5e-3, 2.5e-2, 2.5e-3]);
+        assert_eq!(end.sh[1..], [1.25e-4; 3]);
     }
     let (begin, end) = ends(1000);
     let [start, slow] = [30f64.powf(0.55), 3f64.powf(0.6)];
@@ -264,9 +261,9 @@ fn a_rate_may_be_written_as_one_number_and_must_not_change_its_sign() {
     assert!((config.lr.position.at(0.5) - 1e-4).abs() < 1e-12 && config.check().is_ok());
     assert_eq!(read(&serde_json::to_string(&config).unwrap()).unwrap(), config);
     for wrong in [(1e-3, 0.0), (-1.0, -1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
-        let lr = LearningRates { sh0: Rate { start: wrong.0, end: wrong.1 }, ..LearningRates::default() };
+        let lr = LearningRates { sh: Rate { start: wrong.0, end: wrong.1 }, ..LearningRates::default() };
         let fault = Config { lr, ..Config::default() }.check().unwrap_err();
-        assert!(fault.contains("lr.sh0"), "{fault}");
+        assert!(fault.contains("lr.sh is "), "{fault}");
     }
     assert!(read(r#"{"lr": {"scales": 0.25}}"#).is_err() && read(r#"{"lr": {"scale": "fast"}}"#).is_err());
 }

@@ -167,7 +167,7 @@ fn what_moves_is_told_from_what_stands_still_and_how_it_moves() {
     let hull_frames: BTreeSet<u32> = all.motion[..n_hull].iter().map(|m| (6.0 * m.t_center).round() as u32).collect();
     assert_eq!(hull_frames, BTreeSet::from([1, 3, 5]));
     // Where nothing that rests is trained, what moves is the same.
-    let (moving, alone) = first(capture, &Config { trains_static: false, ..config(Init::Auto) });
+    let (moving, alone) = first(capture, &Config { holds_static: true, ..config(Init::Auto) });
     assert!(alone.n_static == 0 && alone.motion == all.motion && moving.n_hulls == 3, "{moving}");
 }
 
@@ -287,19 +287,28 @@ fn concatenation_keeps_every_point_of_every_frame() {
 }
 
 #[test]
-fn thresholds_and_tau_are_as_set_and_what_a_capture_lacks_is_told() {
-    let Made { capture, .. } = made();
-    let (none, _) = first(capture, &Config { init_flow_threshold: 1e9, ..config(Init::Flow) });
+fn without_flow_all_is_static_and_what_a_capture_lacks_is_told() {
+    let Made { folder, capture, .. } = made();
+    let mut at_rest = capture.clone();
+    for camera in &mut at_rest.cameras {
+        let size = [camera.intrinsics.width, camera.intrinsics.height];
+        let header = [*b"PIEH", size[0].to_le_bytes(), size[1].to_le_bytes()].concat();
+        let file = folder.join(format!("at-rest-{}.flo", camera.name));
+        let zeros = vec![0; 8 * size[0] as usize * size[1] as usize];
+        std::fs::write(&file, [header, zeros].concat()).unwrap();
+        camera.shots.iter_mut().filter_map(|shot| shot.flow.as_mut()).for_each(|flow| flow.clone_from(&file));
+    }
+    let (none, _) = first(&at_rest, &config(Init::Flow));
     let counts = none.counts.unwrap();
     assert_eq!((counts.n_static, counts.n_dynamic), (600, 0));
     assert_eq!((none.splats.n_static, none.splats.motion.len()), (600, 0));
     let usual = Config::default().init_static_tau;
-    let (paper, _) = first(capture, &Config { init_static_tau: usual, init_point_tau: 1.0, ..config(Init::Flow) });
+    let (paper, _) = first(capture, &Config { init_static_tau: usual, ..config(Init::Flow) });
     let counts = paper.counts.unwrap();
     assert_eq!((paper.splats.n_static, paper.splats.motion.len()), (0, counts.after()));
     let taus: Vec<f32> = paper.splats.motion.iter().map(|motion| motion.t_scale.exp()).collect();
     assert!(taus[..counts.n_static].iter().all(|tau| (tau - 10.0).abs() < 1e-4));
-    assert!(taus[counts.n_static..].iter().all(|tau| (tau - 1.0 / 6.0).abs() < 1e-6));
+    assert!(taus[counts.n_static..].iter().all(|tau| (tau - 2.0 / 6.0).abs() < 1e-6));
     let mut without = capture.clone();
     without.cameras.iter_mut().flat_map(|camera| &mut camera.shots).for_each(|shot| shot.flow = None);
     let error = initialise(&without, &config(Init::Flow), &mut |_, _| {}).unwrap_err();

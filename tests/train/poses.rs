@@ -74,14 +74,14 @@ fn learns_poses(data: TermData) {
             (told, Picture::new(64, 48, words.collect()).with_priors(Vec::new(), flow))
         })
         .collect();
-    let rate = Rate { start: 1e-3, end: 1e-5 };
-    let lr = LearningRates { pose_turn: rate, pose_shift: rate, ..nothing_moves(Pace { steps: 0 }) };
+    let lr = nothing_moves(Pace { steps: 0 });
     let density = Density { stop: 0.0, ..Density::default() };
     let config = Config { lr, density, sh_degree: 0, ..Config::default() };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };
     let flow_model = FlowModel::Displacement;
     let learns_pose = centers.iter().copied().map(Some).collect();
-    let setup = Setup { learns_pose, data, flow_model, ..Setup::plain(extent, 1.0) };
+    let pose_rate = Rate { start: 1e-3, end: 1e-5 };
+    let setup = Setup { learns_pose, data, flow_model, pose_rate, ..Setup::plain(extent, 1.0) };
     let total = 300 * CAMERAS as u64;
     let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, total, setup).unwrap();
     for step in 0..total as usize {

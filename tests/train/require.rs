@@ -108,7 +108,7 @@ fn everything(truth: &Splats) -> Splats {
 pub fn config() -> Config {
     let loss = ivv::train::Loss { depth: 0.0, flow: 0.0, ..Default::default() };
     let density = ivv::train::Density { stop: 0.0, ..Default::default() };
-    let required = Required { reviews: 1, images: 40, grids_at: 0.3, ..Required::default() };
+    let required = Required { reviews: 1, grids_at: 0.3 };
     // The truth lets the background through.
     let vary_background = false;
     Config { sh_degree: 1, background: BACKGROUND, vary_background, loss, density, required, ..super::steady() }
@@ -121,7 +121,8 @@ fn reviewed(capture: &Capture, begin: &Splats, steps: u64) -> (Review, Trainer) 
     let mut trainer =
         Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), 2 * steps, setup).unwrap();
     super::drive(&mut trainer, capture, config.seed, steps);
-    let review = review(&mut trainer, &gpu(), capture, Constants::default(), Due::Gaussians, &mut |_, _| {}).unwrap();
+    let due = Due::Gaussians;
+    let review = review(&mut trainer, &gpu(), capture, Constants::default(), due, 40, &mut |_, _| {}).unwrap();
     (review, trainer)
 }
 
@@ -173,10 +174,11 @@ fn a_scene_that_stands_still_ends_without_a_dynamic_gaussian_and_without_a_grid(
     let (first, mut trainer) = reviewed(&tiny.capture, &everything(&truth), 40);
     super::drive(&mut trainer, &tiny.capture, config().seed, 60);
     let again =
-        review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Gaussians, &mut |_, _| {}).unwrap();
+        review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Gaussians, 40, &mut |_, _| {}).unwrap();
     let splats = trainer.splats().unwrap();
     assert!(splats.len() + 2 >= truth.len() && splats.motion.is_empty(), "{first:?} {again:?}");
-    let grids = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids, &mut |_, _| {}).unwrap();
+    let grids =
+        review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids, 40, &mut |_, _| {}).unwrap();
     assert!(grids.grids.len() == 4 && grids.grids.iter().all(|check| !check.is_needed), "{grids:?}");
     // Nothing moves, so no picture tells any offset.
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
@@ -201,7 +203,8 @@ fn one_camera_of_another_exposure_gets_the_only_grid() {
     assert!(setup.has_grid.is_empty(), "grids come when they are needed");
     let mut trainer = Trainer::new(gpu().clone(), &truth, Constants::default(), config.clone(), 100, setup).unwrap();
     super::drive(&mut trainer, &tiny.capture, config.seed, 8);
-    let found = review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids, &mut |_, _| {}).unwrap();
+    let found =
+        review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids, 40, &mut |_, _| {}).unwrap();
     let name = &tiny.capture.cameras[odd].name;
     let needing: Vec<&String> = found.grids.iter().filter(|check| check.is_needed).map(|check| &check.camera).collect();
     assert_eq!(needing, [name], "{found:?}");
@@ -306,7 +309,7 @@ fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
 #[test]
 fn cameras_have_their_turn_though_gaussians_are_looked_at_after_the_same_step() {
     let due_of = |reviews: u32, grids_at: f64| -> Vec<(u64, Due)> {
-        let required = Required { reviews, first: 0.6, last: 0.8, grids_at, ..Required::default() };
+        let required = Required { reviews, grids_at };
         let config = Config { grids: GridKind::Affine, required, ..Config::default() };
         (0..=10).filter_map(|step| Some((step, review_due(&config, step, 10)?))).collect()
     };

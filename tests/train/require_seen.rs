@@ -27,11 +27,12 @@ fn shining(random: &mut Random) -> [[f32; 3]; 4] {
 
 /// What a review makes of `begin` before the first step of a run on `capture`, and what is left.
 fn reviewed(capture: &Capture, begin: &Splats, images: usize) -> (Review, Splats) {
-    let required = Required { reviews: 1, images, grids_at: 0.3, ..Required::default() };
+    let required = Required { reviews: 1, grids_at: 0.3 };
     let config = Config { required, ..config() };
     let setup = Setup::new(capture, &config);
     let mut trainer = Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), 1000, setup).unwrap();
-    let review = review(&mut trainer, &gpu(), capture, Constants::default(), Due::Gaussians, &mut |_, _| {}).unwrap();
+    let due = Due::Gaussians;
+    let review = review(&mut trainer, &gpu(), capture, Constants::default(), due, images, &mut |_, _| {}).unwrap();
     let splats = trainer.splats().unwrap();
     assert_eq!((review.before, review.after), (begin.len(), splats.len()));
     (review, splats)

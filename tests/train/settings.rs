@@ -72,13 +72,8 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
         ("density.growth", "-5.0", "a number from 0 to 1"),
         ("density.stop", "-1.0", "a number from 0 to 1"),
         ("density.every", "0", "a whole number, 1 or more"),
-        ("density.prune_opacity", "7.0", "a number of at least 0 and below 1"),
-        ("density.prune_scale", "-1.0", "a number above 0"),
-        ("density.prune_veil", "0.0", "a number above 0"),
         ("density.mcmc_noise", "-1.0", "a number, 0 or more"),
         ("density.mcmc_growth", "2.0", "a number from 0 to 1"),
-        ("init_opacity", "5.0", "a number above 0 and below 1"),
-        ("init_opacity", "0.0", "a number above 0 and below 1"),
         ("init_points", "0", "a whole number from 1 to 50000000"),
         ("max_gaussians", "0", "a whole number from 1 to 4294967295"),
         ("background", "[9.0,9.0,9.0]", "three numbers from 0 to 1"),
@@ -86,7 +81,7 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
         ("moment_bits", "31", "16 or 32"),
         ("resolution.reduction", "0", "a whole number from 1 to 8"),
         ("loss.depth", "-1.0", "a number, 0 or more"),
-        ("required.first", "1.5", "a number from 0 to 1"),
+        ("required.grids_at", "1.0", "a number of at least 0 and below 1"),
         ("frame.t_cut", "0.5", "a number of at least 0 and below 0.5"),
         ("lr.scale", "-1.0", "a number above 0"),
         ("lr.scale", "{\"end\":0.0,\"start\":1.0}", "both above 0"),
@@ -103,7 +98,7 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
     assert_eq!(config.check().unwrap_err(), "average is not a finite number; expected a number from 0 to 1");
     config = Config { epochs: 0, ..Config::default() };
     assert!(config.check().unwrap_err().contains("epochs and steps"));
-    (config.epochs, config.density.prune_scale) = (1, -0.01);
+    (config.epochs, config.frame.t_cut) = (1, -0.01);
     assert!(config.check().unwrap_err().contains("is -0.01;"), "32 bits are shown as they were written");
 }
 
@@ -131,8 +126,8 @@ fn what_set_cannot_take_is_told_before_the_capture_is_opened() {
     }
     let fault = fails(&["train", "/no/capture", "-o", "/no/run", "--sh-degree", "7"], 2);
     assert!(fault.contains("sh_degree is 7; expected a whole number from 0 to 3"), "{fault}");
-    let misspelt = Preset::parse(Path::new("my.json"), "my", r#"{"about": "", "settings": {"init_opacty": 0.5}}"#);
-    assert!(misspelt.unwrap_err().to_string().contains("did you mean init_opacity?"));
+    let misspelt = Preset::parse(Path::new("my.json"), "my", r#"{"about": "", "settings": {"sh_degre": 1}}"#);
+    assert!(misspelt.unwrap_err().to_string().contains("did you mean sh_degree?"));
     for (name, text) in PRESETS {
         Preset::parse(Path::new(name), name, text).unwrap();
     }
@@ -169,8 +164,8 @@ fn settings_are_listed_with_default_unit_range_meaning_and_presets() {
     let text = works(&["train", "--list-settings", "density"]);
     let listed = all_settings().filter(|setting| setting.name.starts_with("density."));
     assert!(listed.clone().all(|setting| text.contains(&format!("{} = ", setting.name))), "{text}");
-    assert!(text.contains("density.prune_scale = 0.5 (scene extents)\n"), "{text}");
-    assert!(text.contains("    Expected: a number above 0.\n") && !text.contains("lr."), "{text}");
+    assert!(text.contains("density.growth = 0.05 (of the Gaussians)\n"), "{text}");
+    assert!(text.contains("    Expected: a number from 0 to 1.\n") && !text.contains("lr."), "{text}");
     assert_eq!(text.lines().last().unwrap().split(' ').next().unwrap(), listed.count().to_string());
     assert!(works(&["train", "--list-settings", "frame.t_cut"]).contains("    Presets: fast 0.001.\n"));
     assert!(fails(&["train", "--list-settings", "densty.growth"], 2).contains("did you mean density.growth?"));

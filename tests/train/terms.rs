@@ -76,7 +76,7 @@ const NOT_TERMS: [&str; 8] =
 fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
     let _device = gpu();
     let tiny = Tiny::new("logged");
-    let loss = Loss { depth: 0.7, flow: 0.3, grid_variation: 4.0, ..Loss::default() };
+    let loss = Loss { depth: 0.7, flow: 0.3, ..Loss::default() };
     let all = Config { sh_degree: 0, loss, required: grids_from_the_start(), ..Config::default() };
     let without = Config { grids: GridKind::None, loss: Loss { depth: 0.0, ..all.loss.clone() }, ..all.clone() };
     for (config, keys) in [
@@ -98,9 +98,9 @@ fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
             assert!(terms.iter().all(|key| keys.contains(key)), "{terms:?}");
             assert!(NOT_TERMS.iter().all(|key| has.contains(key)), "{has:?}");
             let of = |key: &str| report.term(key).unwrap_or(0.0);
-            let Loss { depth, flow, grid_variation, .. } = config.loss;
+            let Loss { depth, flow, .. } = config.loss;
             let colors = 0.8 * of("l1") + 0.2 * (1.0 - of("ssim"));
-            let sum = colors + depth * of("depth") + flow * of("flow") + grid_variation * of("grid_variation");
+            let sum = colors + depth * of("depth") + flow * of("flow") + 10.0 * of("grid_variation");
             assert!((report.loss - sum).abs() < 1e-6 * sum, "{} for {sum}", report.loss);
             assert!(terms.iter().all(|key| logged().any(|logged| logged.key == *key)));
             met.extend(terms.iter().map(|key| (*key).to_owned()));

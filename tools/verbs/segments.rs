@@ -100,7 +100,7 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
         config.density.strategy != Strategy::Mcmc,
         "density.strategy=mcmc: would change the static Gaussians, which segments take over as they are; leave it out"
     );
-    ensure!(config.trains_static, "trains_static=false: this would remove all static Gaussians; leave it out");
+    ensure!(!config.holds_static, "holds_static: this would remove all static Gaussians; leave it out");
     let settings = CaptureSettings { background: config.background, ..args.read.settings() };
     let capture = capture::open(&args.capture, &settings)?;
     ensure!(

@@ -19,7 +19,7 @@ use crate::scene::{Motion, SH_C0, Splats};
 use crate::settings::Constants;
 use crate::stage::{GridState, Renderer};
 use crate::train::checkpoint::{CameraState, Checkpoint};
-use crate::train::config::{Config, Required};
+use crate::train::config::Config;
 use crate::train::density::recovered_from;
 use crate::train::scores::Sight;
 use crate::train::trainer::Trainer;
@@ -29,6 +29,12 @@ use std::sync::Arc;
 
 /// Purpose of the random numbers of a review; those of a step have 1 to 3, and 5.
 const REVIEW: u64 = 4;
+/// Training images that a review looks at, at most: each takes as long as two steps.
+pub(crate) const MOST_IMAGES: usize = 128;
+/// When the first review takes place, of the run: by default density control adds its last Gaussians at half of it.
+const FIRST: f64 = 0.6;
+/// When the last review takes place, of the run: the steps after it mend some of what the reviews took.
+const LAST: f64 = 0.8;
 /// Share of the Gaussians that a review may leave unjudged because too few images show them: the last ones would take many images each.
 const UNSEEN: f64 = 0.02;
 /// What a number must be worth to stay, in half logarithms of the number of observations: Schwarz's criterion.
@@ -104,16 +110,15 @@ pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
 
 /// The steps of a run of `total` after which Gaussians are looked at; fewer than were asked for where several fall on one.
 fn reviews_at(config: &Config, total: u64) -> BTreeSet<u64> {
-    let Required { reviews, first, last, .. } = config.required;
     // More would fall on the same steps.
-    let reviews = u64::from(reviews).min(total + 1);
-    let at = |k: u64| first + (last - first) * k as f64 / reviews.saturating_sub(1).max(1) as f64;
+    let reviews = u64::from(config.required.reviews).min(total + 1);
+    let at = |k: u64| FIRST + (LAST - FIRST) * k as f64 / reviews.saturating_sub(1).max(1) as f64;
     let steps = (0..reviews).map(|k| recovered_from(config, (at(k) * total as f64).round() as u64, total));
     steps.filter(|step| (1..total).contains(step)).collect()
 }
 
 /// Reviews the cameras and the Gaussians of `trainer`, which is trained on `capture`, and lets it go on with what the pictures
-/// require. `progress` is called as (pictures looked at, pictures chosen so far).
+/// require. It looks at `most_images` of them at most. `progress` is called as (pictures looked at, pictures chosen so far).
 ///
 /// # Errors
 /// Those of the device and of the capture's pictures.
@@ -124,11 +129,12 @@ pub fn review(
     capture: &Capture,
     constants: Constants,
     due: Due,
+    most_images: usize,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Review> {
     let mut checkpoint = trainer.checkpoint()?;
     let (offsets, _) = trainer.offsets()?;
-    let Config { background, seed, ref required, grids, .. } = checkpoint.config;
+    let Config { background, seed, grids, .. } = checkpoint.config;
     let splats = trainer.splats()?;
     let mut renderer = Renderer::new(gpu.clone(), &splats, constants)?;
     let sight = Sight {
@@ -148,7 +154,7 @@ pub fn review(
     }
     let key = [seed, checkpoint.step, REVIEW];
     let has_grid = &checkpoint.cameras.has_grid;
-    let budget = (required.images, UNSEEN);
+    let budget = (most_images, UNSEEN);
     let mut evidence = Evidence::gather(&mut renderer, &splats, &sight, has_grid, budget, &key, progress)?;
     drop(renderer);
     let n_frames = capture.n_frames.max(1);
@@ -164,7 +170,7 @@ pub fn review(
     let noise = evidence.variance.sqrt();
     let unseen = evidence.seen.iter().filter(|seen| seen.pictures == 0 && !seen.is_hidden).count();
     let left = evidence.seen.iter().filter(|seen| !seen.tells_all()).count();
-    let (pictures, budget) = (evidence.pictures, required.images);
+    let (pictures, budget) = (evidence.pictures, most_images);
     let found = tally(&checkpoint, &fates, &merged);
     let report = Review { merged: n_merged, noise, price, pictures, budget, unseen, left, ..found };
     carry_out(&mut checkpoint, &fates);

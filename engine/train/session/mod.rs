@@ -23,7 +23,7 @@ use crate::train::first::initialise;
 use crate::train::images::{ImageLimits, Source, StepImage, StepImages, training_frames};
 use crate::train::offsets::learnt_offsets;
 use crate::train::plan::Plan;
-use crate::train::require::{Due, review};
+use crate::train::require::{Due, MOST_IMAGES, review};
 use crate::train::setup::Setup;
 use crate::train::trainer::{ProfiledStep, Trainer};
 use judge::judge_poses;
@@ -436,7 +436,8 @@ impl<'a> Session<'a> {
     fn review(&mut self, due: Due) -> Result<()> {
         let begun = Instant::now();
         let mut looked = work(&mut self.watch, Phase::Review);
-        let review = review(&mut self.trainer, &self.gpu, &self.capture, self.constants, due, &mut looked)?;
+        let (gpu, constants) = (&self.gpu, self.constants);
+        let review = review(&mut self.trainer, gpu, &self.capture, constants, due, MOST_IMAGES, &mut looked)?;
         self.seconds += begun.elapsed().as_secs_f64();
         // The mean was of other Gaussians.
         self.average = Average::default();

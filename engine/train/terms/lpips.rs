@@ -11,16 +11,10 @@ use std::path::Path;
 pub(super) const TERM: TermKind = TermKind {
     logged: &[Logged { key: "lpips", plot: "LPIPS of training images", from_zero: true }],
     new: |gpu, config, _| {
-        let Loss { lpips, lpips_crop, lpips_every, .. } = config.loss;
+        let Loss { lpips, lpips_crop, .. } = config.loss;
         let Some(file) = config.loss.lpips_file() else { return Ok(None) };
         let network = Lpips::load(gpu, file)?;
-        Ok(Some(Box::new(Perceptual {
-            network,
-            weight: lpips,
-            crop: lpips_crop,
-            every: lpips_every,
-            seed: config.seed,
-        })))
+        Ok(Some(Box::new(Perceptual { network, weight: lpips, crop: lpips_crop, seed: config.seed })))
     },
     ..TermKind::NONE
 };
@@ -50,16 +44,10 @@ struct Perceptual {
     weight: f64,
     /// Side of the square that is compared, pixels; 0 for all.
     crop: u32,
-    /// Steps from one with LPIPS to the next.
-    every: u64,
     seed: u64,
 }
 
 impl Perceptual {
-    fn is_due(&self, shown: &Shown) -> bool {
-        shown.step.is_multiple_of(self.every)
-    }
-
     /// First column and row, and size, of the compared square.
     fn part(&self, shown: &Shown) -> [[u32; 2]; 2] {
         let Shown { step, size, .. } = *shown;
@@ -72,16 +60,13 @@ impl Perceptual {
 
 impl Term for Perceptual {
     fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left> {
-        if !self.is_due(shown) {
-            return Ok(None);
-        }
         let [origin, crop] = self.part(shown);
         // A picture too small for the trunk has no loss, as it has no score.
         if self.network.scratch_bytes(crop, true).is_err() {
             return Ok(None);
         }
         let compared = stage::Compared { image: on.colors.image, truth: on.truth, size: shown.size, origin, crop };
-        let weight = (self.weight * self.every as f64) as f32;
+        let weight = self.weight as f32;
         self.network.record(gpu, rec, &compared, Some(Cotangent { d_image: on.colors.cotangent, weight })).map(Some)
     }
 

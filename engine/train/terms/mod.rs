@@ -18,7 +18,7 @@ use term::TermKind;
 
 pub(super) use term::{Left, Pair, Part, Rendered, Shown, Term};
 pub use term::{Logged, TermData};
-pub(super) use variation::weight as grid_variation_weight;
+pub(super) use variation::WEIGHT as GRID_VARIATION_WEIGHT;
 
 /// All terms, in the order in which they are recorded and added up: the first sets the cotangent of the colours, the
 /// others add to it.

@@ -2,7 +2,6 @@
 
 use super::term::{LEAST_PIXELS, Left, Logged, Pair, Part, Rendered, Shown, Term, TermData, TermKind};
 use crate::error::Result;
-use crate::gpu::generated::ViewParams;
 use crate::gpu::{Gpu, Recording};
 use crate::scene::capture::Capture;
 use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorPicture, PriorWeights};
@@ -20,8 +19,7 @@ pub(super) const TERM: TermKind = TermKind {
             return Ok(None);
         }
         let scratch = PriorLoss::new(gpu, 1, loss.depth_space)?;
-        let (space, detach_alpha) = (loss.depth_space, loss.depth_detach_alpha);
-        Ok(Some(Box::new(Priors { scratch, depth, flow, space, detach_alpha })))
+        Ok(Some(Box::new(Priors { scratch, depth, flow, space: loss.depth_space })))
     },
 };
 
@@ -48,7 +46,6 @@ struct Priors {
     depth: f64,
     flow: f64,
     space: DepthSpace,
-    detach_alpha: bool,
 }
 
 impl Priors {
@@ -65,10 +62,6 @@ impl Priors {
 impl Term for Priors {
     fn outputs(&self) -> Outputs {
         Outputs::All
-    }
-
-    fn adjust(&self, view: &mut ViewParams) {
-        view.depth_to_alpha = if self.detach_alpha { 0.0 } else { 1.0 };
     }
 
     fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {

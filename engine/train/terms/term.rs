@@ -1,7 +1,6 @@
 //! A term of the loss, before a run and in it.
 
 use crate::error::Result;
-use crate::gpu::generated::ViewParams;
 use crate::gpu::{Buf, Gpu, Recording};
 use crate::scene::capture::Capture;
 use crate::stage::{Outputs, PriorPlanes};
@@ -64,9 +63,6 @@ pub(in crate::train) trait Term: Send + Sync {
     fn outputs(&self) -> Outputs {
         Outputs::Color
     }
-
-    /// Adjusts how a view is rendered.
-    fn adjust(&self, _view: &mut ViewParams) {}
 
     /// Makes room for pictures of `pixels` pixels.
     fn fit(&mut self, _gpu: &Gpu, _pixels: usize) -> Result<()> {

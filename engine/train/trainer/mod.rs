@@ -161,7 +161,7 @@ impl Trainer {
         splats.refuse_spans(Path::new("the scene"), "training", "give one of the segments that it was joined of")?;
         let constants = constants_on(gpu.caps().kind, config.frame, constants);
         let mut scene = SceneBuffers::upload(&gpu, splats, &constants, Purpose::Training)?;
-        scene.holds_static = !config.trains_static;
+        scene.holds_static = config.holds_static;
         let zeros = splats.zeros();
         let state = vec![[0.0; 4]; splats.len()];
         let sums = match config.adam {

@@ -221,8 +221,7 @@ impl Trainer {
 
     /// Appends the upload of a view, as training sees it, and of the rates of the step.
     fn record_inputs(&self, rec: &mut Recording, view: &View, step: u64) -> Result<()> {
-        let mut params: ViewParams = view_params(view, &self.constants, self.scene.origin, Strip::whole(view));
-        self.objective.adjust(&mut params);
+        let params: ViewParams = view_params(view, &self.constants, self.scene.origin, Strip::whole(view));
         let adam = self.adam_params(step);
         rec.section("upload");
         let parts = [(0, bytes_of(&params)), (Optimiser::PARAMS_AT, bytes_of(&adam))];

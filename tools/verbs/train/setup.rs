@@ -56,10 +56,10 @@ impl TrainingSetup {
                 alert!("{reason}");
             }
             capture = base.calibrated(capture)?;
-        } else if !config.trains_static {
-            let remedy = "name with --base the run that has the static scene, or set trains_static=true";
+        } else if config.holds_static {
+            let remedy = "name with --base the run that has the static scene, or leave holds_static out";
             let file = args.settings.file().unwrap_or(Path::new("settings"));
-            return Err(Error::data(file, "trains_static", "is false, but no --base is given", remedy).into());
+            return Err(Error::data(file, "holds_static", "is true, but no --base is given", remedy).into());
         }
         let capture = training_capture(capture, &config);
         let mut run = Run::new(&capture, Constants::default())?;
@@ -231,7 +231,7 @@ pub fn capture(args: &Args, config: &Config) -> anyhow::Result<Capture> {
 
 /// The capture that a run trains on. Photographs show static objects, so a run with a fixed static scene leaves them out.
 pub fn training_capture(capture: Capture, config: &Config) -> Capture {
-    if config.trains_static { capture } else { capture.without_photos() }
+    if config.holds_static { capture.without_photos() } else { capture }
 }
 
 /// Number of training images.
