@@ -10,22 +10,27 @@ pub trait Same: Debug {
     fn is_same(&self, other: &Self) -> bool;
 }
 
-macro_rules! same {
-    ($($of:ty: $bits:expr;)*) => {
+macro_rules! integers {
+    ($($of:ty)*) => {
         $(impl Same for $of {
             fn is_same(&self, other: &Self) -> bool {
-                $bits(*self) == $bits(*other)
+                self == other
             }
         })*
     };
 }
-same! {
-    u8: u8::from;
-    u32: u32::from;
-    u64: u64::from;
-    i64: i64::from;
-    f32: f32::to_bits;
-    f64: f64::to_bits;
+integers! { u8 u32 u64 i64 }
+
+impl Same for f32 {
+    fn is_same(&self, other: &Self) -> bool {
+        self.to_bits() == other.to_bits()
+    }
+}
+
+impl Same for f64 {
+    fn is_same(&self, other: &Self) -> bool {
+        self.to_bits() == other.to_bits()
+    }
 }
 
 impl<T: Same, const N: usize> Same for [T; N] {

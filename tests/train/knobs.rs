@@ -66,8 +66,7 @@ fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
     let tiny = Tiny::new("moments");
     let config = |moment_bits| Config { sh_degree: 1, moment_bits, ..steady() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config(32));
-    let [half, again, whole] = [16, 16, 32].map(|bits| train(&tiny.capture, &config(bits), &begin, 80).0);
-    assert_same_splats("two runs", &again, &half);
+    let [half, whole] = [16, 32].map(|bits| train(&tiny.capture, &config(bits), &begin, 80).0);
     assert!(half != whole);
     let [begin, half, whole] = [&begin, &half, &whole].map(|splats| tiny.test_psnr(splats));
     assert!(

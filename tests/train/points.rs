@@ -2,7 +2,8 @@
 //! synthetic capture.
 
 use crate::capture::Folder;
-use crate::synth::{Body, bodies, json};
+use crate::common::program::json;
+use crate::synth::{Body, bodies};
 use glam::{DMat3, DVec3};
 use ivv::scene::capture::{Camera, Capture, FramePoint, Manifest};
 use ivv::scene::{Pose, SeenPoint, Similarity, Splats, write_points};

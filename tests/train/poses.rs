@@ -106,7 +106,7 @@ fn learns_poses(data: TermData) {
     }
 }
 
-/// A run on `capture`: the cameras whose poses are learnt just before they are judged and at its end, and what was said then.
+/// A run on `capture`: the cameras whose poses are learnt just before they are judged and soon after, and what was said then.
 fn judged(capture: &Capture, poses: PoseKind) -> ([usize; 2], Vec<(f64, bool)>) {
     let config = Config { sh_degree: 0, steps: 240, max_gaussians: 2_000, poses, ..Config::default() };
     let mut session = Session::begin(gpu().clone(), capture, config, as_it_is()).unwrap();
@@ -114,7 +114,9 @@ fn judged(capture: &Capture, poses: PoseKind) -> ([usize; 2], Vec<(f64, bool)>) 
         session.step().unwrap();
     }
     let before = session.trainer().poses().unwrap().len();
-    while session.step().unwrap() {}
+    while session.steps() < 80 {
+        session.step().unwrap();
+    }
     session.wait().unwrap();
     let said = session.take_events().into_iter().filter_map(|event| match event {
         Event::Poses { pixels, are_learnt } => Some((pixels, are_learnt)),

@@ -231,7 +231,7 @@ fn a_process_that_loses_the_others_leaves_its_last_step() {
         Session::begin(device.clone(), &tiny.capture, config(), options).unwrap()
     };
     let whole = end(begin(None));
-    for at in [0, 5, 13] {
+    for at in [0, 13] {
         let mut lost = begin(Some(Arc::new(Alone(Mutex::new(at)))));
         let error = loop {
             if let Err(error) = lost.step() {
