@@ -52,7 +52,7 @@ pub fn exit(done: anyhow::Result<()>, as_json: bool) -> u8 {
     let Err(error) = done else { return end(0) };
     // Results that were written contain the error.
     if as_json && !screen::has_results() {
-        out!("{}", json!({ "error": as_json(&error) }));
+        out!("{}", json!({ "error": error_json(&error) }));
     }
     screen::leave_bar();
     alert!("ivv: {error:#}");
@@ -75,13 +75,13 @@ fn end(code: u8) -> u8 {
 pub fn results(of: &impl serde::Serialize, fault: Option<&anyhow::Error>) -> anyhow::Result<()> {
     let mut value = serde_json::to_value(of)?;
     if let Some(fault) = fault {
-        value["error"] = as_json(fault);
+        value["error"] = error_json(fault);
     }
     screen::print_json(&value)
 }
 
 /// The `error` of JSON output.
-fn as_json(error: &anyhow::Error) -> Value {
+fn error_json(error: &anyhow::Error) -> Value {
     let (kind, exit_code) = kind(error);
     let mut object = json!({ "kind": kind, "exit_code": exit_code, "message": format!("{error:#}") });
     if let Some(ivv::Error::Data { file, place, reason, remedy }) = error.downcast_ref() {
