@@ -147,8 +147,6 @@ settings! {
     }
 }
 
-}
-
 /// What corrects the colours of a camera.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]

@@ -32,8 +32,8 @@ pub use average::Average;
 pub use base::Base;
 pub use checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
 pub use config::{
-    Config, Density, GridKind, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution,
-    Round, Strategy, all_settings,
+    Config, Density, GridKind, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution, Round,
+    Strategy, all_settings,
 };
 pub use density::{density_round, noise, regularisers};
 pub use depth::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
