@@ -179,7 +179,7 @@ impl Grids {
     }
 
     /// These with the kernels for GPUs or with those for CPU drivers, whatever the device is.
-    pub(crate) fn by_kernels_for_gpus(self, is_for_gpus: bool) -> Self {
+    pub fn by_kernels_for_gpus(self, is_for_gpus: bool) -> Self {
         Grids { is_for_gpus, ..self }
     }
 
@@ -231,7 +231,7 @@ impl Grids {
 
     /// Appends the slicing: `graded` becomes `image` (colour in the first three channels, `[height][width]`) as `camera`
     /// shows it; the fourth channel is copied. The identity grid gives every finite colour its bits.
-    pub(crate) fn record_slice(
+    pub fn record_slice(
         &self,
         rec: &mut Recording,
         camera: usize,

@@ -1,8 +1,8 @@
 //! Comparisons to the bit, which say what differs first.
 
-use ivv::extremes::adjoint::{GROUPS, flat};
 use ivv::scene::{Frame, Splats};
 use ivv::stage::Gradients;
+use ivv_conformance::adjoint::{GROUPS, flat};
 use std::fmt::{Debug, Display};
 
 /// A value that is compared by its bits: -0 is not 0, and a NaN is itself.

@@ -8,11 +8,11 @@ use crate::common::random::{Random, scene, view};
 use crate::common::same::assert_same_gradients;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::extremes::adjoint::{GROUPS, flat};
 use ivv::scene::{Intrinsics, Motion, Pose, Splats, View};
 use ivv::stage::Renderer;
 use ivv::twin::Camera;
 use ivv::vk::DeviceKind;
+use ivv_conformance::adjoint::{GROUPS, flat};
 
 tested! {
     "blend/blend_bwd.comp" by jvp in the_backward_pass_is_the_adjoint_in_every_group_of_every_population_and_degree;

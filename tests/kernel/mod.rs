@@ -24,7 +24,7 @@ mod tiles;
 
 use crate::common::same::{assert_same, assert_same_splats};
 use crate::common::twins::Tested;
-use ivv::extremes::fixtures::adam::Scene;
+use ivv_conformance::fixtures::adam::Scene;
 use std::fmt::Display;
 
 /// Every kernel test that has a twin.

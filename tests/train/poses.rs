@@ -10,9 +10,7 @@ use ivv::Constants;
 use ivv::scene::capture::{Capture, Extent, Picture, half_bits};
 use ivv::scene::{FlowModel, Pose, View, read_views};
 use ivv::stage::{Outputs, Renderer};
-use ivv::train::{
-    Config, Correction, Density, Event, LearningRates, Pace, PoseKind, Rate, Session, Setup, TermData, Trainer,
-};
+use ivv::train::{Config, Correction, Density, Event, Pace, PoseKind, Rate, Session, Setup, TermData, Trainer};
 
 const CAMERAS: usize = 6;
 

@@ -1,6 +1,5 @@
 //! `ivv export` to files in which time passes.
 
-use crate::run::appearance::own;
 use crate::run::clip::{Setting, refuse_stretched, setting};
 use crate::run::device::DeviceArgs;
 use crate::run::source::Source;
@@ -8,8 +7,7 @@ use crate::ui::progress::Progress;
 use crate::ui::screen::say;
 use anyhow::ensure;
 use glam::DVec3;
-use ivv::Constants;
-use ivv::formats::{Clip, Clock, Contents, Encoded, FourDgs, Scene, Sounds, World, WriteOptions, Written};
+use ivv::formats::{Clip, Clock, Contents, Encoded, FourDgs, Scene, World, WriteOptions, Written};
 use ivv::scene::{Splats, View, upright};
 use ivv::sound::hrtf::HrtfSet;
 use ivv::sound::scene_file::SoundScene;
@@ -26,10 +24,10 @@ const LONGEST_SIDE: u32 = 640;
 pub struct ClipArgs {
     /// Length of the clip, seconds, where neither a run nor the file says it.
     #[arg(long, value_name = "S")]
-    seconds: Option<f64>,
+    pub seconds: Option<f64>,
     /// Views to start from: a cameras file (JSON, as of `ivv inspect --cameras`). By default those of the run's training cameras.
     #[arg(long)]
-    cameras: Option<PathBuf>,
+    pub cameras: Option<PathBuf>,
     /// Stores every attribute of a .4dgs as coarsely as pictures of the scene stay so many dB from what they are. By default
     /// places are off by 0.02 of the median standard deviation at most, colours by half a step of 255.
     #[arg(long, value_name = "DB", conflicts_with = "target_size")]

@@ -1,5 +1,6 @@
 //! `ivv export`.
 
+use crate::run::clip::setting;
 use crate::run::export_clip::ClipArgs;
 use crate::run::files::make_folder;
 use crate::run::player;
@@ -114,7 +115,7 @@ fn clip(args: &Args, format: Format, source: &Source, is_still: bool) -> anyhow:
     if !matches!(format, Format::File(writer) if writer.keeps.views) {
         return Ok(clip);
     }
-    let setting = args.clip.setting(source)?;
+    let setting = setting(source, args.clip.seconds, args.clip.cameras.as_deref())?;
     Ok(Clip { clock: setting.clock, views: setting.views, ..clip })
 }
 
