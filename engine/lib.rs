@@ -168,36 +168,89 @@
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 
-pub mod error;
-pub mod files;
-pub mod formats;
-pub mod gpu;
-pub mod parallel;
-pub mod prepare;
-pub mod profile;
-pub mod random;
-mod recon;
+/// The engine's rooms, for the program `ivv`, its tests and tools. Nothing here is stable.
 #[doc(hidden)]
-#[allow(missing_docs)]
-pub mod report;
-pub mod scene;
-pub mod settings;
-pub mod sound;
-pub mod stage;
-pub mod study;
-pub mod synth;
-pub mod train;
-pub mod twin;
-pub mod video;
-pub mod vk;
-pub mod words;
+#[path = "."]
+pub mod internals {
+    pub mod error;
+    pub mod files;
+    pub mod formats;
+    pub mod gpu;
+    pub mod parallel;
+    pub mod prepare;
+    pub mod profile;
+    pub mod random;
+    pub(crate) mod recon;
+    #[allow(missing_docs)]
+    pub mod report;
+    pub mod scene;
+    pub mod settings;
+    pub mod sound;
+    pub mod stage;
+    pub mod study;
+    pub mod synth;
+    pub mod train;
+    pub mod twin;
+    pub mod video;
+    pub mod vk;
+    pub mod words;
+}
 
-pub use error::{Error, Result};
-pub use gpu::{Gpu, Options as GpuOptions};
-pub use scene::capture::Capture;
-pub use scene::{
+// So that `crate::stage` is a room of the engine.
+use internals::{
+    error, files, gpu, parallel, prepare, random, recon, report, scene, settings, stage, twin, video, vk, words,
+};
+
+pub use internals::error::{Error, Result};
+pub use internals::gpu::{Gpu, Options as GpuOptions};
+pub use internals::scene::capture::Capture;
+pub use internals::scene::{
     ALWAYS, FlowModel, Frame, Intrinsics, Motion, Pose, SH_C0, Similarity, Splats, View, demo, read_views, write_views,
 };
-pub use settings::{Constants, Culls, Knobs, TileBound};
-pub use stage::{FrameReport, Gradients, Outputs, Renderer};
-pub use vk::{Caps, DeviceChoice, DeviceKind};
+pub use internals::settings::{Constants, Knobs};
+pub use internals::stage::{FrameReport, Gradients, Outputs, Renderer};
+pub use internals::vk::{Caps, DeviceChoice, DeviceKind};
+
+/// Captures: folders of calibrated images, with masks, priors and points.
+pub mod capture {
+    pub use crate::internals::scene::capture::{
+        Alpha, Calibration, Camera, Capture, CaptureSettings, Extent, Fault, FramePoint, Frames, Picture, Point,
+        Report, Shot, check_capture,
+    };
+}
+
+/// Files of scenes: one entry to read them, one to write them.
+pub mod formats {
+    pub use crate::internals::formats::{
+        Clip, Clock, Ears, Grades, Keeps, Scene, Sound, Sounds, WRITERS, World, WriteOptions, Writer, Written,
+        by_ending, endings, read, write,
+    };
+
+    pub(crate) use crate::internals::formats::*;
+}
+
+/// Training: Gaussians fitted to the images of a capture.
+pub mod train {
+    pub use crate::internals::settings::{Range, Setting};
+    pub use crate::internals::train::{
+        Checkpoint, Config, Density, Evaluation, Event, GridKind, Init, LearningRates, Loss, Meter, Notice,
+        PRESETS, Pace, Phase, Plan, PoseKind, Preset, PresetId, Priors, Rate, Required, Resolution, Review, Scores,
+        Session, SessionOptions, Sight, StepReport, ViewScores, Watch, all_settings, evaluate, psnr,
+    };
+
+    pub(crate) use crate::internals::train::*;
+}
+
+/// Sound: sources in a scene, and what two ears hear of them on their way.
+pub mod sound {
+    pub use crate::internals::sound::geometry::Mode;
+    pub use crate::internals::sound::hrtf::{HrtfSet, Lookup};
+    pub use crate::internals::sound::path::{Convention, HeadPath, PathCamera, read_path};
+    pub use crate::internals::sound::pose::{HeadPose, PoseTrack};
+    pub use crate::internals::sound::render::{Cue, RenderConfig, Rendered, Report, SourceReport, render};
+    pub use crate::internals::sound::scene_file::SoundScene;
+    pub use crate::internals::sound::wav::{Depth, write as write_wav};
+    pub use crate::internals::sound::{FS, clip::ears, clip::sounds};
+
+    pub(crate) use crate::internals::sound::*;
+}

@@ -1,5 +1,6 @@
 //! What the repository promises about itself: who uses whom, the table of kernels, the documents, the barriers.
 
+mod api;
 mod arrows;
 mod budgets;
 mod docs;
