@@ -198,7 +198,7 @@ pub mod internals {
 
 // So that `crate::stage` is a room of the engine.
 use internals::{
-    error, files, gpu, parallel, prepare, random, recon, report, scene, settings, stage, twin, video, vk, words,
+    error, files, gpu, parallel, prepare, random, recon, report, scene, settings, stage, video, vk, words,
 };
 
 pub use internals::error::{Error, Result};
@@ -233,9 +233,9 @@ pub mod formats {
 pub mod train {
     pub use crate::internals::settings::{Range, Setting};
     pub use crate::internals::train::{
-        Checkpoint, Config, Density, Evaluation, Event, GridKind, Init, LearningRates, Loss, Meter, Notice,
-        PRESETS, Pace, Phase, Plan, PoseKind, Preset, PresetId, Priors, Rate, Required, Resolution, Review, Scores,
-        Session, SessionOptions, Sight, StepReport, ViewScores, Watch, all_settings, evaluate, psnr,
+        Checkpoint, Config, Density, Evaluation, Event, GridKind, Init, LearningRates, Loss, Meter, Notice, PRESETS,
+        Pace, Phase, Plan, PoseKind, Preset, PresetId, Priors, Rate, Required, Resolution, Review, Scores, Session,
+        SessionOptions, Sight, StepReport, ViewScores, Watch, all_settings, evaluate, psnr,
     };
 
     pub(crate) use crate::internals::train::*;

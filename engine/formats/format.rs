@@ -110,6 +110,7 @@ impl WriteOptions {
     }
 
     /// The Gaussians that are written of `splats`.
+    #[doc(hidden)]
     pub fn moment<'a>(&self, splats: &'a Splats) -> Cow<'a, Splats> {
         self.time.map_or(Cow::Borrowed(splats), |time| Cow::Owned(splats.at(time, self.min_opacity)))
     }

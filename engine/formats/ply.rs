@@ -19,7 +19,7 @@ use crate::scene::{ALWAYS, Motion, Splats};
 
 /// Reads a scene from a 3DGS PLY file: ascii or binary of either byte order, properties by name in any order and of
 /// any scalar type (rounded to f32). Properties and elements that change no picture are skipped, and so are harmonics of degree 4 and
-/// above; [`read`](crate::formats::read) says which. The discs of 2DGS become thin, and the 3D filter of mip-splatting is
+/// above; [`read`](crate::internals::formats::read) says which. The discs of 2DGS become thin, and the 3D filter of mip-splatting is
 /// worked in.
 ///
 /// Temporal properties are this project's, those of a `.ftgs.ply` (version 1) or those of Spacetime Gaussians whose motion is

@@ -138,6 +138,7 @@ impl Gpu {
 
     /// The counts of rewritten kernels since the last call, by kernel; nothing where they do not count. A kernel has the word of its
     /// place among [`ALL`], others the last.
+    #[doc(hidden)]
     pub fn counted(&self) -> Result<Vec<(&'static str, u32)>> {
         let Some(counts) = &self.counts else { return Ok(Vec::new()) };
         let words = self.read(counts)?;
@@ -160,6 +161,7 @@ impl Gpu {
     }
 
     /// The device itself: memory in use, messages of the validation layer.
+    #[doc(hidden)]
     pub fn device(&self) -> &Device {
         &self.device
     }
@@ -189,6 +191,7 @@ impl Gpu {
     }
 
     /// A device buffer of `len` items with undefined contents.
+    #[doc(hidden)]
     pub fn alloc<T: Pod>(&self, name: &str, len: usize) -> Result<Buf<T>> {
         let bytes = (len.max(1) * size_of::<T>()) as u64;
         let buf = Buf::new(Arc::new(Buffer::new(&self.device, name, bytes, Location::Device)?), len);
@@ -201,6 +204,7 @@ impl Gpu {
     }
 
     /// A device buffer with `items` in it.
+    #[doc(hidden)]
     pub fn upload<T: Pod>(&self, name: &str, items: &[T]) -> Result<Buf<T>> {
         let buf = self.alloc(name, items.len())?;
         self.write(&buf, items)?;
@@ -208,6 +212,7 @@ impl Gpu {
     }
 
     /// Overwrites the beginning of `buf` and waits until the device has it.
+    #[doc(hidden)]
     pub fn write<T: Pod>(&self, buf: &Buf<T>, items: &[T]) -> Result<()> {
         assert!(items.len() <= buf.len(), "{} items into a buffer of {}", items.len(), buf.len());
         let bytes: &[u8] = bytemuck::cast_slice(items);
@@ -229,6 +234,7 @@ impl Gpu {
     }
 
     /// Reads all of `buf` back.
+    #[doc(hidden)]
     pub fn read<T: Pod>(&self, buf: &Buf<T>) -> Result<Vec<T>> {
         let mut items = vec![T::zeroed(); buf.len()];
         let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut items);
@@ -260,6 +266,7 @@ impl Gpu {
     }
 
     /// Room for `len` items that a recording may copy to; read them with [`Gpu::peek`] once it has ended.
+    #[doc(hidden)]
     pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Slice> {
         let size = (len * size_of::<T>()) as u64;
         let buffer = Buffer::new(&self.device, name, size, Location::Readback)?;
@@ -267,12 +274,14 @@ impl Gpu {
     }
 
     /// The items of a [`Gpu::readback`] slice, after the submission that wrote them has ended.
+    #[doc(hidden)]
     pub fn peek<T: Pod>(&self, slice: &Slice) -> Result<Vec<T>> {
         let bytes = slice.buffer.bytes().ok_or_else(|| unmapped(slice.buffer.name()))?;
         Ok(bytemuck::pod_collect_to_vec(&bytes[slice.offset as usize..(slice.offset + slice.size) as usize]))
     }
 
     /// Hands `recording` to the device and does not wait; it begins when all that was handed over before has ended.
+    #[doc(hidden)]
     pub fn start(&self, recording: &Recording) -> Result<Running> {
         self.start_as(recording, false)
     }
@@ -290,6 +299,7 @@ impl Gpu {
     }
 
     /// Runs `recording` and waits for its end.
+    #[doc(hidden)]
     pub fn run(&self, recording: &Recording) -> Result<()> {
         self.start(recording)?.wait().map(drop)
     }

@@ -25,21 +25,25 @@ const MOST_SHOWN: f64 = 1.35;
 
 impl Intrinsics {
     /// Focal lengths in x and y.
+    #[doc(hidden)]
     pub fn focal(&self) -> DVec2 {
         DVec2::new(self.fx, self.fy)
     }
 
     /// The principal point.
+    #[doc(hidden)]
     pub fn principal(&self) -> DVec2 {
         DVec2::new(self.cx, self.cy)
     }
 
     /// Width and height.
+    #[doc(hidden)]
     pub fn size(&self) -> DVec2 {
         DVec2::new(self.width.into(), self.height.into())
     }
 
     /// Pixels in all.
+    #[doc(hidden)]
     pub fn n_pixels(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)
     }
@@ -55,6 +59,7 @@ impl Intrinsics {
     }
 
     /// True if a pixel position lies in the picture.
+    #[doc(hidden)]
     pub fn holds(&self, at: DVec2) -> bool {
         at.cmpge(DVec2::ZERO).all() && at.cmplt(self.size()).all()
     }
@@ -75,6 +80,7 @@ impl Intrinsics {
 
     /// Intrinsics of a picture of another shape: it shows all that this one does, or, where the shapes differ much, most of it. Where
     /// one direction would show more than 1.35 times as much as before, the other is cropped.
+    #[doc(hidden)]
     pub fn fitted(&self, [width, height]: [u32; 2]) -> Self {
         let [w, h, old_w, old_h] = [width, height, self.width, self.height].map(f64::from);
         let (a, b) = (w / old_w, h / old_h);

@@ -49,6 +49,7 @@ impl Pose {
 
     /// The pose with a learnt correction: turned about the world's axes by `turn`, radians, and shifted along them by `shift`, scene units:
     /// `x_camera = R exp([turn]x) (x_world - center - shift)`.
+    #[doc(hidden)]
     pub fn corrected(&self, turn: DVec3, shift: DVec3) -> Self {
         let turn = DMat3::from_quat(DQuat::from_scaled_axis(turn));
         Pose::at(self.center() + shift, self.rotation * turn)

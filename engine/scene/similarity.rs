@@ -28,6 +28,7 @@ impl Similarity {
 
     /// True if single precision suffices for positions in the old world: its rounding there stays below 1e-4 new
     /// units.
+    #[doc(hidden)]
     pub fn is_exact_in_f32(&self) -> bool {
         let farthest = self.origin.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
         0.5 * f64::from(f32::EPSILON) * farthest * self.scale < 1e-4

@@ -130,6 +130,7 @@ impl Splats {
     }
 
     /// The mean of [`Splats::weight_at`] over the clip, from eight times.
+    #[doc(hidden)]
     pub fn mean_weight(&self, i: usize) -> f64 {
         (0..8).map(|k| self.weight_at(i, (f64::from(k) + 0.5) / 8.0)).sum::<f64>() / 8.0
     }
@@ -194,6 +195,7 @@ impl Splats {
 
     /// The Gaussians that `order` names, in that order; static ones must come first and degrees must fall.
     #[must_use]
+    #[doc(hidden)]
     pub fn in_order(&self, order: &[usize]) -> Splats {
         let k = self.n_coefficients();
         let dynamic = || order.iter().filter_map(|&i| i.checked_sub(self.n_static));

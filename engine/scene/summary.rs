@@ -104,6 +104,7 @@ impl Quantiles {
 
 impl Splats {
     /// Counts, sizes and distributions of the scene.
+    #[doc(hidden)]
     pub fn summary(&self) -> Summary {
         let (n, n_dynamic) = (self.len() as u64, self.motion.len() as u64);
         // Position, normal, opacity, scale, rotation; velocity, time of peak visibility and tau when it is dynamic; its span.

@@ -195,6 +195,7 @@ pub(super) const PHOTO_TIME: f64 = 1e6;
 
 impl View {
     /// Whether it is that of a photograph, which shows no moment of the clip.
+    #[doc(hidden)]
     pub fn is_photo(&self) -> bool {
         self.time == PHOTO_TIME
     }
@@ -231,11 +232,13 @@ impl View {
     }
 
     /// The view as a picture of another shape has it, pixels, see [`Intrinsics::fitted`].
+    #[doc(hidden)]
     pub fn fitted(&self, size: [u32; 2]) -> View {
         View { intrinsics: self.intrinsics.fitted(size), ..self.clone() }
     }
 
     /// The cone of what it sees, relative to `origin`.
+    #[doc(hidden)]
     pub fn cone(&self, origin: [f64; 3]) -> Cone {
         let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
         let DVec2 { x: width, y: height } = self.intrinsics.size();

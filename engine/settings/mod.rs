@@ -75,6 +75,7 @@ pub enum TileBound {
 
 impl Knobs {
     /// `constants` with these knobs, whose cut of alpha raises alpha_min.
+    #[doc(hidden)]
     pub fn on(self, constants: Constants) -> Constants {
         let alpha_min = constants.alpha_min.max(self.alpha_cut);
         Constants { alpha_min, knobs: self, ..constants }
@@ -84,6 +85,7 @@ impl Knobs {
     ///
     /// # Errors
     /// Its name and what is wrong.
+    #[doc(hidden)]
     pub fn check(&self) -> Result<(), String> {
         let group = serde_json::json!({ "frame": as_written(self)? });
         let check = |setting: &Setting| setting.of(&group).map_or(Ok(()), |value| setting.check(value));

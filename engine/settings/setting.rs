@@ -79,6 +79,7 @@ pub(crate) use settings;
 
 impl Setting {
     /// Its value in `settings`, which has the form of a run's settings and may leave out any.
+    #[doc(hidden)]
     pub fn of<'a>(&self, settings: &'a Value) -> Option<&'a Value> {
         settings.pointer(&format!("/{}", self.name.replace('.', "/")))
     }
@@ -114,6 +115,7 @@ impl Range {
     pub(crate) const CUT: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(0.5));
 
     /// Whether a setting may be `value`.
+    #[doc(hidden)]
     pub fn contains(&self, value: &Value) -> bool {
         match self {
             Range::Whole(least, most) => value.as_u64().is_some_and(|value| (*least..=*most).contains(&value)),

@@ -25,6 +25,7 @@ impl HeadPose {
 
     /// The turn of a head that looks along `forward` with its crown towards `up` as far as that allows, of any length; where they
     /// are parallel the sides are arbitrary but the same in every call.
+    #[doc(hidden)]
     pub fn looking(forward: DVec3, up: DVec3) -> DQuat {
         let x = forward.normalize_or(DVec3::X);
         let y = up.cross(x).try_normalize().unwrap_or_else(|| x.any_orthonormal_vector());

@@ -91,6 +91,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`].
+    #[doc(hidden)]
     pub fn show(&mut self, view: &View, layer: Layer, screen: &Screen, is_timed: bool) -> Result<FrameReport> {
         assert_eq!(
             (view.intrinsics.width, view.intrinsics.height),
@@ -114,6 +115,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`].
+    #[doc(hidden)]
     pub fn profile(&mut self, view: &View, outputs: Outputs) -> Result<FrameReport> {
         let job = Job { view, outputs, destination: Destination::Device, cotangents: None, measure: Measure::Work };
         self.strips(&job, None, |_, _, _| Ok(()))
@@ -124,6 +126,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`]; those of `done`.
+    #[doc(hidden)]
     pub fn stream<E: From<Error>>(
         &mut self,
         views: impl IntoIterator<Item = View>,
@@ -153,6 +156,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`].
+    #[doc(hidden)]
     pub fn begin(&mut self, view: &View, outputs: Outputs, destination: Destination) -> Result<Picture> {
         let job = Job { view, outputs, destination, cotangents: None, measure: Measure::Nothing };
         let fits = self.longest_strip(view)? >= view.intrinsics.height;
@@ -164,6 +168,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`].
+    #[doc(hidden)]
     pub fn end(&mut self, picture: Picture) -> Result<(Frame, FrameReport)> {
         let Picture { view, outputs, destination, launched } = picture;
         let job = Job { view: &view, outputs, destination, cotangents: None, measure: Measure::Nothing };
@@ -180,6 +185,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`]; [`Error::OutOfMemory`] when one strip does not hold the picture.
+    #[doc(hidden)]
     pub fn dump(&mut self, view: &View, outputs: Outputs, kernel: &str) -> Result<Option<Dispatch>> {
         // Lists grow to their size.
         let report = self.draw(view, outputs)?;
@@ -230,6 +236,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::OutOfMemory`] naming the buffer that does not fit.
+    #[doc(hidden)]
     pub fn census(&mut self, cameras: &[[f64; 3]]) -> Result<Census> {
         self.load_whole()?;
         Census::new(&self.gpu, &self.scene, cameras)
@@ -240,6 +247,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::render`].
+    #[doc(hidden)]
     pub fn count(
         &mut self,
         census: &Census,
@@ -276,6 +284,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::DeviceLost`].
+    #[doc(hidden)]
     pub fn seen(&self, census: &Census) -> Result<Vec<f32>> {
         census.information.seen(&self.gpu, &self.scene)
     }
@@ -284,6 +293,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::DeviceLost`].
+    #[doc(hidden)]
     pub fn counted(&self, census: &Census) -> Result<(Vec<Response>, Vec<Response>)> {
         Ok((census.information.read(&self.gpu, &self.scene)?, census.slope.read(&self.gpu, &self.scene)?))
     }

@@ -57,6 +57,7 @@ impl Renderer {
     ///
     /// # Errors
     /// As [`Renderer::new`]; those of the clip, here and whenever a view needs another part of it.
+    #[doc(hidden)]
     pub fn of_parts(gpu: Arc<Gpu>, clip: Box<dyn Parts>, constants: Constants) -> Result<Self> {
         let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
         let (windows, scene) = Windows::of_parts(&gpu, clip, &constants)?;
@@ -94,6 +95,7 @@ impl Renderer {
     }
 
     /// Starts with room for so few intersections; the first frame that needs more grows it.
+    #[doc(hidden)]
     pub fn limit_intersections(&mut self, n: u32) {
         self.room.intersections = n.max(1);
         self.work = None;
@@ -103,6 +105,7 @@ impl Renderer {
     ///
     /// # Errors
     /// [`Error::NoDevice`](crate::Error::NoDevice) when the device cannot.
+    #[doc(hidden)]
     pub fn accumulate(&mut self, sums: Sums) -> Result<()> {
         sums.check(self.gpu.caps())?;
         self.room.sums = sums;

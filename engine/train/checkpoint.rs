@@ -131,6 +131,7 @@ struct Section {
 impl Checkpoint {
     /// Most bytes of the file of a checkpoint of `n` Gaussians, `n_dynamic` of them dynamic, but for some thousands and
     /// for grids: parameters, both moments, the average, which is there near the end, and the state.
+    #[doc(hidden)]
     pub fn bytes(n: u64, n_dynamic: u64, sh_degree: u32) -> u64 {
         let side = u64::from(sh_degree) + 1;
         4 * (4 * ((11 + 3 * side * side) * n + 5 * n_dynamic) + 4 * n)
@@ -169,6 +170,7 @@ fn hash_bytes(bytes: &[u8]) -> u64 {
 
 impl Checkpoint {
     /// Checkpoints that a folder holds at most: the newest three, and the best.
+    #[doc(hidden)]
     pub const MOST_KEPT: usize = KEEP + 1;
 
     /// The file of `step` in `folder`.
@@ -250,6 +252,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`Error::Data`] when the folder is there and cannot be listed.
+    #[doc(hidden)]
     pub fn any_in(folder: &Path) -> Result<bool> {
         Ok(!list(folder)?.is_empty())
     }
@@ -258,6 +261,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`Error::Data`] when the folder is there and cannot be listed.
+    #[doc(hidden)]
     pub fn newest_step(folder: &Path) -> Result<Option<u64>> {
         Ok(list(folder)?.iter().rev().find(|kept| kept.psnr.is_none()).map(|kept| kept.step))
     }
@@ -266,6 +270,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`Error::Data`] naming one that stays, or the folder when it cannot be listed.
+    #[doc(hidden)]
     pub fn remove_all(folder: &Path) -> Result<()> {
         list(folder)?.into_iter().try_for_each(|kept| {
             let fault = |e| Error::data(&kept.file, "", format!("cannot be removed: {e}"), "check its permissions");
@@ -277,6 +282,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`Error::Data`] when the folder is there and cannot be listed.
+    #[doc(hidden)]
     pub fn best(folder: &Path) -> Result<Option<(u64, f64)>> {
         let scored = list(folder)?.into_iter().filter_map(|kept| Some((kept.step, kept.psnr?)));
         Ok(scored.max_by(|a, b| a.1.total_cmp(&b.1)))
@@ -287,6 +293,7 @@ impl Checkpoint {
     ///
     /// # Errors
     /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.
+    #[doc(hidden)]
     pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<()> {
         // The name has the rounded score: the best one itself, scored again, is not better than it was.
         let told = format!("{psnr:.4}");

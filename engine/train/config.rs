@@ -119,6 +119,7 @@ settings! {
 
 impl Resolution {
     /// That of step `step` (from 1) of `total`.
+    #[doc(hidden)]
     pub fn reduction(&self, step: u64, total: u64) -> u32 {
         if ((step - 1) as f64) < self.until * total as f64 { self.reduction } else { 1 }
     }
@@ -162,6 +163,7 @@ pub enum GridKind {
 
 impl GridKind {
     /// Whether cameras have grids.
+    #[doc(hidden)]
     pub fn is_some(self) -> bool {
         self != GridKind::None
     }
@@ -344,6 +346,7 @@ impl Density {
     /// The round of density control that follows step `step` (from 1) of `total`. Rounds come at equal steps to the end of the run.
     /// Those after [`Density::stop`] only remove, and so does one after which too few steps are left to fit what it would add.
     /// [`super::density_round`] leaves out those in steps that are averaged. None if there is no time for rounds that grow.
+    #[doc(hidden)]
     pub fn due(&self, step: u64, total: u64) -> Option<Round> {
         let (first, last) = self.first_and_last(total);
         let every = self.every.min((last.saturating_sub(first) / 10).max(LEAST_EVERY)).max(1);
@@ -353,6 +356,7 @@ impl Density {
     }
 
     /// Whether a round of a run of `total` steps may add Gaussians after step `step`.
+    #[doc(hidden)]
     pub fn grows_after(&self, step: u64, total: u64) -> bool {
         let (first, last) = self.first_and_last(total);
         last > first && step < last

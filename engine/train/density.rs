@@ -148,7 +148,7 @@ fn key(config: &Config, step: u64, purpose: u64) -> u32 {
 #[cfg(test)]
 mod tests {
     use super::most_gaussians;
-    use crate::train::config::Config;
+    use crate::internals::train::config::Config;
 
     #[test]
     fn a_scene_grows_no_larger_than_the_settings_and_the_device_allow_with_room_for_the_end() {

@@ -411,6 +411,7 @@ impl Plan {
     }
 
     /// Plans `work` on a device with `limits`. [`Plan::full`] has no Gaussian if a picture alone is too much.
+    #[doc(hidden)]
     pub fn new(work: &Workload, limits: &Limits) -> Self {
         let binding = limits.binding_bytes as f64;
         // As many Gaussians as one binding sees.

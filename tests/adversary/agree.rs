@@ -8,12 +8,12 @@ use crate::common::random::{Random, scene, view};
 use crate::common::same::assert_same;
 use crate::common::stages::Fixture;
 use ivv::Constants;
-use ivv::gpu::generated::gather;
-use ivv::gpu::{Grid, KernelInfo, Recording, Rewrite};
-use ivv::scene::Splats;
-use ivv::stage::{Purpose, SceneBuffers};
-use ivv::twin::{Camera, Params, Rules, project, tiles_truth};
-use ivv::vk::DeviceKind;
+use ivv::internals::gpu::generated::gather;
+use ivv::internals::gpu::{Grid, KernelInfo, Recording, Rewrite};
+use ivv::internals::scene::Splats;
+use ivv::internals::stage::{Purpose, SceneBuffers};
+use ivv::internals::twin::{Camera, Params, Rules, project, tiles_truth};
+use ivv::internals::vk::DeviceKind;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{Decoration, GlslStd450Op as GLOp, Op, Word};
 

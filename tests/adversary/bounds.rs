@@ -1,14 +1,14 @@
 //! Kernels that count what they read and write past the end of their buffers: nothing else here would notice, since lavapipe clamps
 //! every access. Each index into the array of a storage buffer is compared with `OpArrayLength`, which is of the range that is bound,
 //! and clamped; a thread adds up the accesses that were out of bounds, and adds them at its end to its kernel's word of a buffer that
-//! is bound behind the kernel's own ([`Options::counts`](ivv::gpu::Options)). Every turn with the device ends with a look at that
+//! is bound behind the kernel's own ([`Options::counts`](ivv::internals::gpu::Options)). Every turn with the device ends with a look at that
 //! buffer.
 
 use super::edit::{Edit, id_of};
 use crate::common::device::{Watched, opened, options};
-use ivv::gpu::generated::{ALL, gather, probe_atomic};
-use ivv::gpu::{Grid, KernelInfo, Options, Recording, Rewrite};
-use ivv::twin::scattered_rows;
+use ivv::internals::gpu::generated::{ALL, gather, probe_atomic};
+use ivv::internals::gpu::{Grid, KernelInfo, Options, Recording, Rewrite};
+use ivv::internals::twin::scattered_rows;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{Decoration, GlslStd450Op as GLOp, Op, Scope, StorageClass, Word};
 use std::collections::HashMap;

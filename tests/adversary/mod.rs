@@ -10,7 +10,7 @@ mod order;
 mod replaced;
 mod uniform;
 
-use ivv::gpu::Rewrite;
+use ivv::internals::gpu::Rewrite;
 pub use numeric::{rounds_otherwise, slack};
 
 /// The change of this lane, none by default.

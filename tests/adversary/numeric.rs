@@ -8,8 +8,8 @@
 use super::edit::{Edit, glsl_of, hash, id_of, mixed};
 use crate::common::device::gpu;
 use crate::common::notes::skip;
-use ivv::gpu::{KernelInfo, Rewrite};
-use ivv::vk::DeviceKind;
+use ivv::internals::gpu::{KernelInfo, Rewrite};
+use ivv::internals::vk::DeviceKind;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{GlslStd450Op as GLOp, Op, Word};
 use std::collections::HashMap;

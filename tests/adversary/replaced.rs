@@ -1,7 +1,7 @@
 //! Kernels out of a folder in the place of the committed ones: `tools/mutants.sh` compiles a fault and runs the tests on it, which
 //! were built once.
 
-use ivv::gpu::{KernelInfo, Rewrite};
+use ivv::internals::gpu::{KernelInfo, Rewrite};
 use std::path::PathBuf;
 
 /// The change of this lane.

@@ -1,6 +1,6 @@
 //! The decode-ahead cache.
 
-use ivv::scene::capture::{Asked, Capture, FrameCache, PriorPlan};
+use ivv::internals::scene::capture::{Asked, Capture, FrameCache, PriorPlan};
 
 use super::{Folder, dynamic, png};
 use crate::common::random::Random;

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use ivv::scene::capture::{CaptureSettings, Report, check_capture};
+use ivv::internals::scene::capture::{CaptureSettings, Report, check_capture};
 
 use super::told;
 use crate::common::notes::shared;

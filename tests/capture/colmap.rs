@@ -1,6 +1,6 @@
 //! Plain COLMAP projects.
 
-use ivv::scene::capture::{Capture, CaptureSettings, Point, check_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Point, check_capture};
 
 use super::model::{Model, STEMS, binary, sample, text, write, write_images};
 use super::{Case, Folder, assert_told, told};

@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
 use serde_json::{Value, json};
 
 use super::transforms::{document, write};
@@ -14,7 +14,7 @@ fn noted(report: &Report, says: &str) {
 
 /// The numbers of all cameras.
 fn numbers(capture: &Capture) -> Vec<f64> {
-    let of = |camera: &ivv::scene::capture::Camera| {
+    let of = |camera: &ivv::internals::scene::capture::Camera| {
         let lens = camera.intrinsics;
         [vec![lens.fx, lens.fy, lens.cx, lens.cy], camera.world_to_camera.rows().concat()].concat()
     };

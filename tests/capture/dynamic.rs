@@ -1,7 +1,7 @@
 //! Dynamic3DGaussians' layout.
 
 use image::ExtendedColorType;
-use ivv::scene::capture::{Capture, CaptureSettings, Frames, Point, check_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames, Point, check_capture};
 use serde_json::{Value, json};
 
 use super::{Case, Folder, assert_told, encode, png};

@@ -1,7 +1,7 @@
 //! The project's own capture folder.
 
 use image::ExtendedColorType;
-use ivv::scene::capture::{Capture, CaptureSettings, Manifest};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Manifest};
 
 use super::model::{Model, binary};
 use super::{Case, Folder, assert_told, encode, png};

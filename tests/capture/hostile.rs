@@ -5,12 +5,12 @@ use std::process::Command;
 use std::sync::mpsc;
 use std::time::Duration;
 
-use ivv::formats::read_scene;
-use ivv::scene::capture::{Capture, Manifest};
-use ivv::scene::prior::read_depth;
-use ivv::scene::read_views;
-use ivv::sound::wav;
-use ivv::train::Checkpoint;
+use ivv::internals::formats::read_scene;
+use ivv::internals::scene::capture::{Capture, Manifest};
+use ivv::internals::scene::prior::read_depth;
+use ivv::internals::scene::read_views;
+use ivv::internals::sound::wav;
+use ivv::internals::train::Checkpoint;
 
 use super::model::{Model, binary, sample, write, write_images};
 use super::{Folder, assert_told, png, told};

@@ -19,7 +19,7 @@ mod settings;
 pub mod transforms;
 
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
 
 pub use crate::common::folder::Folder;
 

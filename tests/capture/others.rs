@@ -2,7 +2,7 @@
 
 use std::fs;
 
-use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
 use serde_json::json;
 
 use super::model::{sample, write};

@@ -1,7 +1,7 @@
 //! Photographs of what rests, inside the folder of a clip.
 
-use ivv::scene::capture::{Capture, CaptureSettings, Frames, Manifest, check_capture};
-use ivv::synth::{Options, Preset, write_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames, Manifest, check_capture};
+use ivv::internals::synth::{Options, Preset, write_capture};
 
 use super::{Folder, told};
 

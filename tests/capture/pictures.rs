@@ -2,7 +2,7 @@
 
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
-use ivv::scene::capture::{Capture, CaptureSettings, check_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, check_capture};
 
 use super::model::{sample, write, write_images};
 use super::{Folder, assert_told, png, told};

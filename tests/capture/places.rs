@@ -3,7 +3,7 @@
 
 use std::fs;
 
-use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
 use serde_json::{Value, json};
 
 use super::model::{Model, STEMS, sample, text, write};

@@ -7,9 +7,9 @@ use exr::prelude::{
     AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
 };
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use ivv::scene::Similarity;
-use ivv::scene::capture::{Capture, CaptureSettings, FramePoint, Manifest, check_capture};
-use ivv::scene::prior::{read_depth, read_flow, write_depth_halves};
+use ivv::internals::scene::Similarity;
+use ivv::internals::scene::capture::{Capture, CaptureSettings, FramePoint, Manifest, check_capture};
+use ivv::internals::scene::prior::{read_depth, read_flow, write_depth_halves};
 
 use super::model::{Model, binary};
 use super::{Folder, assert_told, png};

@@ -4,8 +4,8 @@ use std::fs;
 
 use glam::DVec3;
 use image::ExtendedColorType;
-use ivv::scene::Pose;
-use ivv::scene::capture::{Capture, CaptureSettings, Report, check_capture};
+use ivv::internals::scene::Pose;
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
 
 use super::model::{Model, STEMS, binary, sample, text, write, write_images};
 use super::{Folder, assert_told, encode, png, told};

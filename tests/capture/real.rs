@@ -1,6 +1,6 @@
 //! Captures made by others.
 
-use ivv::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan, check_capture};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan, check_capture};
 
 use super::{Folder, assert_told, dynamic};
 use crate::common::notes::shared;

@@ -3,7 +3,7 @@
 use std::process::Output;
 
 use image::ExtendedColorType;
-use ivv::scene::capture::{Alpha, Capture, CaptureSettings, check_capture};
+use ivv::internals::scene::capture::{Alpha, Capture, CaptureSettings, check_capture};
 
 use super::model::{sample, write, write_images};
 use super::{Folder, assert_told, encode, png, told};

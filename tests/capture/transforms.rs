@@ -1,7 +1,7 @@
 //! `transforms.json`.
 
 use image::ExtendedColorType;
-use ivv::scene::capture::{Capture, CaptureSettings};
+use ivv::internals::scene::capture::{Capture, CaptureSettings};
 use serde_json::{Value, json};
 
 use super::{Case, Folder, assert_told, encode, png};

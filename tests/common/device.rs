@@ -3,8 +3,8 @@
 //! variables.
 
 use crate::adversary;
-use ivv::gpu::{COUNTS, Gpu, Options, Rewrite};
-use ivv::vk::{DeviceChoice, DeviceKind};
+use ivv::internals::gpu::{COUNTS, Gpu, Options, Rewrite};
+use ivv::internals::vk::{DeviceChoice, DeviceKind};
 use ivv_conformance::Bench;
 use std::cell::RefCell;
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock, PoisonError};

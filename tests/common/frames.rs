@@ -2,9 +2,9 @@
 
 use super::device::gpu;
 use ivv::Constants;
-use ivv::scene::{Frame, Splats, View};
-use ivv::stage::{FrameReport, Outputs, Renderer};
-use ivv::twin::Outputs as Truth;
+use ivv::internals::scene::{Frame, Splats, View};
+use ivv::internals::stage::{FrameReport, Outputs, Renderer};
+use ivv::internals::twin::Outputs as Truth;
 pub use ivv_conformance::frames::*;
 
 /// All outputs of `splats` seen by `view`, by a fresh renderer with the default constants.

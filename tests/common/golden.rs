@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use ivv::scene::{Motion, Splats, View};
-use ivv::twin::Params;
+use ivv::internals::scene::{Motion, Splats, View};
+use ivv::internals::twin::Params;
 pub use ivv_conformance::adjoint::group;
 
 /// The golden cases; the first is shipped.

@@ -1,6 +1,6 @@
 //! A command that a test watches while it runs.
 
-use ivv::train::Checkpoint;
+use ivv::internals::train::Checkpoint;
 use std::path::Path;
 use std::process::{Child, Command};
 use std::time::{Duration, Instant};

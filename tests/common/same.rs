@@ -1,7 +1,7 @@
 //! Comparisons to the bit, which say what differs first.
 
-use ivv::scene::{Frame, Splats};
-use ivv::stage::Gradients;
+use ivv::internals::scene::{Frame, Splats};
+use ivv::internals::stage::Gradients;
 use ivv_conformance::adjoint::{GROUPS, flat};
 use std::fmt::{Debug, Display};
 

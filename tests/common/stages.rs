@@ -2,10 +2,12 @@
 
 use super::device::{Watched, gpu};
 use ivv::Constants;
-use ivv::gpu::generated::{Status, ViewParams};
-use ivv::gpu::{Buf, Recording};
-use ivv::scene::{Splats, View};
-use ivv::stage::{Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, Zeros, view_params};
+use ivv::internals::gpu::generated::{Status, ViewParams};
+use ivv::internals::gpu::{Buf, Recording};
+use ivv::internals::scene::{Splats, View};
+use ivv::internals::stage::{
+    Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, Zeros, view_params,
+};
 
 /// Pairs of a Gaussian and a tile that fit.
 const INTERSECTIONS: u32 = 1 << 20;

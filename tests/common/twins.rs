@@ -4,7 +4,7 @@
 pub struct Tested {
     /// The shader, below `shaders-glsl`.
     pub shader: &'static str,
-    /// A function or type of `ivv::twin`.
+    /// A function or type of `ivv::internals::twin`.
     pub twin: &'static str,
     /// The test.
     pub test: &'static str,
@@ -18,7 +18,7 @@ macro_rules! tested {
         /// The shaders that tests of this file compare with twins.
         pub const TESTED: &[crate::common::twins::Tested] = &[$({
             #[expect(unused_imports, reason = "the import is the check that there is one of that name")]
-            use ivv::twin::$twin as _;
+            use ivv::internals::twin::$twin as _;
             let _: fn() = $test;
             let (shader, twin, test, file) = ($shader, stringify!($twin), stringify!($test), file!());
             crate::common::twins::Tested { shader, twin, test, file }

@@ -4,9 +4,9 @@ use super::frames::{Tolerance, compare};
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
 use ivv::Constants;
-use ivv::scene::{Frame, Splats, View};
-use ivv::stage::FrameReport;
-use ivv::twin::render_f64;
+use ivv::internals::scene::{Frame, Splats, View};
+use ivv::internals::stage::FrameReport;
+use ivv::internals::twin::render_f64;
 
 /// A scene, a view, and what to expect.
 pub(super) struct Case<'a> {

@@ -5,10 +5,10 @@ use super::random::{scene, view};
 use super::row::{Bench, Tally};
 use anyhow::{Result, anyhow, ensure};
 use ivv::Constants;
-use ivv::gpu::generated::Status;
-use ivv::gpu::{Grid, Recording};
-use ivv::stage::{Outputs, PairGrids, Renderer, Scan};
-use ivv::twin::exclusive_scan;
+use ivv::internals::gpu::generated::Status;
+use ivv::internals::gpu::{Grid, Recording};
+use ivv::internals::stage::{Outputs, PairGrids, Renderer, Scan};
+use ivv::internals::twin::exclusive_scan;
 use std::sync::Arc;
 
 pub(super) fn counts(bench: &Bench, tally: &mut Tally) -> Result<()> {

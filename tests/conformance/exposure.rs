@@ -7,7 +7,7 @@ use super::one::{One, ball, camera, logit, scene_of};
 use super::random::Random;
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
-use ivv::scene::View;
+use ivv::internals::scene::View;
 
 /// `x` moved by `n` units in the last place.
 fn moved(x: f32, n: i32) -> f32 {

@@ -8,9 +8,9 @@ use super::random::Random;
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
 use ivv::Constants;
-use ivv::scene::{Motion, Splats};
-use ivv::twin::render_f64;
-use ivv::vk::DeviceKind;
+use ivv::internals::scene::{Motion, Splats};
+use ivv::internals::twin::render_f64;
+use ivv::internals::vk::DeviceKind;
 
 /// Entries that one round of blending walks, `SEGMENT` of the engine.
 const SEGMENT: u64 = 32_768;

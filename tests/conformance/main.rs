@@ -2,10 +2,10 @@
 
 use anyhow::{Context, bail, ensure};
 use clap::Parser;
-use ivv::files::write_atomic;
-use ivv::gpu::{Gpu, Options};
-use ivv::vk::{Caps, DeviceChoice};
-use ivv::words::count;
+use ivv::internals::files::write_atomic;
+use ivv::internals::gpu::{Gpu, Options};
+use ivv::internals::vk::{Caps, DeviceChoice};
+use ivv::internals::words::count;
 use ivv_conformance::{Bench, ROWS, Row, Tally, Verdict};
 use std::io::Write;
 use std::path::PathBuf;

@@ -4,7 +4,7 @@ use super::fixtures::adam::{Scene, rates};
 use super::random::scene;
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
-use ivv::stage::{StepSettings, adam_params, moment_word, moments_of};
+use ivv::internals::stage::{StepSettings, adam_params, moment_word, moments_of};
 use std::num::FpCategory;
 
 /// Moments of 0 to infinity as a step without a gradient stores them.

@@ -1,6 +1,6 @@
 //! Scenes as lists of single Gaussians: easy to make, to leave one out and to reorder.
 
-use ivv::scene::{FlowModel, Intrinsics, Motion, Pose, SH_C0, Splats, View};
+use ivv::internals::scene::{FlowModel, Intrinsics, Motion, Pose, SH_C0, Splats, View};
 
 /// One Gaussian in raw parameters (SPEC 2).
 #[derive(Clone, Debug)]

@@ -4,9 +4,9 @@ use super::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbe
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
-use ivv::scene::Splats;
-use ivv::stage::Rates;
-use ivv::twin::{batch_gradient, batch_sum};
+use ivv::internals::scene::Splats;
+use ivv::internals::stage::Rates;
+use ivv::internals::twin::{batch_gradient, batch_sum};
 use std::collections::BTreeSet;
 
 pub(super) fn gradients_of_any_size(bench: &Bench, tally: &mut Tally) -> Result<()> {

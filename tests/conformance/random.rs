@@ -2,10 +2,10 @@
 
 use glam::DVec3;
 
-use ivv::scene::capture::Picture;
-use ivv::scene::{FlowModel, Intrinsics, Motion, Pose, Splats, View};
+use ivv::internals::scene::capture::Picture;
+use ivv::internals::scene::{FlowModel, Intrinsics, Motion, Pose, Splats, View};
 
-pub use ivv::random::Random;
+pub use ivv::internals::random::Random;
 
 /// A camera at (0, 0, -4) that looks along z, 80 x 56 pixels.
 pub fn view() -> View {

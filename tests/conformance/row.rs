@@ -2,9 +2,9 @@
 
 use anyhow::{Result, ensure};
 use ivv::Constants;
-use ivv::gpu::Gpu;
-use ivv::scene::{Frame, Splats, View};
-use ivv::stage::{FrameReport, Gradients, Outputs, Renderer};
+use ivv::internals::gpu::Gpu;
+use ivv::internals::scene::{Frame, Splats, View};
+use ivv::internals::stage::{FrameReport, Gradients, Outputs, Renderer};
 use std::fmt::Display;
 use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};

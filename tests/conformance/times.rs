@@ -8,9 +8,9 @@ use super::random::{self, Random, noise};
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
 use ivv::Constants;
-use ivv::scene::capture::Extent;
-use ivv::scene::{Frame, Motion, Splats, View};
-use ivv::train::{Config, LearningRates, Setup, Trainer};
+use ivv::internals::scene::capture::Extent;
+use ivv::internals::scene::{Frame, Motion, Splats, View};
+use ivv::internals::train::{Config, LearningRates, Setup, Trainer};
 use std::sync::Arc;
 
 /// A Gaussian of base opacity 0.99, visible for u = |t - t_center| / tau up to 2.352.

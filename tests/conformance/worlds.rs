@@ -8,7 +8,7 @@ use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
 use glam::{DMat3, DVec3};
 use ivv::Constants;
-use ivv::scene::{Splats, View};
+use ivv::internals::scene::{Splats, View};
 
 /// Largest RMS against the same scene at the origin or in its own unit: a PSNR of 80 dB.
 const LARGEST_RMS: f64 = 1e-4;

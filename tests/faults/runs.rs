@@ -1,10 +1,10 @@
 //! Runs of `ivv` under the layer.
 
 use crate::common::folder::Folder;
-use ivv::scene::capture::Capture;
-use ivv::scene::write_views;
-use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::Checkpoint;
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::scene::write_views;
+use ivv::internals::synth::{Options, Preset, write_capture};
+use ivv::internals::train::Checkpoint;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

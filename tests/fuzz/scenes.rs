@@ -5,13 +5,13 @@ use super::{file, mend};
 use crate::capture::priors;
 use crate::common::random;
 use crate::scene::{Folder, formats};
-use ivv::files::{read_tensors, write_tensors};
-use ivv::formats::{
+use ivv::internals::files::{read_tensors, write_tensors};
+use ivv::internals::formats::{
     Clock, FourDgs, FourDgsParts, Own, PlyParts, SpzVersion, read_scene, write_ftgs, write_parts, write_ply,
     write_splat, write_spz,
 };
-use ivv::scene::prior::{read_depth, read_flow};
-use ivv::scene::{Part, Parts, Splats, View, read_views, write_views};
+use ivv::internals::scene::prior::{read_depth, read_flow};
+use ivv::internals::scene::{Part, Parts, Splats, View, read_views, write_views};
 use std::path::Path;
 
 fn scene(sh_degree: u32) -> Splats {

@@ -2,7 +2,7 @@
 //! and an object for each variable. Checksums are 0: the reader passes over them.
 
 use super::engine::{Files, Seed};
-use ivv::sound::hrtf::HrtfSet;
+use ivv::internals::sound::hrtf::HrtfSet;
 
 /// An address that leads nowhere.
 const NOWHERE: [u8; 8] = [0xff; 8];

@@ -7,10 +7,10 @@ use crate::common::npy_rows;
 use glam::DVec2;
 use image::ExtendedColorType;
 use image::codecs::jpeg::JpegEncoder;
-use ivv::prepare::{PrepareSettings, Triangulate, prepare};
-use ivv::scene::capture::{Capture, CaptureSettings, check_capture};
-use ivv::sound::rig::Rig;
-use ivv::synth::{Options, Preset, write_capture};
+use ivv::internals::prepare::{PrepareSettings, Triangulate, prepare};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, check_capture};
+use ivv::internals::sound::rig::Rig;
+use ivv::internals::synth::{Options, Preset, write_capture};
 use std::fmt::Write;
 use std::path::Path;
 

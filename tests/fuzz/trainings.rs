@@ -5,10 +5,12 @@ use super::{file, mend};
 use crate::capture::Folder;
 use crate::common::{device::gpu, random};
 use ivv::Constants;
-use ivv::profile::{read_dispatch, write_dispatch};
-use ivv::scene::Similarity;
-use ivv::scene::capture::Capture;
-use ivv::train::{Average, CameraState, Checkpoint, Config, DueEvents, Kind, Log, PRESETS, Preset, Run, StepRoom};
+use ivv::internals::profile::{read_dispatch, write_dispatch};
+use ivv::internals::scene::Similarity;
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::train::{
+    Average, CameraState, Checkpoint, Config, DueEvents, Kind, Log, PRESETS, Preset, Run, StepRoom,
+};
 use std::path::Path;
 
 pub fn config() -> Vec<Seed> {

@@ -9,10 +9,10 @@ use crate::common::random::{scene, view};
 use crate::common::same::assert_same_gradients;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::scene::{Frame, SH_C0, Splats, View};
-use ivv::stage::{Accumulation, FrameReport, Gradients, Outputs, Purpose, Renderer, Room, Sums};
-use ivv::twin::{pull, render_f64};
-use ivv::vk::{Caps, DeviceKind};
+use ivv::internals::scene::{Frame, SH_C0, Splats, View};
+use ivv::internals::stage::{Accumulation, FrameReport, Gradients, Outputs, Purpose, Renderer, Room, Sums};
+use ivv::internals::twin::{pull, render_f64};
+use ivv::internals::vk::{Caps, DeviceKind};
 use ivv_conformance::adjoint::group_error;
 use ivv_conformance::fixtures::adam::{Scene, Step};
 

@@ -8,10 +8,10 @@ use crate::common::random::{Random, scene, view};
 use crate::common::same::assert_same_gradients;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::scene::{Intrinsics, Motion, Pose, Splats, View};
-use ivv::stage::Renderer;
-use ivv::twin::Camera;
-use ivv::vk::DeviceKind;
+use ivv::internals::scene::{Intrinsics, Motion, Pose, Splats, View};
+use ivv::internals::stage::Renderer;
+use ivv::internals::twin::Camera;
+use ivv::internals::vk::DeviceKind;
 use ivv_conformance::adjoint::{GROUPS, flat};
 
 tested! {

@@ -5,10 +5,12 @@ use crate::adversary::slack;
 use crate::common::device::gpu;
 use crate::common::random::{scene, view};
 use ivv::Constants;
-use ivv::gpu::Recording;
-use ivv::scene::{FlowModel, Frame, Pose, View};
-use ivv::stage::{Outputs, Purpose, Renderer, Room, SceneBuffers, Size, Strip, Sums, Target, Workspace, view_params};
-use ivv::twin::render_f64;
+use ivv::internals::gpu::Recording;
+use ivv::internals::scene::{FlowModel, Frame, Pose, View};
+use ivv::internals::stage::{
+    Outputs, Purpose, Renderer, Room, SceneBuffers, Size, Strip, Sums, Target, Workspace, view_params,
+};
+use ivv::internals::twin::render_f64;
 
 /// [`view`], and a frame on turned by 0.05 about its y axis and shifted.
 fn moving_view() -> View {

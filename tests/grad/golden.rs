@@ -3,8 +3,8 @@
 use crate::common::device::gpu;
 use crate::common::golden::{CASES, Golden, load};
 use ivv::Constants;
-use ivv::scene::Frame;
-use ivv::stage::{Gradients, Renderer, Sums};
+use ivv::internals::scene::Frame;
+use ivv::internals::stage::{Gradients, Renderer, Sums};
 
 /// The golden cotangents as a frame.
 fn cotangents(golden: &Golden) -> Frame {

@@ -6,9 +6,9 @@ use crate::common::random::{scene, view};
 use crate::common::twins::tested;
 use crate::kernel::assert_same_scene;
 use ivv::Constants;
-use ivv::gpu::Recording;
-use ivv::gpu::generated::Status;
-use ivv::stage::{AdamMode, Rates, StepSettings, Strip, Sums, adam_params, lazy_sums, view_params};
+use ivv::internals::gpu::Recording;
+use ivv::internals::gpu::generated::Status;
+use ivv::internals::stage::{AdamMode, Rates, StepSettings, Strip, Sums, adam_params, lazy_sums, view_params};
 use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 
 tested! {
@@ -156,7 +156,7 @@ fn t_center_moves_by_steps_that_are_far_below_its_last_bit() {
     scene.second.motion.iter_mut().for_each(|m| m.t_center = 1.0);
     let (buffers, optimiser) = scene.upload(&gpu, AdamMode::Dense, &[[0.0; 4]]).unwrap();
     // Seen by a camera that looks away.
-    let cull = ivv::stage::Cull::new(&gpu, &buffers, 10, true).unwrap();
+    let cull = ivv::internals::stage::Cull::new(&gpu, &buffers, 10, true).unwrap();
     let mut away = view();
     away.pose.translation.z = -1e3;
     let away = view_params(&away, &Constants::default(), buffers.origin, Strip::whole(&away));

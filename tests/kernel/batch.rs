@@ -7,13 +7,13 @@ use crate::common::random::{Random, scene, view};
 use crate::common::twins::tested;
 use crate::kernel::assert_same_scene;
 use ivv::Constants;
-use ivv::gpu::Recording;
-use ivv::gpu::generated::Status;
-use ivv::scene::{Splats, View};
-use ivv::stage::{
+use ivv::internals::gpu::Recording;
+use ivv::internals::gpu::generated::Status;
+use ivv::internals::scene::{Splats, View};
+use ivv::internals::stage::{
     Batch, Cull, Planes, Purpose, Rates, Rows, SceneBuffers, StepSettings, Strip, adam_params, view_params,
 };
-use ivv::twin::{batch_gradient, batch_place, batch_pulls, batch_sum};
+use ivv::internals::twin::{batch_gradient, batch_place, batch_pulls, batch_sum};
 use ivv_conformance::fixtures::adam::{Step, cotangents, gradients, half_seen, numbers, rates};
 
 tested! {

@@ -5,8 +5,8 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::same::assert_same;
 use crate::common::twins::tested;
-use ivv::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
-use ivv::twin::{Adam, BilateralGrid, Dual, centred, pooled};
+use ivv::internals::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
+use ivv::internals::twin::{Adam, BilateralGrid, Dual, centred, pooled};
 use ivv_conformance::fixtures::grids::{Case, Found, random_grid, step};
 use std::fmt::Display;
 

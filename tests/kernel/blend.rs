@@ -8,9 +8,9 @@ use crate::common::same::assert_same;
 use crate::common::stages::Fixture;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::scene::{Intrinsics, View};
-use ivv::stage::Strip;
-use ivv::twin::render_f64;
+use ivv::internals::scene::{Intrinsics, View};
+use ivv::internals::stage::Strip;
+use ivv::internals::twin::render_f64;
 
 tested! {
     "blend/blend_fwd.comp" by render_f64 in frames_of_random_scenes_are_those_of_float64;

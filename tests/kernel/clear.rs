@@ -5,11 +5,11 @@ use crate::common::device::gpu;
 use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::gpu::Recording;
-use ivv::gpu::generated::Status;
-use ivv::scene::{Clearing, Splats};
-use ivv::stage::{Clearings, SceneBuffers};
-use ivv::twin::cleared;
+use ivv::internals::gpu::Recording;
+use ivv::internals::gpu::generated::Status;
+use ivv::internals::scene::{Clearing, Splats};
+use ivv::internals::stage::{Clearings, SceneBuffers};
+use ivv::internals::twin::cleared;
 
 tested! {
     "density/clear.comp" by cleared in who_is_before_a_lens_goes_behind_it_as_in_the_twin;

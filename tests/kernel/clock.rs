@@ -4,9 +4,9 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::gpu::Recording;
-use ivv::stage::{OFFSET_BOUND, Strip, TimeOffsets, view_params};
-use ivv::twin::{Camera, Clock, ClockRule, clock_step};
+use ivv::internals::gpu::Recording;
+use ivv::internals::stage::{OFFSET_BOUND, Strip, TimeOffsets, view_params};
+use ivv::internals::twin::{Camera, Clock, ClockRule, clock_step};
 use ivv_conformance::fixtures::clocks::on_device;
 
 tested! {

@@ -8,10 +8,10 @@ use crate::common::random::Random;
 use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::gpu::Buf;
-use ivv::scene::{Cone, Motion, Splats};
-use ivv::stage::{Choice, Counts, DensityRound, Grown, Moments, PruneLimits, SceneBuffers};
-use ivv::twin::{Density, Descent, Kind};
+use ivv::internals::gpu::Buf;
+use ivv::internals::scene::{Cone, Motion, Splats};
+use ivv::internals::stage::{Choice, Counts, DensityRound, Grown, Moments, PruneLimits, SceneBuffers};
+use ivv::internals::twin::{Density, Descent, Kind};
 
 tested! {
     "density/density_classify.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
@@ -84,7 +84,8 @@ impl Case {
         let gpu = gpu();
         let mut random = Random::new(9);
         let scene = SceneBuffers::upload_in_groups(&gpu, &splats, &Constants::default(), group_limit).unwrap();
-        let of_groups = |g: &ivv::stage::Group| gpu.upload("state", &state[g.start..g.start + g.n as usize]).unwrap();
+        let of_groups =
+            |g: &ivv::internals::stage::Group| gpu.upload("state", &state[g.start..g.start + g.n as usize]).unwrap();
         let state_buffers = scene.groups.iter().map(of_groups).collect();
         // Of any contents; then bits that no other place has.
         let moments = Moments::upload(&gpu, &scene, &splats, &splats, moment_bits).unwrap();

@@ -4,9 +4,9 @@
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
-use ivv::gpu::Recording;
-use ivv::gpu::generated::Status;
-use ivv::stage::{MOST_TERMS, Report, SSIM_WEIGHT, record_report};
+use ivv::internals::gpu::Recording;
+use ivv::internals::gpu::generated::Status;
+use ivv::internals::stage::{MOST_TERMS, Report, SSIM_WEIGHT, record_report};
 use ivv_conformance::fixtures::photometric::Pair;
 
 tested! {

@@ -6,11 +6,11 @@ use crate::common::one::{ball, camera, logit, scene_of};
 use crate::common::same::assert_same;
 use crate::common::twins::tested;
 use ivv::Constants;
-use ivv::gpu::Recording;
-use ivv::gpu::generated::Status;
-use ivv::scene::Splats;
-use ivv::stage::{DensityRound, Outputs, Renderer, SceneBuffers, record_mcmc_noise};
-use ivv::twin::{normals, shared_opacity};
+use ivv::internals::gpu::Recording;
+use ivv::internals::gpu::generated::Status;
+use ivv::internals::scene::Splats;
+use ivv::internals::stage::{DensityRound, Outputs, Renderer, SceneBuffers, record_mcmc_noise};
+use ivv::internals::twin::{normals, shared_opacity};
 
 tested! {
     "density/mcmc_noise.comp" by normals in noise_moves_the_faint_along_their_covariance_and_nothing_when_the_step_failed;

@@ -9,13 +9,13 @@ use crate::common::twins::tested;
 use crate::kernel::assert_same_scene;
 use crate::kernel::batch::{borrowed, two};
 use ivv::Constants;
-use ivv::gpu::Recording;
-use ivv::gpu::generated::Status;
-use ivv::scene::Splats;
-use ivv::stage::{
+use ivv::internals::gpu::Recording;
+use ivv::internals::gpu::generated::Status;
+use ivv::internals::scene::Splats;
+use ivv::internals::stage::{
     AdamMode, Purpose, Rates, SceneBuffers, StepSettings, adam_params, lazy_sums, moment_word, moments_of,
 };
-use ivv::twin::{random_bits, rounded_moment};
+use ivv::internals::twin::{random_bits, rounded_moment};
 use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 use std::fmt::Display;
 

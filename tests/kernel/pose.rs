@@ -5,12 +5,12 @@ use crate::common::random::Random;
 use crate::common::twins::tested;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use ivv::Constants;
-use ivv::gpu::Recording;
-use ivv::gpu::generated::constants::pose::POSE_MOST_TURN;
-use ivv::gpu::generated::{Status, ViewParams};
-use ivv::scene::{Pose, View};
-use ivv::stage::{PoseRows, PoseStep, Poses, Strip, view_params};
-use ivv::twin::{PoseMoments, PoseRule, PoseState, corrected, pose_step};
+use ivv::internals::gpu::Recording;
+use ivv::internals::gpu::generated::constants::pose::POSE_MOST_TURN;
+use ivv::internals::gpu::generated::{Status, ViewParams};
+use ivv::internals::scene::{Pose, View};
+use ivv::internals::stage::{PoseRows, PoseStep, Poses, Strip, view_params};
+use ivv::internals::twin::{PoseMoments, PoseRule, PoseState, corrected, pose_step};
 
 tested! {
     "pose/pose_apply.comp" by corrected in a_view_is_turned_and_shifted_as_its_pose_is;

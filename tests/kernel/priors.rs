@@ -4,7 +4,7 @@
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
-use ivv::stage::DepthSpace;
+use ivv::internals::stage::DepthSpace;
 use ivv_conformance::fixtures::priors::Case;
 
 tested! {

@@ -2,8 +2,8 @@
 
 use crate::common::device::gpu;
 use crate::common::twins::tested;
-use ivv::profile::{Peaks, Prepared, Probe, dispatch_ns, dispatches};
-use ivv::twin::{exp2_solution, fma_sum, scattered_rows, turned_lane};
+use ivv::internals::profile::{Peaks, Prepared, Probe, dispatch_ns, dispatches};
+use ivv::internals::twin::{exp2_solution, fma_sum, scattered_rows, turned_lane};
 
 tested! {
     "probe/probe_fma.comp" by fma_sum in chains_of_multiply_adds_take_every_step;
@@ -88,7 +88,7 @@ fn gathered_rows_are_all_different_and_summed() {
     let mut seen = std::collections::BTreeSet::new();
     let sums: Vec<f32> = floats(&words).collect();
     // The table has at least as many rows as are taken at this size.
-    let mask = if gpu().caps().kind == ivv::vk::DeviceKind::Cpu { (1 << 14) - 1 } else { (1 << 18) - 1 };
+    let mask = if gpu().caps().kind == ivv::internals::vk::DeviceKind::Cpu { (1 << 14) - 1 } else { (1 << 18) - 1 };
     for (i, sum) in sums.chunks(4).enumerate() {
         let rows: Vec<u32> = scattered_rows(i as u32, 4, mask).collect();
         let expected: u32 = rows.iter().map(|row| 4 * (row % 1024)).sum();

@@ -6,8 +6,8 @@ use crate::common::stages::{Active, Fixture};
 use crate::common::twins::tested;
 use glam::DMat3;
 use ivv::Constants;
-use ivv::scene::{Pose, Splats, View};
-use ivv::twin::{Camera, Params, Projected, Rules, basis, power, project, tiles_truth};
+use ivv::internals::scene::{Pose, Splats, View};
+use ivv::internals::twin::{Camera, Params, Projected, Rules, basis, power, project, tiles_truth};
 
 tested! {
     "project/project.comp" by project in records_of_every_degree_and_population_are_those_of_float64;

@@ -4,10 +4,10 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::same::assert_same;
 use crate::common::twins::tested;
-use ivv::gpu::generated::Status;
-use ivv::gpu::{Grid, Recording};
-use ivv::stage::{PairGrids, Scan};
-use ivv::twin::exclusive_scan;
+use ivv::internals::gpu::generated::Status;
+use ivv::internals::gpu::{Grid, Recording};
+use ivv::internals::stage::{PairGrids, Scan};
+use ivv::internals::twin::exclusive_scan;
 
 tested! {
     "scan/scan_reduce.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;

@@ -4,10 +4,10 @@ use crate::adversary::slack;
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::twins::tested;
-use ivv::gpu::Recording;
-use ivv::scene::Frame;
-use ivv::stage::{Layer, Screen};
-use ivv::twin::{laid_over, shown};
+use ivv::internals::gpu::Recording;
+use ivv::internals::scene::Frame;
+use ivv::internals::stage::{Layer, Screen};
+use ivv::internals::twin::{laid_over, shown};
 
 tested! {
     "screen/show.comp" by shown in every_output_is_the_twins_to_the_rounding;

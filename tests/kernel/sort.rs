@@ -4,9 +4,9 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::same::assert_same;
 use crate::common::twins::tested;
-use ivv::gpu::{Grid, Recording};
-use ivv::stage::{Carried, Sort, Unsorted};
-use ivv::twin::radix_sort;
+use ivv::internals::gpu::{Grid, Recording};
+use ivv::internals::stage::{Carried, Sort, Unsorted};
+use ivv::internals::twin::radix_sort;
 
 tested! {
     "sort/sort_count.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;

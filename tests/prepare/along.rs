@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use image::ExtendedColorType;
-use ivv::prepare::PrepareSettings;
-use ivv::scene::capture::{Capture, FramePoint, Frames, Manifest};
-use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow};
-use ivv::scene::{SeenPoint, write_points};
+use ivv::internals::prepare::PrepareSettings;
+use ivv::internals::scene::capture::{Capture, FramePoint, Frames, Manifest};
+use ivv::internals::scene::prior::{read_depth, read_flow, write_depth, write_flow};
+use ivv::internals::scene::{SeenPoint, write_points};
 use serde_json::json;
 
 use super::sources::{IDENTITY, sequence};

@@ -1,7 +1,7 @@
 //! Calibrations of others: which row, section or matrix is which camera's, and where the file lies.
 
-use ivv::prepare::{PrepareSettings, recognise};
-use ivv::scene::capture::Capture;
+use ivv::internals::prepare::{PrepareSettings, recognise};
+use ivv::internals::scene::capture::Capture;
 
 use super::sources::sequence;
 use super::{done, rate, run, settings};

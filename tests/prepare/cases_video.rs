@@ -2,7 +2,7 @@
 
 use std::process::Command;
 
-use ivv::scene::capture::Capture;
+use ivv::internals::scene::capture::Capture;
 
 use crate::capture::Folder;
 use crate::common::notes::{has_program, shared};

@@ -5,7 +5,7 @@ use std::io::Write as _;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use ivv::scene::capture::Capture;
+use ivv::internals::scene::capture::Capture;
 
 use crate::capture::Folder;
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use ivv::prepare::PrepareSettings;
-use ivv::scene::capture::Capture;
+use ivv::internals::prepare::PrepareSettings;
+use ivv::internals::scene::capture::Capture;
 
 use super::coded::{ffmpeg, rig};
 use super::{done, settings};

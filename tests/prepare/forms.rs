@@ -3,9 +3,9 @@
 use std::path::Path;
 use std::process::Command;
 
-use ivv::prepare::{PrepareSettings, forecast, recognise};
-use ivv::random::Keyed;
-use ivv::scene::capture::Capture;
+use ivv::internals::prepare::{PrepareSettings, forecast, recognise};
+use ivv::internals::random::Keyed;
+use ivv::internals::scene::capture::Capture;
 
 use super::pictures::{models, prepare_with, stub};
 use super::{run, settings, video};

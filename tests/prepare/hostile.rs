@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use ivv::prepare::{PrepareSettings, Triangulate};
-use ivv::scene::capture::CaptureSettings;
+use ivv::internals::prepare::{PrepareSettings, Triangulate};
+use ivv::internals::scene::capture::CaptureSettings;
 
 use super::{done, rate, run, settings, video};
 use crate::capture::{Folder, assert_told, png};

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use ivv::prepare::{PrepareSettings, ShiftBy};
-use ivv::scene::capture::Capture;
+use ivv::internals::prepare::{PrepareSettings, ShiftBy};
+use ivv::internals::scene::capture::Capture;
 
 use super::coded::{coded, ffmpeg, numbers, rig};
 use super::{done, run, settings};

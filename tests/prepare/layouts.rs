@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::Command;
 
-use ivv::prepare::{PrepareSettings, recognise};
-use ivv::scene::capture::{Capture, CaptureSettings, check_capture};
+use ivv::internals::prepare::{PrepareSettings, recognise};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, check_capture};
 
 use super::sources::{IDENTITY, sequence};
 use super::{done, run, settings, video};

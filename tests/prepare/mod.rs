@@ -25,8 +25,8 @@ mod videos;
 use std::path::Path;
 use std::sync::Mutex;
 
-use ivv::prepare::{PrepareSettings, Prepared, Triangulate, prepare};
-use ivv::scene::capture::{Capture, CaptureSettings, Frames};
+use ivv::internals::prepare::{PrepareSettings, Prepared, Triangulate, prepare};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames};
 
 use crate::capture::Folder;
 

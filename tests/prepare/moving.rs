@@ -6,9 +6,9 @@ use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use glam::{DMat3, DVec3, DVec4};
-use ivv::prepare::PrepareSettings;
-use ivv::scene::Pose;
-use ivv::scene::capture::{Capture, Frames};
+use ivv::internals::prepare::PrepareSettings;
+use ivv::internals::scene::Pose;
+use ivv::internals::scene::capture::{Capture, Frames};
 
 use super::{done, settings};
 use crate::capture::Folder;
@@ -174,7 +174,7 @@ fn poses(settings: &PrepareSettings) -> Vec<Vec<(Pose, Pose)>> {
     let capture = Capture::open(&settings.output).unwrap();
     assert_eq!(capture.cameras.len(), N_CAMERAS as usize);
     let of = |frame: u32| {
-        let pair = |(index, found): (u32, &ivv::scene::capture::Camera)| {
+        let pair = |(index, found): (u32, &ivv::internals::scene::capture::Camera)| {
             (found.shots[frame as usize].world_to_camera.unwrap(), camera(index, frame))
         };
         (0..).zip(&capture.cameras).map(pair).collect()

@@ -5,8 +5,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use image::ExtendedColorType;
-use ivv::prepare::{PrepareSettings, prepare};
-use ivv::scene::capture::{Alpha, Capture, CaptureSettings};
+use ivv::internals::prepare::{PrepareSettings, prepare};
+use ivv::internals::scene::capture::{Alpha, Capture, CaptureSettings};
 
 use super::{done, run, settings, video};
 use crate::capture::model::{Model, binary};

@@ -4,8 +4,8 @@ use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use ivv::prepare::{PrepareSettings, Triangulate, forecast, prepare, recognise};
-use ivv::scene::capture::{Capture, CaptureSettings, Manifest};
+use ivv::internals::prepare::{PrepareSettings, Triangulate, forecast, prepare, recognise};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Manifest};
 
 use super::sources::{IDENTITY, transforms};
 use super::{done, run, settings, video};

@@ -1,10 +1,10 @@
 //! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
 
-use ivv::prepare::{PrepareSettings, Prepared, Share, ShiftBy, Stage, Triangulate, estimate, prepare_share};
-use ivv::scene::capture::{Camera, Capture, Frames, Manifest};
-use ivv::scene::prior::read_flow;
-use ivv::sound::wav;
-use ivv::synth::{Options, Preset, write_capture};
+use ivv::internals::prepare::{PrepareSettings, Prepared, Share, ShiftBy, Stage, Triangulate, estimate, prepare_share};
+use ivv::internals::scene::capture::{Camera, Capture, Frames, Manifest};
+use ivv::internals::scene::prior::read_flow;
+use ivv::internals::sound::wav;
+use ivv::internals::synth::{Options, Preset, write_capture};
 use std::path::Path;
 use std::process::Command;
 

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use ivv::prepare::{ImageFormat, PrepareSettings, Share, Stage, prepare_share};
-use ivv::scene::capture::{CaptureSettings, check_capture};
+use ivv::internals::prepare::{ImageFormat, PrepareSettings, Share, Stage, prepare_share};
+use ivv::internals::scene::capture::{CaptureSettings, check_capture};
 
 use super::{done, every, rate, run, settings};
 use crate::capture::{Folder, assert_told, dynamic, png};

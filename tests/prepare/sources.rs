@@ -1,8 +1,8 @@
 //! Every source arrives, and everything that is wrong with it is told.
 
 use image::ExtendedColorType;
-use ivv::prepare::PrepareSettings;
-use ivv::scene::capture::{Capture, CaptureSettings, Frames, Manifest};
+use ivv::internals::prepare::PrepareSettings;
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames, Manifest};
 use serde_json::json;
 
 use super::{done, every, open, rate, run, settings};

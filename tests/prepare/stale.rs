@@ -6,10 +6,10 @@ use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-use ivv::prepare::PrepareSettings;
-use ivv::scene::capture::{Capture, Manifest};
-use ivv::scene::prior::{read_depth, read_flow, write_depth, write_flow, write_flow_halves};
-use ivv::scene::{SeenPoint, write_points};
+use ivv::internals::prepare::PrepareSettings;
+use ivv::internals::scene::capture::{Capture, Manifest};
+use ivv::internals::scene::prior::{read_depth, read_flow, write_depth, write_flow, write_flow_halves};
+use ivv::internals::scene::{SeenPoint, write_points};
 use serde_json::Value;
 
 use super::sources::IDENTITY;

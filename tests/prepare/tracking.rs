@@ -3,8 +3,8 @@
 use std::os::unix::fs::PermissionsExt;
 use std::process::{Command, Output};
 
-use ivv::prepare::{PrepareSettings, forecast};
-use ivv::scene::capture::{Capture, Frames};
+use ivv::internals::prepare::{PrepareSettings, forecast};
+use ivv::internals::scene::capture::{Capture, Frames};
 
 use super::{settings, video};
 use crate::capture::model::{Model, binary};

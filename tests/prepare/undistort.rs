@@ -1,9 +1,9 @@
 //! The lenses and their inverse, against round trips and against COLMAP's own pictures.
 
 use image::ImageReader;
-use ivv::scene::Intrinsics;
-use ivv::scene::capture::Capture;
-use ivv::scene::undistort::{Distortion, Lens, Undistortion};
+use ivv::internals::scene::Intrinsics;
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::scene::undistort::{Distortion, Lens, Undistortion};
 
 use crate::common::notes::shared;
 

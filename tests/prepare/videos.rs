@@ -1,7 +1,7 @@
 //! Videos are paired by time: frames that were lost, rates that differ, late beginnings, trimmed clips.
 
-use ivv::prepare::{PrepareSettings, Prepared};
-use ivv::scene::capture::{Capture, Frames, Manifest};
+use ivv::internals::prepare::{PrepareSettings, Prepared};
+use ivv::internals::scene::capture::{Capture, Frames, Manifest};
 
 use super::coded::{coded, ffmpeg, numbers, rig};
 use super::{done, run, settings};

@@ -13,8 +13,8 @@ fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_dumped
     }
     let folder = Folder::new("command");
     let (scene, cameras, out) = (folder.file("s.ply"), folder.file("c.json"), folder.file("out"));
-    ivv::formats::write_ply(&scene, &random::scene(5, 300, 1)).unwrap();
-    ivv::scene::write_views(&cameras, &[random::view()]).unwrap();
+    ivv::internals::formats::write_ply(&scene, &random::scene(5, 300, 1)).unwrap();
+    ivv::internals::scene::write_views(&cameras, &[random::view()]).unwrap();
     let [scene, cameras, path] = [&scene, &cameras, &out].map(|path| path.to_str().unwrap());
     let of_scene = ["profile", scene, "--cameras", cameras, "-o", path];
     let told = works(&[&of_scene[..], &["--samples", "3", "--warm-up", "1"]].concat());
@@ -22,7 +22,7 @@ fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_dumped
     let json = |name: &str| serde_json::from_slice::<Value>(&std::fs::read(out.join(name)).unwrap()).unwrap();
     let profile = json("profile.json");
     assert_eq!((&profile["samples"], &profile["sample"]), (&Value::from(3), &Value::from("view")));
-    assert_eq!(profile["shaders"], ivv::gpu::shaders_hash());
+    assert_eq!(profile["shaders"], ivv::internals::gpu::shaders_hash());
     for key in ["bytes", "rows", "flops", "exp2", "shuffles", "atomics", "dispatch_ns"] {
         assert!(profile["peaks"][key].as_f64().unwrap() > 0.0, "{key}");
     }
@@ -78,7 +78,7 @@ fn kernels_are_listed_by_shader() {
     assert!(text.lines().any(|line| line.contains(" blend_fwd_train_color_p4, blend_fwd_train_color_p8")), "{text}");
     let shaders: Value = serde_json::from_str(&works(&["profile", "--list", "--json"])).unwrap();
     let kernels = shaders.as_array().unwrap().iter().flat_map(|shader| shader["kernels"].as_array().unwrap());
-    assert_eq!(kernels.count(), ivv::gpu::table::KERNELS.len());
+    assert_eq!(kernels.count(), ivv::internals::gpu::table::KERNELS.len());
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use crate::common::folder::Folder;
 use crate::common::program::json as read_json;
-use ivv::profile::{Change, Comparison, Recorded};
+use ivv::internals::profile::{Change, Comparison, Recorded};
 use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};

@@ -2,9 +2,9 @@
 
 use crate::common::device::gpu;
 use crate::common::notes::stale;
-use ivv::gpu::generated::gather;
-use ivv::gpu::{Grid, Recording, shaders_hash};
-use ivv::stage::Counters;
+use ivv::internals::gpu::generated::gather;
+use ivv::internals::gpu::{Grid, Recording, shaders_hash};
+use ivv::internals::stage::Counters;
 use ivv_gpu_model::{Budgets, Card, Estimate, Figure};
 use std::path::Path;
 use std::process::Command;

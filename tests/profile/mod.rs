@@ -9,10 +9,10 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 pub use crate::common::folder::Folder;
 use crate::common::random;
-use ivv::gpu::table::{Cost, Count, KERNELS};
-use ivv::gpu::{Dispatch, PassTime, kernel_named};
-use ivv::profile::{Bound, Difference, Lately, Moment, Peaks, Replay, read_dispatch, trace, write_dispatch};
-use ivv::stage::{FrameReport, Outputs, Renderer};
+use ivv::internals::gpu::table::{Cost, Count, KERNELS};
+use ivv::internals::gpu::{Dispatch, PassTime, kernel_named};
+use ivv::internals::profile::{Bound, Difference, Lately, Moment, Peaks, Replay, read_dispatch, trace, write_dispatch};
+use ivv::internals::stage::{FrameReport, Outputs, Renderer};
 use ivv::{Constants, Error};
 use std::path::Path;
 
@@ -75,7 +75,7 @@ fn pairs_counted_on_the_host_are_those_of_the_twin() {
         crate::common::notes::skip("the device has no timestamps");
         return;
     }
-    let twin = ivv::twin::render_f64(&splats, &view, &Constants::default());
+    let twin = ivv::internals::twin::render_f64(&splats, &view, &Constants::default());
     let added: u64 = twin.n_contributing.iter().map(|n| u64::from(*n)).sum();
     let counters = &report.counters;
     assert!(added > 1000, "{added}");
@@ -139,7 +139,8 @@ fn the_pass_that_ends_last_ends_with_the_host_though_another_was_recorded_behind
 pub fn dumped() -> Dispatch {
     let gpu = gpu();
     let mut renderer = Renderer::new(gpu.clone(), &random::scene(11, 200, 0), Constants::default()).unwrap();
-    let pixels = if gpu.caps().kind == ivv::vk::DeviceKind::Cpu && gpu.caps().subgroup_size <= 32 { 8 } else { 4 };
+    let pixels =
+        if gpu.caps().kind == ivv::internals::vk::DeviceKind::Cpu && gpu.caps().subgroup_size <= 32 { 8 } else { 4 };
     let kernel = format!("blend_fwd_p{pixels}");
     assert!(renderer.dump(&random::view(), Outputs::All, "blend_bwd_p8").unwrap().is_none(), "a picture has no such");
     let mut dispatch = renderer.dump(&random::view(), Outputs::All, &kernel).unwrap().expect("the blend ran");

@@ -3,8 +3,8 @@
 use crate::common::device::gpu;
 use crate::common::folder::Folder;
 use crate::common::program::{fails, text, works};
-use ivv::profile::{Grows, Sweep, SweepOptions};
-use ivv::stage::AdamMode;
+use ivv::internals::profile::{Grows, Sweep, SweepOptions};
+use ivv::internals::stage::AdamMode;
 
 #[test]
 fn a_sweep_has_one_thing_grow_at_a_time_and_says_what_it_left_out() {

@@ -4,9 +4,9 @@ use crate::common::device::gpu;
 use crate::common::one::with;
 use crate::common::random::{self, Random, view};
 use crate::common::same::{assert_same, assert_same_frame, assert_same_splats};
-use ivv::scene::{Frame, Motion, Splats, View};
-use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
-use ivv::{Constants, Culls, Knobs};
+use ivv::internals::scene::{Frame, Motion, Splats, View};
+use ivv::internals::settings::{Constants, Culls, Knobs};
+use ivv::internals::stage::{Destination, FrameReport, Outputs, Renderer};
 use std::sync::Arc;
 
 /// `n` dynamic Gaussians before [`view`] with lives of about `tau` all over the clip, behind 500 static ones.

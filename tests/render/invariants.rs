@@ -7,8 +7,8 @@ use crate::common::one::with;
 use crate::common::random::{scene, view};
 use crate::common::same::{assert_same, assert_same_frame};
 use ivv::Constants;
-use ivv::scene::Frame;
-use ivv::stage::{Outputs, Renderer};
+use ivv::internals::scene::Frame;
+use ivv::internals::stage::{Outputs, Renderer};
 
 /// Where more than one Gaussian shows.
 fn assert_busy(frame: &Frame) {

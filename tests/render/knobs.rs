@@ -5,13 +5,13 @@ use crate::common::frames::{pixels, render, render_with};
 use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::{scene, view, wild_scene};
 use crate::common::same::assert_same_frame;
-use ivv::scene::{Frame, Splats, View};
-use ivv::stage::{Outputs, Renderer, constants_on};
-use ivv::twin::render_f64;
-use ivv::vk::DeviceKind;
-use ivv::{Constants, Culls, Knobs, TileBound};
+use ivv::internals::scene::{Frame, Splats, View};
+use ivv::internals::settings::{Constants, Culls, Knobs, TileBound};
+use ivv::internals::stage::{Outputs, Renderer, constants_on};
+use ivv::internals::twin::render_f64;
+use ivv::internals::vk::DeviceKind;
 
-fn turned(splats: &Splats, view: &View, knobs: Knobs) -> (Frame, ivv::stage::FrameReport) {
+fn turned(splats: &Splats, view: &View, knobs: Knobs) -> (Frame, ivv::internals::stage::FrameReport) {
     render_with(splats, view, knobs.on(Constants::default()))
 }
 

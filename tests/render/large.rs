@@ -3,8 +3,8 @@
 use crate::common::device::gpu;
 use crate::common::random::{Random, view};
 use ivv::Constants;
-use ivv::scene::{Intrinsics, Splats, View};
-use ivv::stage::{Outputs, Renderer};
+use ivv::internals::scene::{Intrinsics, Splats, View};
+use ivv::internals::stage::{Outputs, Renderer};
 
 /// `n` small Gaussians of degree 3 in a box before [`large`].
 fn crowd(n: usize) -> Splats {

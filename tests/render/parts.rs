@@ -5,11 +5,11 @@ use crate::common::device::gpu;
 use crate::common::program::{command, done};
 use crate::common::same::assert_same_frame;
 use crate::scene::{Folder, fault};
-use ivv::formats::{
+use ivv::internals::formats::{
     Clock, Contents, Encoded, FourDgs, FourDgsParts, Grades, Own, PlyParts, Sounds, read_ply, read_scene, write_parts,
 };
-use ivv::scene::{Mapped, Part, Parts, Splats};
-use ivv::stage::{Outputs, Renderer};
+use ivv::internals::scene::{Mapped, Part, Parts, Splats};
+use ivv::internals::stage::{Outputs, Renderer};
 use ivv::{Constants, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -174,7 +174,7 @@ fn a_ply_of_parts_is_the_whole_scene_to_every_reader_and_each_part_alone() {
     }
     shows(Box::new(read), &whole);
     // What is no such file is none, whatever it is.
-    ivv::formats::write_ply(&folder.file("whole.ply"), &whole).unwrap();
+    ivv::internals::formats::write_ply(&folder.file("whole.ply"), &whole).unwrap();
     let other = folder.write("other.bin", b"pl");
     assert!(PlyParts::open(&folder.file("whole.ply")).unwrap().is_none() && PlyParts::open(&other).unwrap().is_none());
 

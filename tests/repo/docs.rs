@@ -5,8 +5,8 @@ use crate::common::device::gpu;
 use crate::common::folder::Folder;
 use crate::common::random;
 use ivv::Constants;
-use ivv::gpu::table::{FAMILIES, KERNELS};
-use ivv::stage::{Outputs, Renderer};
+use ivv::internals::gpu::table::{FAMILIES, KERNELS};
+use ivv::internals::stage::{Outputs, Renderer};
 
 const KERNEL_TABLE: &str = "shaders-glsl/README.md";
 
@@ -116,9 +116,9 @@ fn bash_can_read_every_script() {
 #[test]
 fn the_shipped_demo_is_what_its_generator_makes() {
     let folder = Folder::new("demo");
-    let (splats, views) = ivv::scene::demo();
-    ivv::formats::write_ply(&folder.file("scene.ply"), &splats).unwrap();
-    ivv::scene::write_views(&folder.file("cameras.json"), &views).unwrap();
+    let (splats, views) = ivv::internals::scene::demo();
+    ivv::internals::formats::write_ply(&folder.file("scene.ply"), &splats).unwrap();
+    ivv::internals::scene::write_views(&folder.file("cameras.json"), &views).unwrap();
     for file in ["scene.ply", "cameras.json"] {
         let (made, shipped) =
             (std::fs::read(folder.file(file)).unwrap(), std::fs::read(root().join("assets/demo").join(file)).unwrap());

@@ -2,10 +2,10 @@
 
 use crate::common::device::{gpu, options};
 use crate::common::random::Random;
-use ivv::gpu::generated::gather;
-use ivv::gpu::kernel::{Access, BindingInfo, KernelInfo};
-use ivv::gpu::{Buf, Grid, Kernel, Recording, Slice};
-use ivv::vk::{Binding, BindingKind, Buffer, Commands, Device, Location, Pipeline, PipelineDesc};
+use ivv::internals::gpu::generated::gather;
+use ivv::internals::gpu::kernel::{Access, BindingInfo, KernelInfo};
+use ivv::internals::gpu::{Buf, Grid, Kernel, Recording, Slice};
+use ivv::internals::vk::{Binding, BindingKind, Buffer, Commands, Device, Location, Pipeline, PipelineDesc};
 use std::sync::Arc;
 
 const BYTES: usize = 32;
@@ -152,7 +152,7 @@ fn passes_that_conflict_keep_their_order_with_a_barrier_between_and_no_barrier_i
 
 /// A device of its own, so that what the layer says here fails no other test.
 fn own_device(sync_validation: bool) -> Arc<Device> {
-    let choice = ivv::vk::DeviceChoice { sync_validation, ..options().device };
+    let choice = ivv::internals::vk::DeviceChoice { sync_validation, ..options().device };
     Device::open(&choice).expect("a Vulkan device and the validation layer").0
 }
 

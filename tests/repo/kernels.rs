@@ -2,8 +2,8 @@
 
 use super::{files, text, without_comments, words};
 use crate::common::twins::Tested;
-use ivv::gpu::spirv_hashes;
-use ivv::gpu::table::{KERNELS, Spec};
+use ivv::internals::gpu::spirv_hashes;
+use ivv::internals::gpu::table::{KERNELS, Spec};
 use rspirv::spirv::Capability;
 use std::collections::BTreeSet;
 use std::process::Command;

@@ -3,8 +3,8 @@
 use super::four_dgs::there_and_back;
 use super::{Folder, fault, sample};
 use crate::common::random;
-use ivv::formats::{Clock, Grades, World, read_scene, write_ftgs, write_glb, write_ply, write_splatv};
-use ivv::scene::{ALWAYS, Motion, Splats, demo};
+use ivv::internals::formats::{Clock, Grades, World, read_scene, write_ftgs, write_glb, write_ply, write_splatv};
+use ivv::internals::scene::{ALWAYS, Motion, Splats, demo};
 use serde_json::{Value, json};
 
 const CLOCK: Clock = Clock { fps: 30.0, frames: 13 };

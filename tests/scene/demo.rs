@@ -2,8 +2,8 @@
 
 use std::fs;
 
-use ivv::formats::{read_ply, write_ply};
-use ivv::scene::{demo, read_views, write_views};
+use ivv::internals::formats::{read_ply, write_ply};
+use ivv::internals::scene::{demo, read_views, write_views};
 
 use super::Folder;
 

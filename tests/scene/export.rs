@@ -5,12 +5,12 @@ use crate::common::device::gpu;
 use crate::common::program::{command, done};
 use crate::common::random;
 use ivv::Constants;
-use ivv::formats::{
+use ivv::internals::formats::{
     Clip, Clock, Contents, Encoded, Grades, Scene, Sound, Sounds, SpzVersion, WriteOptions, read, read_ply, read_scene,
     write, write_ply, write_splat, write_spz,
 };
-use ivv::scene::{Motion, Splats, demo};
-use ivv::stage::{Outputs, Renderer};
+use ivv::internals::scene::{Motion, Splats, demo};
+use ivv::internals::stage::{Outputs, Renderer};
 use serde_json::Value;
 use std::path::Path;
 
@@ -292,7 +292,7 @@ fn one_call_writes_what_each_format_writes_and_says_what_is_lost() {
     let contents = Contents {
         clock,
         views: &[],
-        own: ivv::formats::own(&scene.clip.constants, [0.0; 3]),
+        own: ivv::internals::formats::own(&scene.clip.constants, [0.0; 3]),
         sounds: &scene.clip.sounds,
         world: None,
         cutoff: None,

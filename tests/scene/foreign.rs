@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use ivv::formats::{FourDgs, Own, Scene, ply_own, read, read_scene, write_ply, write_ply_with};
+use ivv::internals::formats::{FourDgs, Own, Scene, ply_own, read, read_scene, write_ply, write_ply_with};
 use serde_json::Value;
 
 use crate::common::same::assert_same;
@@ -375,9 +375,9 @@ fn how_a_scene_is_rendered_travels_in_a_ply_and_leaves_the_usual_one_as_it_was()
 fn a_scene_alone_is_rendered_as_its_header_says_or_as_the_run_beside_it() {
     let folder = Folder::new("foreign-near");
     let of = |name: &str| folder.file(name).to_str().unwrap().to_owned();
-    let (scene, views) = ivv::scene::demo();
+    let (scene, views) = ivv::internals::scene::demo();
     let small = views[0].reduced(8);
-    ivv::scene::write_views(&folder.file("one.json"), &[small]).unwrap();
+    ivv::internals::scene::write_views(&folder.file("one.json"), &[small]).unwrap();
     let near = |scene: &str, more: &[&str]| {
         let (cameras, out) = (of("one.json"), of("out"));
         let (json, told) = ivv(&[&["render", scene, "--cameras", &cameras, "-o", &out, "--json"], more].concat());

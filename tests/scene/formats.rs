@@ -4,8 +4,8 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use ivv::formats::{SpzVersion, World, read_ply, read_scene, read_splat, read_spz, write_spz};
-use ivv::scene::Splats;
+use ivv::internals::formats::{SpzVersion, World, read_ply, read_scene, read_splat, read_spz, write_spz};
+use ivv::internals::scene::Splats;
 
 use super::{Folder, fault};
 use crate::common::notes::shared;

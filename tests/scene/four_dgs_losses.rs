@@ -6,9 +6,9 @@ use crate::common::device::gpu;
 use crate::common::frames::psnr;
 use crate::common::random;
 use ivv::Constants;
-use ivv::formats::{Clock, Contents, Encoded, FourDgs, Grades};
-use ivv::scene::{Frame, Intrinsics, Motion, Pose, Splats, View, demo};
-use ivv::stage::{Goal, Outputs, Renderer, Subject, compact};
+use ivv::internals::formats::{Clock, Contents, Encoded, FourDgs, Grades};
+use ivv::internals::scene::{Frame, Intrinsics, Motion, Pose, Splats, View, demo};
+use ivv::internals::stage::{Goal, Outputs, Renderer, Subject, compact};
 
 /// The demo's scene with Gaussians that live shortly all over a long clip, so that there are many chunks.
 fn long_scene() -> (Splats, Clock) {
@@ -237,7 +237,7 @@ fn colours_are_rounded_so_that_they_are_right_where_cameras_look() {
         let length = to.iter().map(|x| x * x).sum::<f64>().sqrt();
         let k = splats.n_coefficients();
         let coefficients: Vec<[f64; 3]> = splats.sh[i * k..(i + 1) * k].iter().map(|c| c.map(f64::from)).collect();
-        ivv::twin::color(&coefficients, to.map(|x| x / length))
+        ivv::internals::twin::color(&coefficients, to.map(|x| x / length))
     };
     let error = |found: &Splats, eyes: &[[f64; 3]]| {
         let (mut sum, mut n) = (0.0, 0);

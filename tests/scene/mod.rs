@@ -20,7 +20,7 @@ mod views;
 use std::path::Path;
 
 use ivv::Error;
-use ivv::scene::{Motion, Splats};
+use ivv::internals::scene::{Motion, Splats};
 
 pub(crate) use crate::common::folder::Folder;
 

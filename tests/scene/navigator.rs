@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use glam::{DMat3, DVec2, DVec3};
-use ivv::scene::{Navigator, Playhead, Push, Splats, View, demo, upright};
+use ivv::internals::scene::{Navigator, Playhead, Push, Splats, View, demo, upright};
 
 const SIZE: [u32; 2] = [320, 240];
 

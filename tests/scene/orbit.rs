@@ -1,8 +1,8 @@
 //! The circle about what views look at.
 
 use glam::DVec3;
-use ivv::scene::{FlowModel, Intrinsics, Orbit, View};
-use ivv::sound::pose::HeadPose;
+use ivv::internals::scene::{FlowModel, Intrinsics, Orbit, View};
+use ivv::internals::sound::pose::HeadPose;
 
 /// A view from `lens` towards `at` with its top towards `up`.
 fn view(lens: DVec3, at: DVec3, up: DVec3) -> View {

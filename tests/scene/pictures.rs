@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fs;
 
 use exr::prelude::read_first_flat_layer_from_file;
-use ivv::files::{Tensor, read_tensors, write_tensors};
-use ivv::scene::Frame;
+use ivv::internals::files::{Tensor, read_tensors, write_tensors};
+use ivv::internals::scene::Frame;
 
 use super::{Folder, fault};
 use crate::common::golden::{self, CASES};

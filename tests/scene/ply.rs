@@ -3,8 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use ivv::formats::{read_ply, read_scene, write_ply};
-use ivv::scene::Splats;
+use ivv::internals::formats::{read_ply, read_scene, write_ply};
+use ivv::internals::scene::Splats;
 
 use super::{Folder, fault, sample};
 use crate::common::golden::{self, CASES};
@@ -300,7 +300,7 @@ fn a_failed_write_leaves_the_old_file_and_nothing_else() {
     let folder = Folder::new("atomic");
     let path = folder.write("scene.ply", "old");
     let told = fault(
-        ivv::files::write_atomic(&path, |to| {
+        ivv::internals::files::write_atomic(&path, |to| {
             to.write_all(&[0; 100_000])?;
             Err(std::io::Error::other("the pen broke"))
         }),
@@ -309,7 +309,7 @@ fn a_failed_write_leaves_the_old_file_and_nothing_else() {
     assert!(told.contains("the pen broke"), "{told}");
     assert_eq!(fs::read(&path).unwrap(), b"old");
     assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 1);
-    ivv::files::write_atomic(&path, |to| to.write_all(b"new")).unwrap();
+    ivv::internals::files::write_atomic(&path, |to| to.write_all(b"new")).unwrap();
     assert_eq!(fs::read(&path).unwrap(), b"new");
     assert_eq!(fs::read_dir(&folder.0).unwrap().count(), 1);
     // What is no file keeps its name: as root `-o /dev/null` would replace the device.

@@ -3,8 +3,8 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use ivv::formats::read_ply;
-use ivv::scene::read_views;
+use ivv::internals::formats::read_ply;
+use ivv::internals::scene::read_views;
 
 use super::Folder;
 

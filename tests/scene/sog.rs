@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use image::{ExtendedColorType, codecs::webp::WebPEncoder};
-use ivv::formats::{read_scene, read_sog};
+use ivv::internals::formats::{read_scene, read_sog};
 
 use crate::common::zip;
 

@@ -1,7 +1,7 @@
 //! What a scene holds, in numbers.
 
-use ivv::formats::write_ply;
-use ivv::scene::Splats;
+use ivv::internals::formats::write_ply;
+use ivv::internals::scene::Splats;
 
 use super::{Folder, sample};
 

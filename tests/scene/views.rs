@@ -1,7 +1,7 @@
 //! Camera files.
 
 use glam::DVec3;
-use ivv::scene::{FlowModel, Intrinsics, Pose, View, read_views, write_views};
+use ivv::internals::scene::{FlowModel, Intrinsics, Pose, View, read_views, write_views};
 
 use super::{Folder, fault};
 use crate::common::golden;

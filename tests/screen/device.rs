@@ -14,11 +14,11 @@ fn pipelines(cache: &str) -> Vec<PathBuf> {
 
 /// The demo's scene, and a view of 16 x 16 pixels of it.
 fn small(folder: &Folder) -> (String, String) {
-    let (splats, views) = ivv::scene::demo();
+    let (splats, views) = ivv::internals::scene::demo();
     let mut view = views[0].clone();
     (view.intrinsics.width, view.intrinsics.height) = (16, 16);
-    ivv::formats::write_ply(&folder.file("scene.ply"), &splats).unwrap();
-    ivv::scene::write_views(&folder.file("cameras.json"), &[view]).unwrap();
+    ivv::internals::formats::write_ply(&folder.file("scene.ply"), &splats).unwrap();
+    ivv::internals::scene::write_views(&folder.file("cameras.json"), &[view]).unwrap();
     (folder.path("scene.ply"), folder.path("cameras.json"))
 }
 

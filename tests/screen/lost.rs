@@ -55,10 +55,10 @@ fn results_that_find_no_room_are_an_error() {
 #[test]
 fn warnings_and_faults_that_find_no_room_change_nothing() {
     let folder = Folder::new("warnings");
-    let (mut splats, views) = ivv::scene::demo();
+    let (mut splats, views) = ivv::internals::scene::demo();
     splats.position[0][0] = f32::NAN;
-    ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
-    ivv::scene::write_views(&folder.0.join("cameras.json"), &views[..1]).unwrap();
+    ivv::internals::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
+    ivv::internals::scene::write_views(&folder.0.join("cameras.json"), &views[..1]).unwrap();
     let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
     let render = ["render", &scene, "--cameras", &cameras, "-o", &out, "--log-level", "trace"];
     let none = folder.path("none");
@@ -115,7 +115,7 @@ fn a_signal_leaves_a_checkpoint_where_the_pipe_of_messages_is_full() {
     std::thread::sleep(std::time::Duration::from_secs(3));
     training.signal(rustix::process::Signal::TERM);
     assert_eq!(training.code(), Some(130));
-    let step = ivv::train::Checkpoint::newest_step(&checkpoints).unwrap().unwrap();
+    let step = ivv::internals::train::Checkpoint::newest_step(&checkpoints).unwrap().unwrap();
     assert!(step > 0, "no step was taken while nobody read");
     // What a reader finds that comes late: the lines that were there first.
     let mut told = String::new();
@@ -195,12 +195,13 @@ fn logs_have_colours_on_terminals_alone_and_quiet_leaves_warnings() {
 #[test]
 fn views_that_are_soon_rendered_have_no_line_each() {
     let folder = Folder::new("views");
-    let (splats, views) = ivv::scene::demo();
+    let (splats, views) = ivv::internals::scene::demo();
     let mut view = views[0].clone();
     (view.intrinsics.width, view.intrinsics.height) = (16, 16);
-    let views: Vec<_> = (0..30).map(|i| ivv::scene::View { name: format!("v{i}"), ..view.clone() }).collect();
-    ivv::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
-    ivv::scene::write_views(&folder.0.join("cameras.json"), &views).unwrap();
+    let views: Vec<_> =
+        (0..30).map(|i| ivv::internals::scene::View { name: format!("v{i}"), ..view.clone() }).collect();
+    ivv::internals::formats::write_ply(&folder.0.join("scene.ply"), &splats).unwrap();
+    ivv::internals::scene::write_views(&folder.0.join("cameras.json"), &views).unwrap();
     let (scene, cameras, out) = (folder.path("scene.ply"), folder.path("cameras.json"), folder.path("out"));
     let render = ["render", &scene, "--cameras", &cameras, "-o", &out];
     let mut child = ivv(&render).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();

@@ -3,8 +3,8 @@
 use crate::common::program::ivv;
 use crate::common::random;
 use crate::scene::Folder;
-use ivv::formats::{FourDgs, write_ply};
-use ivv::scene::{demo, write_views};
+use ivv::internals::formats::{FourDgs, write_ply};
+use ivv::internals::scene::{demo, write_views};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
 use std::path::Path;

@@ -7,19 +7,19 @@ use crate::scene::Folder;
 use fourdgs::ReadOptions;
 use glam::DVec3;
 use ivv::Constants;
-use ivv::formats::{Clock, Contents, Ears, Encoded, FourDgs, Grades, Sounds, World, write_ply};
-use ivv::scene::capture::CaptureSettings;
-use ivv::scene::{Similarity, View, demo, write_views};
-use ivv::sound::FS;
-use ivv::sound::clip::{ears, sounds};
-use ivv::sound::geometry::Mode;
-use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
-use ivv::sound::pose::{HeadPose, PoseTrack};
-use ivv::sound::render::{RenderConfig, render};
-use ivv::sound::scene_file::{SoundScene, Source};
-use ivv::sound::sphere::Sphere;
-use ivv::sound::wav::{Depth, read, write};
-use ivv::train::{CaptureSummary, Config, Run};
+use ivv::internals::formats::{Clock, Contents, Ears, Encoded, FourDgs, Grades, Sounds, World, write_ply};
+use ivv::internals::scene::capture::CaptureSettings;
+use ivv::internals::scene::{Similarity, View, demo, write_views};
+use ivv::internals::sound::FS;
+use ivv::internals::sound::clip::{ears, sounds};
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::{HrtfSet, Lookup, degrees};
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::render::{RenderConfig, render};
+use ivv::internals::sound::scene_file::{SoundScene, Source};
+use ivv::internals::sound::sphere::Sphere;
+use ivv::internals::sound::wav::{Depth, read, write};
+use ivv::internals::train::{CaptureSummary, Config, Run};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -290,7 +290,8 @@ fn ears_of_a_file_are_those_that_are_rendered_with() {
     for (at, [az, el]) in grid.iter().enumerate().filter(|(at, _)| at % 97 == 0 || grid[*at][1] == 0.0) {
         let filter = set.filter(degrees(*az, *el), Lookup::Aligned);
         let mut heard = vec![[0.0; 2]; impulse.len()];
-        let mut wola = ivv::sound::wola::Wola::new(1024, 512, set.taps(Lookup::Aligned), set.max_delay()).unwrap();
+        let mut wola =
+            ivv::internals::sound::wola::Wola::new(1024, 512, set.taps(Lookup::Aligned), set.max_delay()).unwrap();
         let spectra = wola.spectra(&filter);
         let mut spectra = Some(spectra);
         wola.process(&impulse, &mut heard, |_, _| (spectra.take(), 1.0));

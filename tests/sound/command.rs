@@ -5,8 +5,8 @@ use std::path::Path;
 
 use crate::common::folder::Folder;
 use crate::common::program::{ivv, json};
-use ivv::sound::sphere::Sphere;
-use ivv::sound::wav::{Depth, read, write};
+use ivv::internals::sound::sphere::Sphere;
+use ivv::internals::sound::wav::{Depth, read, write};
 
 use super::simulate::{Motion, Simulated, simulate};
 use super::sphere;
@@ -22,7 +22,7 @@ fn ears(folder: &Path) {
     fs::create_dir_all(folder).unwrap();
     let model = Sphere::default().measured(2);
     for (to, [left, right]) in model.directions.iter().zip(&model.irs) {
-        let (az, el) = ivv::sound::geometry::angles(*to);
+        let (az, el) = ivv::internals::sound::geometry::angles(*to);
         let frames: Vec<[f32; 2]> = left.iter().zip(right).map(|(l, r)| [0.2 * l, 0.2 * r]).collect();
         let name = format!("azi_{:.4}_ele_{:.4}.wav", az.to_degrees(), el.to_degrees());
         write(folder.join(name), &frames, Depth::Float32).unwrap();

@@ -3,12 +3,12 @@
 use std::rc::Rc;
 
 use glam::DVec3;
-use ivv::sound::fir::{State, Voice};
-use ivv::sound::geometry::Mode;
-use ivv::sound::hrtf::{Filter, Lookup, degrees};
-use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::sinc::DelayTable;
-use ivv::sound::wola::{Baker, Wola};
+use ivv::internals::sound::fir::{State, Voice};
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::{Filter, Lookup, degrees};
+use ivv::internals::sound::render::{RenderConfig, render_signals};
+use ivv::internals::sound::sinc::DelayTable;
+use ivv::internals::sound::wola::{Baker, Wola};
 use realfft::RealFftPlanner;
 
 use super::measure::{energy, residual_db};

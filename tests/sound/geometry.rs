@@ -1,8 +1,8 @@
 //! Directions and gains from places: T1, T2, T4, T5, T7.
 
 use glam::{DQuat, DVec2, DVec3};
-use ivv::sound::geometry::{Mode, SoundPlane, bearing, gain, signed_angle};
-use ivv::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::geometry::{Mode, SoundPlane, bearing, gain, signed_angle};
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
 
 use super::{head, noise};
 

@@ -4,12 +4,12 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use glam::DVec3;
-use ivv::sound::geometry::Mode;
-use ivv::sound::hrtf::{HrtfSet, Lookup, degrees};
-use ivv::sound::hull::Hull;
-use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::sphere::{SPEED_OF_SOUND, Sphere};
-use ivv::sound::wola::Baker;
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::{HrtfSet, Lookup, degrees};
+use ivv::internals::sound::hull::Hull;
+use ivv::internals::sound::render::{RenderConfig, render_signals};
+use ivv::internals::sound::sphere::{SPEED_OF_SOUND, Sphere};
+use ivv::internals::sound::wola::Baker;
 
 use super::measure::{energy, itd, lsd_db};
 use super::{db, head, horizon, noise, sadie, scene, sphere, track};

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use ivv::scene::Intrinsics;
-use ivv::scene::undistort::{Distortion, Lens};
-use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
+use ivv::internals::scene::Intrinsics;
+use ivv::internals::scene::undistort::{Distortion, Lens};
+use ivv::internals::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
 use serde_json::{Value, json};
 
 use crate::capture::Folder;

@@ -4,15 +4,15 @@ use std::path::Path;
 use std::time::{Duration, Instant};
 
 use glam::{DQuat, DVec3};
-use ivv::formats::{Sound, Sounds};
-use ivv::scene::Playhead;
-use ivv::sound::geometry::Mode;
-use ivv::sound::hrtf::HrtfSet;
-use ivv::sound::live::{Chase, Live};
-use ivv::sound::pose::{HeadPose, PoseTrack};
-use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::sphere::Sphere;
-use ivv::sound::wav::{self, Depth};
+use ivv::internals::formats::{Sound, Sounds};
+use ivv::internals::scene::Playhead;
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::HrtfSet;
+use ivv::internals::sound::live::{Chase, Live};
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::render::{RenderConfig, render_signals};
+use ivv::internals::sound::sphere::Sphere;
+use ivv::internals::sound::wav::{self, Depth};
 
 use super::measure::energy;
 use super::{db, ear, noise, scene, sphere, track};
@@ -137,7 +137,7 @@ fn a_source_is_silent_before_it_begins_and_after_it_ends_and_begins_anew_after_a
     assert!(!loud(0, 8) && loud(8, 9) && loud(23, 24));
     // Responses and delays sound on for a while.
     assert!(!loud(30, 64));
-    let block = |listener: &mut ivv::sound::live::Listener, t: f64| {
+    let block = |listener: &mut ivv::internals::sound::live::Listener, t: f64| {
         let mut out = vec![[0.0; 2]; BLOCK];
         listener.block(t, &head, &mut out);
         out

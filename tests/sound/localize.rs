@@ -1,12 +1,12 @@
 //! From keypoints to tracks as a whole.
 
 use glam::DVec3;
-use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
-use ivv::sound::localize::{LocalizeSettings, Localized, localize};
-use ivv::sound::rig::{Rig, RigCamera};
-use ivv::sound::scene_file::SoundScene;
-use ivv::sound::source_track::Flag;
-use ivv::synth::{Noise, Options, Preset, write_capture};
+use ivv::internals::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
+use ivv::internals::sound::localize::{LocalizeSettings, Localized, localize};
+use ivv::internals::sound::rig::{Rig, RigCamera};
+use ivv::internals::sound::scene_file::SoundScene;
+use ivv::internals::sound::source_track::Flag;
+use ivv::internals::synth::{Noise, Options, Preset, write_capture};
 
 use super::rigs::{mouths, rig};
 use crate::capture::Folder;

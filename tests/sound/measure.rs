@@ -4,16 +4,16 @@ use std::f64::consts::PI;
 
 use realfft::num_complex::Complex64;
 
-use ivv::report::statistics::mean;
-use ivv::sound::FS;
-use ivv::sound::align::peak;
-use ivv::sound::geometry::degrees;
-use ivv::sound::hrtf::{HrtfSet, Lookup};
-use ivv::sound::pose::PoseTrack;
-use ivv::sound::render::SPEED_OF_SOUND;
-use ivv::sound::scene_file::SoundScene;
-use ivv::sound::spectrum::{Spectra, good_length};
-use ivv::sound::wola::Baker;
+use ivv::internals::report::statistics::mean;
+use ivv::internals::sound::FS;
+use ivv::internals::sound::align::peak;
+use ivv::internals::sound::geometry::degrees;
+use ivv::internals::sound::hrtf::{HrtfSet, Lookup};
+use ivv::internals::sound::pose::PoseTrack;
+use ivv::internals::sound::render::SPEED_OF_SOUND;
+use ivv::internals::sound::scene_file::SoundScene;
+use ivv::internals::sound::spectrum::{Spectra, good_length};
+use ivv::internals::sound::wola::Baker;
 
 /// Up to this frequency the ear uses differences of time, hertz.
 const ITD_BAND: f64 = 1500.0;

@@ -29,12 +29,12 @@ use std::sync::OnceLock;
 
 use crate::common::notes::shared;
 use glam::{DQuat, DVec3};
-use ivv::sound::hrtf::{HrtfSet, degrees};
-use ivv::sound::pose::{HeadPose, PoseTrack};
-use ivv::sound::scene_file::{Mic, SoundScene, Source};
-use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
-use ivv::sound::sphere::Sphere;
-use ivv::sound::wav::Channel;
+use ivv::internals::sound::hrtf::{HrtfSet, degrees};
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::scene_file::{Mic, SoundScene, Source};
+use ivv::internals::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::internals::sound::sphere::Sphere;
+use ivv::internals::sound::wav::Channel;
 
 /// The head as a sphere, coarse: 92 directions.
 fn sphere() -> &'static HrtfSet {

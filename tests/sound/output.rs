@@ -4,12 +4,12 @@ use std::fs;
 
 use glam::{DQuat, DVec3};
 use ivv::Error;
-use ivv::sound::geometry::{Mode, angles};
-use ivv::sound::loudness::{PEAK_LIMIT_DB, gain_db, measure};
-use ivv::sound::pose::{HeadPose, PoseTrack};
-use ivv::sound::render::{RenderConfig, SPEED_OF_SOUND, render_ambix, render_signals};
-use ivv::sound::scene_file::{SoundScene, Source};
-use ivv::sound::wav::{Channel, Depth, integer, read, read_channel, write};
+use ivv::internals::sound::geometry::{Mode, angles};
+use ivv::internals::sound::loudness::{PEAK_LIMIT_DB, gain_db, measure};
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::render::{RenderConfig, SPEED_OF_SOUND, render_ambix, render_signals};
+use ivv::internals::sound::scene_file::{SoundScene, Source};
+use ivv::internals::sound::wav::{Channel, Depth, integer, read, read_channel, write};
 
 use crate::common::folder::Folder;
 
@@ -188,8 +188,8 @@ fn gates_let_one_source_through_at_a_time() {
     assert!(level(1, 15_000) > 2.0 * level(0, 15_000), "the second one is on the right");
     // Where the track says that nobody speaks, nothing is heard.
     let mut quiet = scene(track("a", &[(0.0, DVec3::Y), (0.1, DVec3::Y), (0.2, DVec3::Y), (0.3, DVec3::Y)]));
-    quiet.sources[0].track.samples[2].flag = ivv::sound::source_track::Flag::Inactive;
-    quiet.sources[0].track.samples[3].flag = ivv::sound::source_track::Flag::Inactive;
+    quiet.sources[0].track.samples[2].flag = ivv::internals::sound::source_track::Flag::Inactive;
+    quiet.sources[0].track.samples[3].flag = ivv::internals::sound::source_track::Flag::Inactive;
     let rendered = render_signals(&quiet, &[tone(700.0, 14_400)], &head(DVec3::ZERO, 0.0), sphere(), &config).unwrap();
     assert!(rendered.samples[3000][0].abs() > 1e-3);
     assert!(rendered.samples[8000..14_000].iter().flatten().all(|value| value.abs() < 1e-6));

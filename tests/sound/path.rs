@@ -1,8 +1,8 @@
 //! Paths of heads in every kind of file.
 
 use glam::{DMat3, DQuat, DVec3};
-use ivv::sound::path::{Convention, HeadPath, read_path};
-use ivv::sound::pose::HeadPose;
+use ivv::internals::sound::path::{Convention, HeadPath, read_path};
+use ivv::internals::sound::pose::HeadPose;
 
 use crate::capture::Folder;
 

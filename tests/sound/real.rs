@@ -1,8 +1,8 @@
 //! Recorded speech through measured ears.
 
 use glam::DVec3;
-use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::wav::{Channel, read_channel};
+use ivv::internals::sound::render::{RenderConfig, render_signals};
+use ivv::internals::sound::wav::{Channel, read_channel};
 
 use super::measure::ear_course;
 use super::{head, sadie, scene, track};

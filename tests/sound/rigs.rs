@@ -1,11 +1,11 @@
 //! Cameras, and what they see.
 
 use glam::{DMat3, DVec2, DVec3};
-use ivv::scene::undistort::{Distortion, Lens};
-use ivv::scene::{Intrinsics, Pose};
-use ivv::sound::keypoints::{Mouth, Mouths};
-use ivv::sound::rig::{Rig, RigCamera};
-use ivv::sound::triangulate::Sight;
+use ivv::internals::scene::undistort::{Distortion, Lens};
+use ivv::internals::scene::{Intrinsics, Pose};
+use ivv::internals::sound::keypoints::{Mouth, Mouths};
+use ivv::internals::sound::rig::{Rig, RigCamera};
+use ivv::internals::sound::triangulate::Sight;
 
 use crate::common::random::Random;
 

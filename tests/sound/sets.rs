@@ -5,12 +5,12 @@ use std::path::Path;
 
 use glam::DVec3;
 use ivv::Error;
-use ivv::sound::geometry::Mode;
-use ivv::sound::hrtf::{HrtfSet, Lookup, Measured, degrees};
-use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::sinc::Resampler;
-use ivv::sound::sphere::{Sphere, icosphere};
-use ivv::sound::wav::{Depth, write};
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::{HrtfSet, Lookup, Measured, degrees};
+use ivv::internals::sound::render::{RenderConfig, render_signals};
+use ivv::internals::sound::sinc::Resampler;
+use ivv::internals::sound::sphere::{Sphere, icosphere};
+use ivv::internals::sound::wav::{Depth, write};
 use realfft::RealFftPlanner;
 
 use super::measure::{ild_db, itd, lsd_db};
@@ -305,7 +305,7 @@ fn a_folder_of_wav_files_is_read_by_their_names() {
     folder.write("LICENSE", "\n\nFree of all\nterms");
     let model = measured();
     for (index, (to, ears)) in model.directions.iter().zip(&model.irs).enumerate() {
-        let (az, el) = ivv::sound::geometry::angles(*to);
+        let (az, el) = ivv::internals::sound::geometry::angles(*to);
         let [az, el] = [az, el].map(|angle| format!("{:.5}", angle.to_degrees()));
         // Both of the database's spellings.
         let name = if index % 2 == 0 {

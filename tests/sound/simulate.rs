@@ -3,12 +3,12 @@
 use std::f64::consts::TAU;
 
 use glam::{DQuat, DVec3};
-use ivv::sound::FS;
-use ivv::sound::emitter::Emitter;
-use ivv::sound::hrtf::HrtfSet;
-use ivv::sound::pose::{HeadPose, PoseTrack};
-use ivv::sound::render::SPEED_OF_SOUND;
-use ivv::sound::scene_file::SoundScene;
+use ivv::internals::sound::FS;
+use ivv::internals::sound::emitter::Emitter;
+use ivv::internals::sound::hrtf::HrtfSet;
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::render::SPEED_OF_SOUND;
+use ivv::internals::sound::scene_file::SoundScene;
 
 use super::{scene, track};
 

@@ -2,7 +2,7 @@
 
 use std::f64::consts::TAU;
 
-use ivv::sound::speaker::gates;
+use ivv::internals::sound::speaker::gates;
 
 const FPS: f64 = 30.0;
 

@@ -1,8 +1,8 @@
 //! Sound and pictures in step.
 
 use glam::DVec3;
-use ivv::sound::render::{RenderConfig, render};
-use ivv::sound::wav::{self, Depth};
+use ivv::internals::sound::render::{RenderConfig, render};
+use ivv::internals::sound::wav::{self, Depth};
 
 use super::{ear, head, scene, sphere, track};
 use crate::capture::Folder;

@@ -3,10 +3,10 @@
 use std::f64::consts::TAU;
 
 use glam::{DMat3, DVec3};
-use ivv::sound::localize::{LocalizeSettings, associate, localize};
-use ivv::sound::smooth::{Motion, smooth};
-use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
-use ivv::sound::triangulate::{Fix, triangulate_all};
+use ivv::internals::sound::localize::{LocalizeSettings, associate, localize};
+use ivv::internals::sound::smooth::{Motion, smooth};
+use ivv::internals::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::internals::sound::triangulate::{Fix, triangulate_all};
 
 use super::rigs::{mouths, normal, rig, sights};
 use crate::capture::Folder;

@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 
 use glam::{DMat3, DVec2, DVec3};
-use ivv::scene::undistort::{Distortion, Lens};
-use ivv::scene::{Intrinsics, Pose};
-use ivv::sound::rig::RigCamera;
-use ivv::sound::triangulate::{Sight, triangulate, triangulate_all};
+use ivv::internals::scene::undistort::{Distortion, Lens};
+use ivv::internals::scene::{Intrinsics, Pose};
+use ivv::internals::sound::rig::RigCamera;
+use ivv::internals::sound::triangulate::{Sight, triangulate, triangulate_all};
 
 use super::rigs::{normal, pixel, rig, sights};
 use crate::common::notes::shared;

@@ -1,12 +1,12 @@
 //! Renderings against simulated truth: T35, T37.
 
 use glam::DVec3;
-use ivv::sound::emitter::Emitter;
-use ivv::sound::geometry::Mode;
-use ivv::sound::hrtf::Lookup;
-use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::sinc::{DelayTable, Resampler};
-use ivv::sound::wola::Baker;
+use ivv::internals::sound::emitter::Emitter;
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::Lookup;
+use ivv::internals::sound::render::{RenderConfig, render_signals};
+use ivv::internals::sound::sinc::{DelayTable, Resampler};
+use ivv::internals::sound::wola::Baker;
 
 use super::measure::{compare, energy, lateness, residual_db};
 use super::simulate::{Motion, Simulated, Speech, recording, simulate};

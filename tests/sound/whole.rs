@@ -1,9 +1,9 @@
 //! From pixels to ears.
 
 use glam::DVec3;
-use ivv::sound::localize::{LocalizeSettings, localize};
-use ivv::sound::render::{RenderConfig, render_signals};
-use ivv::sound::source_track::{SourceSample, SourceTrack};
+use ivv::internals::sound::localize::{LocalizeSettings, localize};
+use ivv::internals::sound::render::{RenderConfig, render_signals};
+use ivv::internals::sound::source_track::{SourceSample, SourceTrack};
 
 use super::horizon;
 use super::measure::{compare, lateness};

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use ivv::Error;
-use ivv::synth::{Options, Preset, write_capture};
+use ivv::internals::synth::{Options, Preset, write_capture};
 
 use super::{files, folder, make, options, rgb, shared};
 

@@ -1,7 +1,7 @@
 //! What the options disturb: clocks, colours, sensors, lens hoods.
 
 use glam::{DVec2, DVec3};
-use ivv::synth::{Noise, Options};
+use ivv::internals::synth::{Noise, Options};
 use std::collections::BTreeSet;
 use std::path::Path;
 

@@ -15,7 +15,7 @@ use std::sync::OnceLock;
 
 use crate::common::program::json;
 use glam::{DMat3, DVec3};
-use ivv::synth::{Options, Preset, write_capture};
+use ivv::internals::synth::{Options, Preset, write_capture};
 use serde_json::Value;
 
 /// A small capture: two training cameras would see too little, more would take too long.

@@ -1,9 +1,9 @@
 //! Rigs that look outward, at rest and on their way.
 
 use glam::{DMat3, DVec2, DVec3};
-use ivv::scene::View;
-use ivv::scene::capture::Capture;
-use ivv::synth::{Noise, Options, Rig};
+use ivv::internals::scene::View;
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::synth::{Noise, Options, Rig};
 
 use super::{bodies, exr, json, make, numbers, options};
 use std::path::Path;

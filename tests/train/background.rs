@@ -5,11 +5,11 @@ use crate::common::device::gpu;
 use crate::common::program::{ivv, json, works};
 use image::{DynamicImage, Rgb, RgbImage};
 use ivv::Constants;
-use ivv::scene::capture::Capture;
-use ivv::scene::{Splats, View};
-use ivv::stage::{Outputs, Renderer};
-use ivv::synth::{Options, Preset, Rig};
-use ivv::train::{Config, Event, Kind, Log, Run, Session, SessionOptions, Setup, initialise};
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::scene::{Splats, View};
+use ivv::internals::stage::{Outputs, Renderer};
+use ivv::internals::synth::{Options, Preset, Rig};
+use ivv::internals::train::{Config, Event, Kind, Log, Run, Session, SessionOptions, Setup, initialise};
 
 /// Gives every image of the capture another form.
 fn change(tiny: &Tiny, to: impl Fn(RgbImage) -> DynamicImage) {

@@ -3,10 +3,10 @@
 use super::Tiny;
 use crate::common::device::gpu;
 use crate::common::program::{fails, ivv, json, text, works};
-use ivv::formats::read_ply;
-use ivv::scene::Splats;
-use ivv::scene::capture::{Calibration, Capture};
-use ivv::train::{Base, Checkpoint, Config, Run};
+use ivv::internals::formats::read_ply;
+use ivv::internals::scene::Splats;
+use ivv::internals::scene::capture::{Calibration, Capture};
+use ivv::internals::train::{Base, Checkpoint, Config, Run};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -2,7 +2,7 @@
 
 use super::Tiny;
 use crate::common::program::{fails, json, works};
-use ivv::study::{Bench, RunResult};
+use ivv::internals::study::{Bench, RunResult};
 use std::path::Path;
 
 /// Two arms, one of them with a preset, and one seed.

@@ -3,8 +3,8 @@
 use crate::common::frames::render;
 use crate::common::notes::shared;
 use crate::common::program::{json, works};
-use ivv::formats::read_ply;
-use ivv::scene::read_views;
+use ivv::internals::formats::read_ply;
+use ivv::internals::scene::read_views;
 use std::path::Path;
 
 #[test]

@@ -88,7 +88,7 @@ fn weights_of_lpips_are_opened_before_the_first_step_if_they_are_for_scores_alon
     fails(&["train", capture, "-o", path, "--plan", "--set", &setting], 3);
     ivv_conformance::fixtures::lpips::save(
         &weights,
-        &ivv_conformance::fixtures::lpips::narrow(1, ivv::stage::Trunk::SqueezeNet),
+        &ivv_conformance::fixtures::lpips::narrow(1, ivv::internals::stage::Trunk::SqueezeNet),
     )
     .unwrap();
     let plan = |crop: &str| -> Value {

@@ -2,9 +2,9 @@
 
 use glam::{DMat3, DVec3};
 use image::{Rgba, RgbaImage};
-use ivv::scene::Splats;
-use ivv::scene::capture::Capture;
-use ivv::train::{Config, Init, Initial, initialise, random_points};
+use ivv::internals::scene::Splats;
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::train::{Config, Init, Initial, initialise, random_points};
 use std::path::{Path, PathBuf};
 
 const SIDE: u32 = 48;

@@ -3,10 +3,10 @@
 use super::{Tiny, as_it_is, nothing_moves, steady};
 use crate::common::device::gpu;
 use ivv::Constants;
-use ivv::scene::Splats;
-use ivv::scene::capture::{Capture, Extent, PriorPlan};
-use ivv::stage::{AdamMode, Choice, PruneLimits};
-use ivv::train::{
+use ivv::internals::scene::Splats;
+use ivv::internals::scene::capture::{Capture, Extent, PriorPlan};
+use ivv::internals::stage::{AdamMode, Choice, PruneLimits};
+use ivv::internals::train::{
     Checkpoint, Config, Density, Event, GridKind, Init, LearningRates, Pace, PoseKind, Rate, Required, Round, Session,
     SessionOptions, Setup, StepReport, Strategy, Trainer, density_round, from_points, noise, regularisers,
 };
@@ -39,7 +39,9 @@ fn a_run_that_begins_with_all_it_finds_still_grows() {
     assert_eq!(grown(&full, options), (n, 0, 0));
     // Drawn copies take the place of others.
     let density = Density { strategy: Strategy::Mcmc, ..Density::default() };
-    let initial = ivv::train::initialise(&tiny.capture, &Config { density, ..config.clone() }, &mut |_, _| {}).unwrap();
+    let initial =
+        ivv::internals::train::initialise(&tiny.capture, &Config { density, ..config.clone() }, &mut |_, _| {})
+            .unwrap();
     assert_eq!((initial.splats.len(), initial.thinned_from), (config.max_gaussians, Some(n)));
 }
 
@@ -147,7 +149,7 @@ fn both_strategies_learn_grow_and_obey_the_budget() {
         assert!(reports.last().unwrap().gaussians > 150);
         let rounds: Vec<_> = reports.iter().filter_map(|r| r.density).collect();
         assert!(rounds.len() >= 8, "{} rounds", rounds.len());
-        let sum = |f: fn(&ivv::stage::Counts) -> u32| rounds.iter().map(f).sum::<u32>();
+        let sum = |f: fn(&ivv::internals::stage::Counts) -> u32| rounds.iter().map(f).sum::<u32>();
         let (cloned, split, pruned) = (sum(|c| c.cloned), sum(|c| c.split), sum(|c| c.pruned));
         assert_eq!(trainer.n_gaussians(), 150 + cloned + split - pruned);
         if strategy == Strategy::Mcmc {

@@ -2,7 +2,7 @@
 
 use super::Tiny;
 use crate::common::program::{ivv, json};
-use ivv::train::{Config, Density, Fall, Kind, Log, Strategy};
+use ivv::internals::train::{Config, Density, Fall, Kind, Log, Strategy};
 use serde_json::{Value, json};
 use std::path::Path;
 

@@ -4,9 +4,9 @@ use super::Tiny;
 use crate::common::device::{gpu, opened, options};
 use crate::common::notes;
 use crate::common::same::assert_same_splats;
-use ivv::gpu::{Gpu, Options};
-use ivv::train::{Config, Density, Required, Resolution, Session, SessionOptions};
-use ivv::vk::{DeviceChoice, DeviceKind};
+use ivv::internals::gpu::{Gpu, Options};
+use ivv::internals::train::{Config, Density, Required, Resolution, Session, SessionOptions};
+use ivv::internals::vk::{DeviceChoice, DeviceKind};
 use std::sync::Arc;
 
 const STEPS: u64 = 60;

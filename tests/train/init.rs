@@ -5,11 +5,11 @@ use crate::common::device::gpu;
 use crate::synth::{Body, bodies};
 use glam::DVec3;
 use ivv::Constants;
-use ivv::scene::capture::{Capture, Point, Shot};
-use ivv::scene::{Similarity, Splats};
-use ivv::stage::{Outputs, Renderer};
-use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{Config, Init, Initial, Meter, Setup, Trainer, from_points, initialise, random_points};
+use ivv::internals::scene::capture::{Capture, Point, Shot};
+use ivv::internals::scene::{Similarity, Splats};
+use ivv::internals::stage::{Outputs, Renderer};
+use ivv::internals::synth::{Options, Preset, write_capture};
+use ivv::internals::train::{Config, Init, Initial, Meter, Setup, Trainer, from_points, initialise, random_points};
 use std::path::PathBuf;
 use std::sync::OnceLock;
 

@@ -4,10 +4,10 @@ use super::{Tiny, steady, train};
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use crate::common::same::{assert_same, assert_same_splats};
-use ivv::scene::capture::{Picture, PriorPlan, half_bits, half_value};
-use ivv::scene::{Splats, View};
-use ivv::train::{Config, Preset, Resolution, Setup, Trainer, from_points, merge};
-use ivv::{Constants, Culls, Knobs, TileBound};
+use ivv::internals::scene::capture::{Picture, PriorPlan, half_bits, half_value};
+use ivv::internals::scene::{Splats, View};
+use ivv::internals::settings::{Constants, Culls, Knobs, TileBound};
+use ivv::internals::train::{Config, Preset, Resolution, Setup, Trainer, from_points, merge};
 
 fn preset(name: &str) -> Config {
     let mut settings = serde_json::to_value(Config::default()).unwrap();
@@ -37,7 +37,7 @@ fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_co
     assert_same_splats("without culls", &plain, &fast);
     let [fast, plain] = [fast, plain].map(|splats| {
         let file = tiny.folder.join("scene.ply");
-        ivv::formats::write_ply(&file, &splats).unwrap();
+        ivv::internals::formats::write_ply(&file, &splats).unwrap();
         std::fs::read(&file).unwrap()
     });
     assert!(!fast.is_empty());
@@ -76,7 +76,7 @@ fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
 }
 
 /// Steps of `config` on one picture, with priors; the reports.
-fn reports(tiny: &Tiny, config: &Config, begin: &Splats, steps: u64) -> Vec<ivv::train::StepReport> {
+fn reports(tiny: &Tiny, config: &Config, begin: &Splats, steps: u64) -> Vec<ivv::internals::train::StepReport> {
     let setup = Setup::new(&tiny.capture, config);
     let mut trainer = Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), steps, setup).unwrap();
     let (camera, frame) = tiny.capture.training_frames()[0];
@@ -101,8 +101,9 @@ fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
     // Fewer tiles in the first half; errors in the units of whole pictures.
     let pairs: Vec<[u32; 2]> = coarse.iter().zip(&whole).map(|(c, w)| [c.intersections, w.intersections]).collect();
     assert!(pairs[..4].iter().all(|[coarse, whole]| coarse < whole) && pairs[4][0] > pairs[3][0], "{pairs:?}");
-    let ratio =
-        |value: fn(&ivv::train::StepReport) -> Option<f64>| value(&coarse[0]).unwrap() / value(&whole[0]).unwrap();
+    let ratio = |value: fn(&ivv::internals::train::StepReport) -> Option<f64>| {
+        value(&coarse[0]).unwrap() / value(&whole[0]).unwrap()
+    };
     assert!((0.7..1.4).contains(&ratio(|r| r.term("flow"))) && (0.7..1.4).contains(&ratio(|r| r.term("depth"))));
     assert!((0.7..1.3).contains(&ratio(|r| r.term("l1"))));
 }

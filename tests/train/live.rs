@@ -2,7 +2,7 @@
 
 use super::Tiny;
 use crate::common::program::{command, works};
-use ivv::formats::FourDgs;
+use ivv::internals::formats::FourDgs;
 use serde_json::Value;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;

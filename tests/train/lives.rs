@@ -5,9 +5,9 @@ use crate::common::device::gpu;
 use crate::common::random::Random;
 use crate::common::same::assert_same_splats;
 use ivv::Constants;
-use ivv::scene::{Motion, Splats};
-use ivv::stage::AdamMode;
-use ivv::train::{Config, Density, Setup, Trainer, from_points};
+use ivv::internals::scene::{Motion, Splats};
+use ivv::internals::stage::AdamMode;
+use ivv::internals::train::{Config, Density, Setup, Trainer, from_points};
 
 /// Gaussians whose processing goes block by block.
 const BLOCK: usize = 128;

@@ -3,10 +3,10 @@
 use super::Tiny;
 use crate::common::program::{command, fails, ivv, json, text, works};
 use crate::common::same::assert_same;
-use ivv::scene::capture::{Capture, CaptureSettings, Frames};
-use ivv::scene::{View, read_views, write_views};
-use ivv::sound::rig::Rig;
-use ivv::train::{Run, spread};
+use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames};
+use ivv::internals::scene::{View, read_views, write_views};
+use ivv::internals::sound::rig::Rig;
+use ivv::internals::train::{Run, spread};
 use serde_json::Value;
 use std::path::Path;
 
@@ -164,7 +164,7 @@ fn a_capture_is_read_for_its_views_as_for_its_training() {
         folder.write(&format!("pictures_2/{name}"), crate::capture::png(3, 2, 90));
     }
     let (scene, out) = (folder.0.join("scene.ply"), folder.0.join("out"));
-    ivv::formats::write_ply(&scene, &ivv::scene::demo().0).unwrap();
+    ivv::internals::formats::write_ply(&scene, &ivv::internals::scene::demo().0).unwrap();
     let options = ["--images", "pictures", "--downscale", "2", "--skip-missing"];
     works(&[&["inspect", text(&folder.0), "--cameras", text(&file)], &options[..]].concat());
     let sizes: Vec<_> =
@@ -198,9 +198,9 @@ fn a_capture_is_read_for_its_views_as_for_its_training() {
 #[test]
 fn captures_and_transforms_are_cameras_of_a_scene() {
     let tiny = Tiny::new("rendered");
-    let (splats, _) = ivv::scene::demo();
+    let (splats, _) = ivv::internals::scene::demo();
     let (scene, at) = (tiny.folder.join("scene.ply"), |name: &str| tiny.folder.join(name));
-    ivv::formats::write_ply(&scene, &splats).unwrap();
+    ivv::internals::formats::write_ply(&scene, &splats).unwrap();
     let camera = tiny.capture.cameras[0].name.as_str();
     let some = ["render", text(&scene), "--camera", camera, "--frames", "1:3"];
     works(&[&some[..], &["--capture", text(&tiny.folder), "-o", text(&at("a"))]].concat());
@@ -240,9 +240,9 @@ fn captures_and_transforms_are_cameras_of_a_scene() {
 #[test]
 fn stills_are_shown_at_the_time_that_is_asked_for_within_the_clip() {
     let tiny = Tiny::new("time");
-    let (splats, _) = ivv::scene::demo();
+    let (splats, _) = ivv::internals::scene::demo();
     let (scene, at) = (tiny.folder.join("scene.ply"), |name: &str| tiny.folder.join(name));
-    ivv::formats::write_ply(&scene, &splats).unwrap();
+    ivv::internals::formats::write_ply(&scene, &splats).unwrap();
     let capture = text(&tiny.folder);
     let still = ["render", text(&scene), "--capture", capture, "-o"];
     works(&[&still[..], &[text(&at("half")), "--time", "0.5"]].concat());

@@ -38,11 +38,11 @@ mod worlds;
 use crate::common::device::gpu;
 use crate::common::same::assert_same_splats;
 use ivv::Constants;
-use ivv::scene::capture::{Capture, PriorPlan};
-use ivv::scene::{Motion, Similarity, Splats};
-use ivv::stage::{AdamMode, Outputs, Renderer};
-use ivv::synth::{Options, Preset, write_capture};
-use ivv::train::{
+use ivv::internals::scene::capture::{Capture, PriorPlan};
+use ivv::internals::scene::{Motion, Similarity, Splats};
+use ivv::internals::stage::{AdamMode, Outputs, Renderer};
+use ivv::internals::synth::{Options, Preset, write_capture};
+use ivv::internals::train::{
     Checkpoint, Config, Event, LearningRates, Meter, Pace, Priors, Rate, Scores, Session, SessionOptions, Setup,
     StepReport, TermData, Trainer, from_points, random_points, rates, training_order,
 };

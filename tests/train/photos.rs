@@ -4,10 +4,10 @@ use crate::capture::photos::clip;
 use crate::common::device::gpu;
 use crate::common::frames::render;
 use crate::common::program::{ivv, json, text, works};
-use ivv::formats::read_ply;
-use ivv::scene::Splats;
-use ivv::scene::capture::Capture;
-use ivv::train::{Config, Setup};
+use ivv::internals::formats::read_ply;
+use ivv::internals::scene::Splats;
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::train::{Config, Setup};
 
 #[test]
 fn a_photograph_shows_and_teaches_what_rests_alone() {
@@ -53,7 +53,7 @@ fn a_photograph_shows_and_teaches_what_rests_alone() {
     // Nor among those that a file of the clip has to start from.
     let file = clip.0.join("clip.4dgs");
     works(&["export", text(&base), "-o", text(&file), "--clamp-colors"]);
-    let views = ivv::formats::FourDgs::open(&file).unwrap().views().unwrap();
+    let views = ivv::internals::formats::FourDgs::open(&file).unwrap().views().unwrap();
     assert!(views.len() > 1 && views.iter().all(|view| !view.name.contains("photo")), "{views:?}");
     works(&["render", text(&file), "-o", text(&clip.0.join("of-file"))]);
     assert!(

@@ -4,11 +4,11 @@ use super::{Tiny, drive};
 use crate::common::device::gpu;
 use crate::common::program::{fails, text, works};
 use ivv::Constants;
-use ivv::stage::{Accumulation, Sums};
-use ivv::train::{
+use ivv::internals::stage::{Accumulation, Sums};
+use ivv::internals::train::{
     BoundBy, Class, Config, Limits, Plan, PoseKind, Required, Setup, TermData, Trainer, Workload, from_points,
 };
-use ivv::vk::DeviceKind;
+use ivv::internals::vk::DeviceKind;
 use std::collections::BTreeMap;
 
 const LIMITS: Limits = Limits { binding_bytes: 128 << 20, memory_bytes: 8 << 30, is_host: false };

@@ -7,10 +7,12 @@ use crate::common::program::{json, works};
 use crate::common::random::Random;
 use glam::DVec3;
 use ivv::Constants;
-use ivv::scene::capture::{Capture, Extent, Picture, half_bits};
-use ivv::scene::{FlowModel, Pose, View, read_views};
-use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Config, Correction, Density, Event, Pace, PoseKind, Rate, Session, Setup, TermData, Trainer};
+use ivv::internals::scene::capture::{Capture, Extent, Picture, half_bits};
+use ivv::internals::scene::{FlowModel, Pose, View, read_views};
+use ivv::internals::stage::{Outputs, Renderer};
+use ivv::internals::train::{
+    Config, Correction, Density, Event, Pace, PoseKind, Rate, Session, Setup, TermData, Trainer,
+};
 
 const CAMERAS: usize = 6;
 

@@ -3,12 +3,14 @@
 use super::Tiny;
 use crate::common::device::{gpu, options};
 use crate::common::same::assert_same_splats;
-use ivv::error::{Error, Result};
-use ivv::gpu::{Gpu, Options};
-use ivv::scene::Splats;
-use ivv::stage::AdamMode;
-use ivv::train::{Checkpoint, Config, Event, GridKind, PoseKind, Ranks, Session, SessionOptions, StepReport};
-use ivv::vk::DeviceChoice;
+use ivv::internals::error::{Error, Result};
+use ivv::internals::gpu::{Gpu, Options};
+use ivv::internals::scene::Splats;
+use ivv::internals::stage::AdamMode;
+use ivv::internals::train::{
+    Checkpoint, Config, Event, GridKind, PoseKind, Ranks, Session, SessionOptions, StepReport,
+};
+use ivv::internals::vk::DeviceChoice;
 use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::Duration;
 

@@ -2,10 +2,10 @@
 
 use super::scores_of;
 use ivv::Constants;
-use ivv::scene::Frame;
-use ivv::scene::capture::Picture;
-use ivv::study::{Example, Report};
-use ivv::train::{CaptureSummary, Config, Evaluation, Kind, Log, Run, SceneScores, SceneSize, ViewScores};
+use ivv::internals::scene::Frame;
+use ivv::internals::scene::capture::Picture;
+use ivv::internals::study::{Example, Report};
+use ivv::internals::train::{CaptureSummary, Config, Evaluation, Kind, Log, Run, SceneScores, SceneSize, ViewScores};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -82,7 +82,13 @@ fn scores() -> SceneScores {
         render_ms: 2.0,
     };
     let evaluation = Evaluation::new(40, vec![view(0), view(1)]).unwrap();
-    SceneScores::new(Path::new("scene.ply"), SceneSize::of(&ivv::scene::demo().0), "a \"device\"", 0.01, evaluation)
+    SceneScores::new(
+        Path::new("scene.ply"),
+        SceneSize::of(&ivv::internals::scene::demo().0),
+        "a \"device\"",
+        0.01,
+        evaluation,
+    )
 }
 
 /// The report of `log`, `totals` and `scores` as text.

@@ -4,10 +4,10 @@ use super::Tiny;
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use ivv::Constants;
-use ivv::scene::capture::{Camera, Capture, Shot};
-use ivv::scene::{Motion, Splats, View};
-use ivv::stage::{Outputs, Renderer, Response};
-use ivv::train::{
+use ivv::internals::scene::capture::{Camera, Capture, Shot};
+use ivv::internals::scene::{Motion, Splats, View};
+use ivv::internals::stage::{Outputs, Renderer, Response};
+use ivv::internals::train::{
     Config, Due, Evidence, GridKind, Required, Review, Seen, Setup, Trainer, merge_resting, psnr, review, review_due,
 };
 use std::path::PathBuf;
@@ -106,8 +106,8 @@ fn everything(truth: &Splats) -> Splats {
 }
 
 pub fn config() -> Config {
-    let loss = ivv::train::Loss { depth: 0.0, flow: 0.0, ..Default::default() };
-    let density = ivv::train::Density { stop: 0.0, ..Default::default() };
+    let loss = ivv::internals::train::Loss { depth: 0.0, flow: 0.0, ..Default::default() };
+    let density = ivv::internals::train::Density { stop: 0.0, ..Default::default() };
     let required = Required { reviews: 1, grids_at: 0.3 };
     // The truth lets the background through.
     let vary_background = false;
@@ -182,8 +182,8 @@ fn a_scene_that_stands_still_ends_without_a_dynamic_gaussian_and_without_a_grid(
     assert!(grids.grids.len() == 4 && grids.grids.iter().all(|check| !check.is_needed), "{grids:?}");
     // Nothing moves, so no picture tells any offset.
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
-    let pictures = ivv::train::offset_pictures(&tiny.capture, BACKGROUND, 0).unwrap();
-    assert!(!ivv::train::fit_offset(&mut renderer, &pictures, 0.0, 0).unwrap().is_identifiable());
+    let pictures = ivv::internals::train::offset_pictures(&tiny.capture, BACKGROUND, 0).unwrap();
+    assert!(!ivv::internals::train::fit_offset(&mut renderer, &pictures, 0.0, 0).unwrap().is_identifiable());
 }
 
 #[test]

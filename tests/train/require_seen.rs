@@ -4,9 +4,9 @@ use super::require::{BACKGROUND, cameras, config, shown};
 use crate::common::device::gpu;
 use crate::common::random::Random;
 use ivv::Constants;
-use ivv::scene::capture::{Camera, Capture, Shot};
-use ivv::scene::{Intrinsics, Motion, Pose, SH_C0, Splats};
-use ivv::train::{Config, Due, Required, Review, Setup, Trainer, review};
+use ivv::internals::scene::capture::{Camera, Capture, Shot};
+use ivv::internals::scene::{Intrinsics, Motion, Pose, SH_C0, Splats};
+use ivv::internals::train::{Config, Due, Required, Review, Setup, Trainer, review};
 
 /// Appends a Gaussian of degree 1.
 fn push(splats: &mut Splats, place: [f64; 3], deviation: f32, sh: [[f32; 3]; 4], motion: Option<Motion>) {

@@ -1,10 +1,10 @@
 //! Rigs that look outward, and those that look at a scene among them: how large a scene is taken for.
 
-use ivv::scene::Splats;
-use ivv::scene::View;
-use ivv::scene::capture::{Capture, TRAINING_RADIUS};
-use ivv::synth::{Options, Preset, Rig, write_capture};
-use ivv::train::{Config, Setup, from_points, initialise};
+use ivv::internals::scene::Splats;
+use ivv::internals::scene::View;
+use ivv::internals::scene::capture::{Capture, TRAINING_RADIUS};
+use ivv::internals::synth::{Options, Preset, Rig, write_capture};
+use ivv::internals::train::{Config, Setup, from_points, initialise};
 
 /// The capture of a rig, as it is written to a folder of the test's own.
 fn capture(test: &str, rig: Rig) -> Capture {
@@ -29,7 +29,7 @@ fn reach_of_lenses(capture: &Capture, center: [f64; 3]) -> f64 {
 fn first(capture: &Capture) -> (Capture, Splats, Vec<f64>) {
     let capture = capture.clone().transformed(&capture.normalisation());
     let splats = from_points(&capture.points, &capture, &Config { sh_degree: 0, ..Config::default() });
-    let spacing = |at: &ivv::scene::capture::Point| {
+    let spacing = |at: &ivv::internals::scene::capture::Point| {
         let mut all: Vec<f64> = capture.points.iter().map(|other| distance(at.position, other.position)).collect();
         all.sort_unstable_by(f64::total_cmp);
         all[1..4].iter().sum::<f64>() / 3.0

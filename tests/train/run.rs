@@ -3,8 +3,8 @@
 use super::Tiny;
 use super::report::{assert_self_contained, assert_well_formed, plot};
 use crate::common::program::{fails, json, works};
-use ivv::formats::{read_ply, read_scene};
-use ivv::train::{Config, initialise};
+use ivv::internals::formats::{read_ply, read_scene};
+use ivv::internals::train::{Config, initialise};
 use serde_json::Value;
 use std::path::Path;
 
@@ -195,11 +195,11 @@ fn a_folder_with_a_run_is_not_trained_over_unless_asked_and_an_ended_run_resumes
 fn a_run_and_a_scene_are_exported_in_every_format() {
     let tiny = Tiny::new("export");
     let file = |name: &str| tiny.folder.join(name).to_str().unwrap().to_owned();
-    let (splats, _) = ivv::scene::demo();
+    let (splats, _) = ivv::internals::scene::demo();
     let run = tiny.folder.join("run");
     std::fs::create_dir(&run).unwrap();
     std::fs::write(run.join("run.json"), "{}").unwrap();
-    ivv::formats::write_ply(&run.join("scene.ply"), &splats).unwrap();
+    ivv::internals::formats::write_ply(&run.join("scene.ply"), &splats).unwrap();
     works(&["export", run.to_str().unwrap(), "-o", &file("whole.ply")]);
     assert_eq!(std::fs::read(file("whole.ply")).unwrap(), std::fs::read(run.join("scene.ply")).unwrap());
     let still = splats.at(0.25, 0.5);

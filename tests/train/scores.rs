@@ -3,10 +3,10 @@
 use super::{Tiny, scores_of};
 use crate::common::device::gpu;
 use ivv::Constants;
-use ivv::scene::Frame;
-use ivv::scene::capture::{Capture, Picture};
-use ivv::stage::{Renderer, Trunk};
-use ivv::train::{
+use ivv::internals::scene::Frame;
+use ivv::internals::scene::capture::{Capture, Picture};
+use ivv::internals::stage::{Renderer, Trunk};
+use ivv::internals::train::{
     Checkpoint, Config, Evaluation, Kind, Log, Meter, Setup, Sight, Trainer, ViewScores, evaluate, from_points, psnr,
     spread,
 };

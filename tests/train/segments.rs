@@ -5,8 +5,8 @@ use crate::common::device::gpu;
 use crate::common::program::{fails, ivv, json, text, works};
 #[cfg(unix)]
 use crate::common::running::Running;
-use ivv::formats::read_ply;
-use ivv::scene::{ALWAYS, Splats};
+use ivv::internals::formats::read_ply;
+use ivv::internals::scene::{ALWAYS, Splats};
 use serde_json::Value;
 
 /// That the means of the frames at seams, and of the others, are those of the views.
@@ -108,7 +108,7 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     assert!(fails(&into, 3).contains("holds another plan or a run"));
     let clip = tiny.folder.join("scene.4dgs");
     works(&["export", text(&plan), "-o", text(&clip), "--clamp-colors"]);
-    let read = ivv::formats::read_scene(&clip).unwrap();
+    let read = ivv::internals::formats::read_scene(&clip).unwrap();
     assert_eq!(read.len(), joined.len());
     assert!(!read.span.is_empty());
 }
@@ -129,7 +129,7 @@ fn segments_that_are_asked_to_end_pass_it_on_and_begin_nothing_more() {
     running.signal(rustix::process::Signal::TERM);
     assert_eq!(running.code(), Some(130));
     // The training has ended too: it holds its folder no more.
-    drop(ivv::train::RunLock::take(&plan.join("base")).unwrap());
+    drop(ivv::internals::train::RunLock::take(&plan.join("base")).unwrap());
     assert!(!plan.join("segment-0000").exists());
 }
 
@@ -148,7 +148,7 @@ fn a_plan_is_scored_with_what_its_jobs_were_trained_with() {
     }
     let plan = tiny.folder.join("plan");
     let (file, views) = (tiny.folder.join("viewpoints.json"), [tiny.capture.view(0, 0).unwrap()]);
-    ivv::scene::write_views(&file, &views).unwrap();
+    ivv::internals::scene::write_views(&file, &views).unwrap();
     let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--frames", "5", "--overlap", "2"];
     let settings = ["--steps", "12", "--set", "init_points=100", "--set", "background=[1,1,1]"];
     works(&[&planned[..], &settings[..]].concat());
@@ -207,7 +207,7 @@ fn segments_are_as_long_as_memory_allows() {
     for (more, length) in [(0, 4), (of_frame, 5), (of_frame * 3, 7), (of_frame * 100, 8)] {
         let (is_fitted, told, to) = fitted(least + more, &format!("of-{length}"));
         assert!(is_fitted, "{told}");
-        let cut = ivv::train::Segments::read(&to).unwrap();
+        let cut = ivv::internals::train::Segments::read(&to).unwrap();
         assert!(cut.segments.iter().all(|[from, to]| to - from <= length));
         assert_eq!(cut.segments.len() > 1, length < 8);
         assert_eq!(cut.cache_bytes, Some(u64::from(length) * of_frame));

@@ -5,12 +5,12 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use crate::common::program::{text, works};
 use crate::common::same::assert_same_splats;
-use ivv::scene::{Similarity, Splats};
-use ivv::train::{
+use ivv::internals::scene::{Similarity, Splats};
+use ivv::internals::train::{
     Average, Checkpoint, Config, DueEvents, Event, GridKind, Init, Notice, Phase, PoseKind, Required, Session,
     SessionOptions, training_order,
 };
-use ivv::vk::DeviceKind;
+use ivv::internals::vk::DeviceKind;
 use std::cell::RefCell;
 use std::collections::BTreeSet;
 
@@ -91,7 +91,7 @@ fn a_session_gives_the_scene_that_the_command_line_writes() {
     std::fs::write(&file, serde_json::to_string(&config()).unwrap()).unwrap();
     works(&["train", path, "-o", text(&run), "--config", text(&file), "-q"]);
     let written = Checkpoint::newest(&run.join("checkpoints")).unwrap().unwrap();
-    let run = ivv::train::Run::read(&run).unwrap();
+    let run = ivv::internals::train::Run::read(&run).unwrap();
     let capture = run.open_capture(None).unwrap();
     let options = SessionOptions { constants: run.constants, ..SessionOptions::default() };
     let session = Session::begin(gpu().clone(), &capture, config(), options).unwrap();

@@ -2,8 +2,8 @@
 
 use super::Tiny;
 use crate::common::program::{fails, ivv, works};
-use ivv::settings::Range;
-use ivv::train::{Config, PRESETS, Preset, all_settings, check_settings, default_of, merge};
+use ivv::internals::settings::Range;
+use ivv::internals::train::{Config, PRESETS, Preset, all_settings, check_settings, default_of, merge};
 use serde_json::{Value, json};
 use std::collections::BTreeSet;
 use std::path::Path;

@@ -5,10 +5,10 @@ use crate::common::device::gpu;
 use crate::common::one::{One, ball, camera, scene_of};
 use crate::scene::Folder;
 use ivv::Constants;
-use ivv::scene::capture::{Capture, Extent, Picture, PriorPlan};
-use ivv::scene::{Motion, Splats, View};
-use ivv::stage::{Outputs, Renderer};
-use ivv::train::{
+use ivv::internals::scene::capture::{Capture, Extent, Picture, PriorPlan};
+use ivv::internals::scene::{Motion, Splats, View};
+use ivv::internals::stage::{Outputs, Renderer};
+use ivv::internals::train::{
     Agreement, Config, Event, GridKind, LearningRates, Loss, Pace, PoseKind, Rate, Required, Session, SessionOptions,
     Setup, TermData, Trainer, fit_offset, from_points, logged,
 };

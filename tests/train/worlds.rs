@@ -5,10 +5,10 @@ use crate::common::device::gpu;
 use crate::common::frames::{psnr, render, render_with};
 use crate::common::random::{scene, view};
 use ivv::Constants;
-use ivv::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS};
-use ivv::scene::{Frame, Pose, Similarity, Splats};
-use ivv::train::{Config, Setup, Trainer, from_points};
-use ivv::twin::cleared;
+use ivv::internals::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS};
+use ivv::internals::scene::{Frame, Pose, Similarity, Splats};
+use ivv::internals::train::{Config, Setup, Trainer, from_points};
+use ivv::internals::twin::cleared;
 
 /// Least PSNR against the same thing in its own units at the origin, dB.
 const LEAST_PSNR: f64 = 80.0;
@@ -139,7 +139,7 @@ fn a_similarity_moves_cameras_and_gaussians_together_and_its_inverse_brings_them
     let (splats, view) = (scene(31, 60, 1), view());
     let to = Similarity { origin: [3.0, -20.0, 0.5], scale: 0.37 };
     let there = to.splats(&splats);
-    let moved = ivv::scene::View { pose: to.pose(&view.pose), ..view.clone() };
+    let moved = ivv::internals::scene::View { pose: to.pose(&view.pose), ..view.clone() };
     let near = (f64::from(Constants::default().near) * to.scale) as f32;
     let (own, _) = render(&splats, &view);
     let (other, _) = render_with(&there, &moved, Constants { near, ..Constants::default() });

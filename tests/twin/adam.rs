@@ -1,6 +1,6 @@
 //! The twin's Adam by its definition.
 
-use ivv::twin::{Adam, Dual};
+use ivv::internals::twin::{Adam, Dual};
 
 #[test]
 fn steps_along_one_gradient_are_the_rate_long_at_any_time() {

@@ -1,7 +1,7 @@
 //! The twin's bilateral grid against tent functions over all cells, and its derivatives against finite differences.
 
 use crate::common::random::Random;
-use ivv::twin::{BilateralGrid, Dual};
+use ivv::internals::twin::{BilateralGrid, Dual};
 
 const N: usize = 12 * 16 * 16 * 8;
 

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use glam::DVec3;
-use ivv::sound::pose::{HeadPose, PoseTrack};
-use ivv::sound::scene_file::{Mic, SoundScene, Source};
-use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
-use ivv::sound::wav::{self, Channel, Depth};
-use ivv::synth::{Options, Preset, write_capture};
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::scene_file::{Mic, SoundScene, Source};
+use ivv::internals::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::internals::sound::wav::{self, Channel, Depth};
+use ivv::internals::synth::{Options, Preset, write_capture};
 
 use crate::capture::Folder;
 use crate::common::program::{command, ivv, text};
@@ -167,7 +167,7 @@ fn a_name_with_a_colon_is_a_name() {
 
 /// A scene of two Gaussians that stand still.
 fn still_scene(folder: &Folder) -> String {
-    let splats = ivv::scene::Splats {
+    let splats = ivv::internals::scene::Splats {
         position: vec![[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]],
         rotation: vec![[1.0, 0.0, 0.0, 0.0]; 2],
         scale: vec![[-1.5; 3]; 2],
@@ -175,10 +175,10 @@ fn still_scene(folder: &Folder) -> String {
         sh: vec![[0.5, 0.2, 0.1]; 2],
         n_static: 2,
         source_row: vec![0, 1],
-        ..ivv::scene::Splats::new(0)
+        ..ivv::internals::scene::Splats::new(0)
     };
     let path = folder.0.join("still.ply");
-    ivv::formats::write_ply(&path, &splats).unwrap();
+    ivv::internals::formats::write_ply(&path, &splats).unwrap();
     path.to_str().unwrap().to_owned()
 }
 

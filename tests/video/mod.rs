@@ -5,8 +5,8 @@ mod command;
 use std::path::Path;
 use std::process::Command;
 
-use ivv::scene::Frame;
-use ivv::video::{Made, Video, VideoSettings};
+use ivv::internals::scene::Frame;
+use ivv::internals::video::{Made, Video, VideoSettings};
 
 use crate::capture::Folder;
 

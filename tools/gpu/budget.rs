@@ -1,7 +1,7 @@
 //! Budgets: what the compilers of chips made of the kernels when it was last looked at, and what has changed since.
 
 use super::statistics::{Statistics, gpu_runs};
-use ivv::files::{cannot_read, read_file};
+use ivv::internals::files::{cannot_read, read_file};
 use ivv::{Error, Result};
 use std::collections::BTreeMap;
 use std::fmt::{self, Display};

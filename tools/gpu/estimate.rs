@@ -4,12 +4,12 @@
 use super::budget::Budgets;
 use super::cards::Card;
 use super::loops::Loops;
-use ivv::gpu::generated::constants::types::TILE;
-use ivv::gpu::table::{self, Cost, Spec};
-use ivv::gpu::{KernelInfo, Pass, Recording, Work};
-use ivv::report::Table;
-use ivv::report::statistics::median;
-use ivv::stage::Counters;
+use ivv::internals::gpu::generated::constants::types::TILE;
+use ivv::internals::gpu::table::{self, Cost, Spec};
+use ivv::internals::gpu::{KernelInfo, Pass, Recording, Work};
+use ivv::internals::report::Table;
+use ivv::internals::report::statistics::median;
+use ivv::internals::stage::Counters;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
 

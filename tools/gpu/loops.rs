@@ -230,7 +230,7 @@ impl<'a> Module<'a> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ivv::gpu::kernel_named;
+    use ivv::internals::gpu::kernel_named;
 
     fn of(kernel: &str) -> Loops {
         Loops::of(kernel_named(kernel).unwrap().spirv)

@@ -10,8 +10,8 @@ mod step;
 
 use anyhow::Context;
 use clap::{Parser, Subcommand};
-use ivv::gpu::{KernelInfo, generated, kernel_named};
-use ivv::vk::{Compiler, DeviceChoice};
+use ivv::internals::gpu::{KernelInfo, generated, kernel_named};
+use ivv::internals::vk::{Compiler, DeviceChoice};
 use ivv_gpu_model::Statistics;
 use std::io::Write;
 use std::process::ExitCode;

@@ -2,10 +2,10 @@
 
 use super::waves::Chip;
 use ivv::Result;
-use ivv::gpu::KernelInfo;
-use ivv::gpu::table;
-use ivv::report::Table;
-use ivv::vk::{Compiler, Executable, PipelineDesc};
+use ivv::internals::gpu::KernelInfo;
+use ivv::internals::gpu::table;
+use ivv::internals::report::Table;
+use ivv::internals::vk::{Compiler, Executable, PipelineDesc};
 use serde::{Deserialize, Serialize};
 
 /// One compiled kernel. What the driver does not tell is `None`.
@@ -240,7 +240,7 @@ fn workgroup_bytes(spirv: &[u8]) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use ivv::gpu::kernel_named;
+    use ivv::internals::gpu::kernel_named;
 
     fn kernel(name: &str) -> &'static KernelInfo {
         kernel_named(name).unwrap()

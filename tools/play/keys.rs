@@ -1,7 +1,7 @@
 //! What keys do: one table, for the window and for `ivv-play --help`.
 
 use crate::window::{OUTPUTS, Player};
-use ivv::profile::Lately;
+use ivv::internals::profile::Lately;
 use winit::keyboard::KeyCode::{self, *};
 
 /// Seconds of the clip per second.

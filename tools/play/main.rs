@@ -28,10 +28,10 @@ use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::screen::alert;
 use anyhow::{Context, ensure};
 use clap::Parser;
-use ivv::scene::{Navigator, Playhead, Splats};
-use ivv::sound::hrtf::HrtfSet;
-use ivv::sound::scene_file::SoundScene;
-use ivv::vk;
+use ivv::internals::scene::{Navigator, Playhead, Splats};
+use ivv::internals::sound::hrtf::HrtfSet;
+use ivv::internals::sound::scene_file::SoundScene;
+use ivv::internals::vk;
 use std::borrow::Cow;
 use std::io::IsTerminal;
 use std::path::PathBuf;
@@ -155,7 +155,7 @@ fn run(args: &Args) -> anyhow::Result<()> {
     };
     let current = args.camera.as_ref().map_or(Ok(0), named)?;
     if let Some(scene) = &args.sound {
-        setting.sounds = ivv::sound::clip::sounds(&SoundScene::read(scene)?, setting.start, length)?;
+        setting.sounds = ivv::internals::sound::clip::sounds(&SoundScene::read(scene)?, setting.start, length)?;
     } else {
         refuse_stretched(args.seconds, &setting.sounds)?;
     }

@@ -1,8 +1,8 @@
 //! What lies over the picture: the time bar, and a graph of the frames' times with the slowest passes.
 
 use font8x8::legacy::BASIC_LEGACY;
-use ivv::profile::Lately;
-use ivv::stage::FrameReport;
+use ivv::internals::profile::Lately;
+use ivv::internals::stage::FrameReport;
 
 /// Height of the time bar and of the graph, and the margin, in points.
 const BAR: usize = 22;

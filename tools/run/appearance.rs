@@ -3,8 +3,8 @@
 use crate::run::files::{is_run, read_json};
 use crate::ui::screen::{alert, say};
 use ivv::Constants;
-use ivv::formats::{self, FourDgs, Own, Rendering, list, ply_own};
-use ivv::train::{Config, Run};
+use ivv::internals::formats::{self, FourDgs, Own, Rendering, list, ply_own};
+use ivv::internals::train::{Config, Run};
 use std::ffi::OsStr;
 use std::path::Path;
 

@@ -1,6 +1,6 @@
 //! The axes of the poses of a path, as an option.
 
-use ivv::sound::path::Convention;
+use ivv::internals::sound::path::Convention;
 
 /// Axes of poses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]

@@ -2,10 +2,10 @@
 
 use crate::run::scoring::Scorer;
 use crate::ui::screen::out;
-use ivv::report::statistics::median_high;
-use ivv::scene::{View, write_views};
-use ivv::train::Trainer;
-use ivv::words::count;
+use ivv::internals::report::statistics::median_high;
+use ivv::internals::scene::{View, write_views};
+use ivv::internals::train::Trainer;
+use ivv::internals::words::count;
 use std::path::Path;
 
 /// A camera with a learnt pose, as in train.json.

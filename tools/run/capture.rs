@@ -2,9 +2,9 @@
 
 use crate::run::settings::contradiction;
 use crate::ui::screen::say;
-use ivv::prepare::{Recognised, recognise};
-use ivv::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
-use ivv::train::Run;
+use ivv::internals::prepare::{Recognised, recognise};
+use ivv::internals::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
+use ivv::internals::train::Run;
 use std::collections::BTreeSet;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};

@@ -1,8 +1,8 @@
 //! The report of a capture, as text.
 
 use crate::ui::screen::out;
-use ivv::scene::capture::{Fault, Report};
-use ivv::words::count;
+use ivv::internals::scene::capture::{Fault, Report};
+use ivv::internals::words::count;
 
 /// Most files in a line of equal faults.
 const NAMED: usize = 3;

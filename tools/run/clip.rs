@@ -6,9 +6,9 @@ use crate::run::source::{Source, is_run};
 use crate::ui::screen::say;
 use anyhow::ensure;
 use ivv::Constants;
-use ivv::formats::{Clock, FourDgs, Sounds};
-use ivv::scene::{View, read_views};
-use ivv::train::{Config, Run};
+use ivv::internals::formats::{Clock, FourDgs, Sounds};
+use ivv::internals::scene::{View, read_views};
+use ivv::internals::train::{Config, Run};
 use std::path::Path;
 
 /// Frames per second of a clip of which only the length is known.

@@ -1,8 +1,8 @@
 //! The device of a verb, as options.
 
 use crate::ui::screen::say;
-use ivv::gpu::{Gpu, Options};
-use ivv::vk::DeviceChoice;
+use ivv::internals::gpu::{Gpu, Options};
+use ivv::internals::vk::DeviceChoice;
 use std::ffi::CStr;
 use std::path::PathBuf;
 use std::sync::Arc;

@@ -7,12 +7,12 @@ use crate::ui::progress::Progress;
 use crate::ui::screen::say;
 use anyhow::ensure;
 use glam::DVec3;
-use ivv::formats::{Clip, Clock, Contents, Encoded, FourDgs, Scene, World, WriteOptions, Written};
-use ivv::scene::{Splats, View, upright};
-use ivv::sound::hrtf::HrtfSet;
-use ivv::sound::scene_file::SoundScene;
-use ivv::stage::{Goal, Subject, compact};
-use ivv::words::count;
+use ivv::internals::formats::{Clip, Clock, Contents, Encoded, FourDgs, Scene, World, WriteOptions, Written};
+use ivv::internals::scene::{Splats, View, upright};
+use ivv::internals::sound::hrtf::HrtfSet;
+use ivv::internals::sound::scene_file::SoundScene;
+use ivv::internals::stage::{Goal, Subject, compact};
+use ivv::internals::words::count;
 use std::path::{Path, PathBuf};
 
 /// Views that files are compared in, and their longest side, pixels.
@@ -169,7 +169,7 @@ impl ClipArgs {
             let known = world.and_then(|world| world.metres_per_unit);
             let metres_per_unit = scene.metres_per_unit.or(known);
             world = Some(World { up: scene.up.to_array(), metres_per_unit });
-            sounds = ivv::sound::clip::sounds(&scene, start, clock.seconds())?.heard_with(ears);
+            sounds = ivv::internals::sound::clip::sounds(&scene, start, clock.seconds())?.heard_with(ears);
             let bytes = sounds.n_bytes() as f64 / 1e6;
             say!("{} of sound, {bytes:.2} MB", count(sounds.len(), "source"));
         } else {
@@ -177,7 +177,7 @@ impl ClipArgs {
         }
         if let Some(hrtf) = &self.hrtf {
             ensure!(!sounds.is_empty(), "--hrtf: expected a scene with sound, found none; give --sound too");
-            let ears = ivv::sound::clip::ears(&HrtfSet::open(hrtf)?);
+            let ears = ivv::internals::sound::clip::ears(&HrtfSet::open(hrtf)?);
             say!("ears: {}; {:.2} MB", ears.about(), ears.bytes().len() as f64 / 1e6);
             sounds = sounds.heard_with(Some(ears));
         }

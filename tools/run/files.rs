@@ -1,9 +1,9 @@
 //! Folders, JSON files and scenes of the verbs.
 
-use ivv::files::{read_file, write_atomic};
-use ivv::formats::{Own, write_ply_with};
-use ivv::scene::{Similarity, Splats};
-use ivv::train::Run;
+use ivv::internals::files::{read_file, write_atomic};
+use ivv::internals::formats::{Own, write_ply_with};
+use ivv::internals::scene::{Similarity, Splats};
+use ivv::internals::train::Run;
 use std::path::Path;
 
 /// Whether `path` is the folder of a run.

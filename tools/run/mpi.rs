@@ -3,8 +3,8 @@
 
 use crate::ui::interrupt::Stop;
 use anyhow::Context;
-use ivv::error::{Error, Result};
-use ivv::train::Ranks;
+use ivv::internals::error::{Error, Result};
+use ivv::internals::train::Ranks;
 use mpi::Threading;
 use mpi::collective::SystemOperation;
 use mpi::topology::SimpleCommunicator;

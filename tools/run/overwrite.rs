@@ -1,7 +1,7 @@
 //! `ivv train --overwrite`: removes all that `ivv` wrote for the run in the folder, and nothing else.
 
 use ivv::Error;
-use ivv::train::{Checkpoint, Run};
+use ivv::internals::train::{Checkpoint, Run};
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 

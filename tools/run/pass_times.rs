@@ -1,7 +1,7 @@
 //! Times of passes, by label.
 
 use crate::ui::screen::print_table;
-use ivv::stage::PassReport;
+use ivv::internals::stage::PassReport;
 
 /// All passes with the same label.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]

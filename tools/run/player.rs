@@ -3,7 +3,7 @@
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD as BASE64;
 use ivv::Error;
-use ivv::files::write_atomic;
+use ivv::internals::files::write_atomic;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 

@@ -2,9 +2,9 @@
 
 use crate::ui::interrupt::Stop;
 use anyhow::ensure;
-use ivv::error::Error;
-use ivv::scene::Splats;
-use ivv::train::{Config, Ranks, any};
+use ivv::internals::error::Error;
+use ivv::internals::scene::Splats;
+use ivv::internals::train::{Config, Ranks, any};
 use sha2::{Digest, Sha256};
 use std::sync::Arc;
 

@@ -1,6 +1,6 @@
 //! What is left of a training that failed, and how to continue it.
 
-use ivv::train::Checkpoint;
+use ivv::internals::train::Checkpoint;
 use std::path::Path;
 
 /// Adds to `error`, which ended the run `output` after `step`, the newest checkpoint and how to continue.

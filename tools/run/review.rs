@@ -1,6 +1,6 @@
 //! Reviews of what a scene requires, in words.
 
-use ivv::train::Review;
+use ivv::internals::train::Review;
 
 /// A review in one line, or two if it also tested the cameras' grids of colours.
 pub fn describe(review: &Review) -> String {

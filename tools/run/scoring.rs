@@ -4,12 +4,12 @@ use crate::run::background::in_parallel;
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::ui::progress::Progress;
 use crate::ui::screen::alert;
-use ivv::gpu::Gpu;
-use ivv::scene::capture::Capture;
-use ivv::scene::{Frame, Splats};
-use ivv::stage::{Outputs, Renderer};
-use ivv::study::{Example, Report, strip};
-use ivv::train::{
+use ivv::internals::gpu::Gpu;
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::scene::{Frame, Splats};
+use ivv::internals::stage::{Outputs, Renderer};
+use ivv::internals::study::{Example, Report, strip};
+use ivv::internals::train::{
     Config, Evaluation, Log, Meter, OffsetFit, Run, SceneScores, SceneSize, Scores, Segments, Setup, Sight, ViewScores,
     evaluate, fit_offset, offset_pictures, spread,
 };

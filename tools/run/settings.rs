@@ -2,7 +2,7 @@
 
 use crate::run::files::read_json;
 use anyhow::Context;
-use ivv::train::{Config, Preset, check_name, check_settings, merge};
+use ivv::internals::train::{Config, Preset, check_name, check_settings, merge};
 use serde_json::{Value, json};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};

@@ -3,11 +3,11 @@
 use crate::run::appearance::Look;
 use crate::run::files::read_json;
 use crate::ui::screen::say;
-use ivv::formats::{self, FourDgs, FourDgsParts, PlyParts};
-use ivv::gpu::Gpu;
-use ivv::scene::{Parts, Splats};
-use ivv::stage::Renderer;
-use ivv::train::{Checkpoint, Config, Run};
+use ivv::internals::formats::{self, FourDgs, FourDgsParts, PlyParts};
+use ivv::internals::gpu::Gpu;
+use ivv::internals::scene::{Parts, Splats};
+use ivv::internals::stage::Renderer;
+use ivv::internals::train::{Checkpoint, Config, Run};
 use ivv::{Constants, Error};
 use serde_json::Value;
 use std::path::{Path, PathBuf};

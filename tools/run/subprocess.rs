@@ -2,7 +2,7 @@
 
 use crate::run::files::{read_json, write_json};
 use anyhow::Context;
-use ivv::train::{CaptureSummary, Config, Run};
+use ivv::internals::train::{CaptureSummary, Config, Run};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};

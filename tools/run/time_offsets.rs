@@ -4,10 +4,10 @@ use crate::run::files::write_json;
 use crate::run::scoring::Scorer;
 use crate::ui::progress::watch;
 use crate::ui::screen::{alert, out};
-use ivv::report::statistics::mean;
-use ivv::scene::capture::{Camera, Capture};
-use ivv::stage::OFFSET_BOUND;
-use ivv::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt_offsets};
+use ivv::internals::report::statistics::mean;
+use ivv::internals::scene::capture::{Camera, Capture};
+use ivv::internals::stage::OFFSET_BOUND;
+use ivv::internals::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt_offsets};
 use std::collections::BTreeMap;
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! `train.json`: the totals of a run.
 
 use crate::run::pass_times::{TimedPass, mean, total};
-use ivv::gpu::Gpu;
-use ivv::scene::Splats;
-use ivv::train::{Config, Kind, Log, Run};
+use ivv::internals::gpu::Gpu;
+use ivv::internals::scene::Splats;
+use ivv::internals::train::{Config, Kind, Log, Run};
 use serde_json::{Value, json};
 
 /// A profiled step in train.jsonl.

@@ -3,9 +3,9 @@
 use crate::run::capture::{self, CaptureArgs};
 use crate::run::files::read_json;
 use anyhow::{bail, ensure};
-use ivv::scene::capture::{Capture, CaptureSettings};
-use ivv::scene::{View, read_views};
-use ivv::train::{Config, Run};
+use ivv::internals::scene::capture::{Capture, CaptureSettings};
+use ivv::internals::scene::{View, read_views};
+use ivv::internals::train::{Config, Run};
 use std::ops::Range;
 use std::path::Path;
 

@@ -1,9 +1,9 @@
 //! The memory that a training needs.
 
-use ivv::gpu::Gpu;
-use ivv::scene::capture::Capture;
-use ivv::train::{Config, ImageMemory, Limits, Setup, Workload};
-use ivv::vk::DeviceKind;
+use ivv::internals::gpu::Gpu;
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::train::{Config, ImageMemory, Limits, Setup, Workload};
+use ivv::internals::vk::DeviceKind;
 
 /// A training on `capture` with the most Gaussians that `config` allows, all dynamic if it is a clip, and with `cache_bytes` of decoded
 /// images in host memory; and the limits of the device.

@@ -3,7 +3,7 @@
 use crate::ui::interrupt;
 use crate::ui::screen::{self, alert, out};
 use clap::error::ErrorKind;
-use ivv::words::count;
+use ivv::internals::words::count;
 use serde_json::{Value, json};
 
 /// What a verb returns for a capture with faults, which it has printed.

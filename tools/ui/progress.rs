@@ -1,8 +1,8 @@
 //! Progress: one line that rewrites itself on a terminal, a few plain lines otherwise; always on standard error.
 
 use crate::ui::screen::{self, say};
-use ivv::train::{Notice, Phase, StepReport, Watch};
-use ivv::words::count;
+use ivv::internals::train::{Notice, Phase, StepReport, Watch};
+use ivv::internals::words::count;
 use std::time::{Duration, Instant};
 
 /// Least time between two lines on a terminal.
@@ -235,8 +235,8 @@ impl StageProgress {
     }
 
     /// Shows a piece, if a line is due. The first and the last of a stage always are.
-    pub fn show(&mut self, progress: &ivv::prepare::Progress) {
-        let ivv::prepare::Progress { stage, done, total, piece } = *progress;
+    pub fn show(&mut self, progress: &ivv::internals::prepare::Progress) {
+        let ivv::internals::prepare::Progress { stage, done, total, piece } = *progress;
         if total == 0 {
             say!("{piece}");
             return;

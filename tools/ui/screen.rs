@@ -5,7 +5,7 @@
 
 use crate::ui::status_line;
 use crate::ui::stderr::{self, put, put_progress};
-use ivv::report::Table;
+use ivv::internals::report::Table;
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};

@@ -1,7 +1,7 @@
 //! `ivv devices`.
 
 use crate::ui::screen::{out, print_json};
-use ivv::vk::{Device, DeviceChoice, list_devices};
+use ivv::internals::vk::{Device, DeviceChoice, list_devices};
 
 /// Options of `ivv devices`.
 #[derive(clap::Args)]

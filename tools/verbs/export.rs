@@ -9,9 +9,9 @@ use crate::run::views::clip_time;
 use crate::ui::screen::{out, say};
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use ivv::files::{folder_of, read_file, remove_temporaries, write_atomic};
-use ivv::formats::{self, Clip, FourDgs, Scene, WRITERS, WriteOptions, Writer, Written};
-use ivv::scene::Splats;
+use ivv::internals::files::{folder_of, read_file, remove_temporaries, write_atomic};
+use ivv::internals::formats::{self, Clip, FourDgs, Scene, WRITERS, WriteOptions, Writer, Written};
+use ivv::internals::scene::Splats;
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv export`.

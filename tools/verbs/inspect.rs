@@ -4,10 +4,10 @@ use crate::run::review;
 use crate::run::source::{self, LoadedScene, is_run};
 use crate::run::views::ViewArgs;
 use crate::ui::screen::{out, print_json, say};
-use ivv::formats::FourDgs;
-use ivv::scene::{Quantiles, Summary, write_views};
-use ivv::train::Review;
-use ivv::words::count;
+use ivv::internals::formats::FourDgs;
+use ivv::internals::scene::{Quantiles, Summary, write_views};
+use ivv::internals::train::Review;
+use ivv::internals::words::count;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
@@ -158,7 +158,9 @@ fn print(scene: &Path, summary: &Summary) {
 /// The reviews of the run of `scene`; empty for another file.
 fn reviews(scene: &Path) -> Vec<Review> {
     let totals = scene.with_file_name("train.json");
-    let totals: Value =
-        ivv::files::read_file(&totals).ok().and_then(|text| serde_json::from_slice(&text).ok()).unwrap_or_default();
+    let totals: Value = ivv::internals::files::read_file(&totals)
+        .ok()
+        .and_then(|text| serde_json::from_slice(&text).ok())
+        .unwrap_or_default();
     serde_json::from_value(totals["reviews"].clone()).unwrap_or_default()
 }

@@ -6,12 +6,12 @@ use crate::ui::fault::{self, FaultyCapture};
 use crate::ui::progress::StageProgress;
 use crate::ui::screen::{out, print_json, say};
 use anyhow::Context;
-use ivv::prepare::{
+use ivv::internals::prepare::{
     Estimate, ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate, estimate, forecast, prepare,
     prepare_share,
 };
-use ivv::scene::capture::CaptureSettings;
-use ivv::words::count;
+use ivv::internals::scene::capture::CaptureSettings;
+use ivv::internals::words::count;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Mutex;

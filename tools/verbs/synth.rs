@@ -4,8 +4,8 @@ use crate::ui::progress::Progress;
 use crate::ui::screen::out;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
-use ivv::synth::{Noise, Options, Preset, Rig, write_capture};
-use ivv::words::count;
+use ivv::internals::synth::{Noise, Options, Preset, Rig, write_capture};
+use ivv::internals::words::count;
 use std::path::PathBuf;
 
 /// Options of `ivv synth`.
@@ -59,7 +59,7 @@ pub struct Args {
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let options = options(args)?;
     let mut progress = Progress::new("synth", 0);
-    let threads = ivv::parallel::threads();
+    let threads = ivv::internals::parallel::threads();
     let summary = write_capture(&args.output, &options, threads, &mut |done, total| {
         progress.reach(done, total, "pictures, point clouds and recordings");
     })?;

@@ -4,10 +4,10 @@ use super::ears::{EARS, Ears};
 use super::{MAGIC, RECORD, SOUND, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
-use crate::formats::clock::Clock;
-use crate::formats::format::Reader;
-use crate::formats::own::Own;
-use crate::formats::scene::{Clip, Scene};
+use crate::internals::formats::clock::Clock;
+use crate::internals::formats::format::Reader;
+use crate::internals::formats::own::Own;
+use crate::internals::formats::scene::{Clip, Scene};
 use crate::scene::dc_of_color;
 use crate::scene::parse_views;
 use crate::scene::{ALWAYS, Motion, Splats, View};
@@ -22,7 +22,7 @@ const INVISIBLE: f64 = 1.0 / 255.0;
 /// Opacities are taken this far inside of 0 and 1, whose logits are infinite.
 const EDGE: f64 = 1e-6;
 
-pub(in crate::formats) const READER: Reader =
+pub(in crate::internals::formats) const READER: Reader =
     Reader { what: "a .4dgs", knows: |start| start.bytes == MAGIC, read: import };
 
 fn import(path: &Path) -> Result<Scene> {

@@ -33,6 +33,7 @@ pub struct Ears {
 impl Ears {
     /// Ears of the responses `[left, right]` in the order of [`Ears::grid`] for these `rows`, all of one length; `about` says where
     /// they come from, of which 4096 bytes are kept.
+    #[doc(hidden)]
     pub fn new(mut about: String, rows: Vec<u32>, responses: &[[Vec<f32>; 2]]) -> Self {
         let most = about.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|end| *end <= MOST_TEXT as usize);
         about.truncate(most.last().unwrap_or(0));
@@ -44,6 +45,7 @@ impl Ears {
     }
 
     /// Azimuth (counter-clockwise) and elevation of the directions of a grid, degrees, row by row.
+    #[doc(hidden)]
     pub fn grid(rows: &[u32]) -> Vec<[f64; 2]> {
         let elevation = |row: usize| 180.0 * row as f64 / (rows.len().max(2) - 1) as f64 - 90.0;
         let row = |(at, n): (usize, &u32)| {
@@ -54,11 +56,13 @@ impl Ears {
     }
 
     /// Directions of each row.
+    #[doc(hidden)]
     pub fn rows(&self) -> &[u32] {
         &self.rows
     }
 
     /// The response of direction `at` of the grid to an ear, 0 the left one.
+    #[doc(hidden)]
     pub fn response(&self, at: usize, ear: usize) -> Vec<f32> {
         self.samples[(2 * at + ear) * self.taps..][..self.taps].iter().map(|x| f32::from(*x) * self.step).collect()
     }
@@ -69,6 +73,7 @@ impl Ears {
     }
 
     /// The attachment.
+    #[doc(hidden)]
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
         let head = [RATE, self.taps as u32, self.rows.len() as u32];
@@ -84,6 +89,7 @@ impl Ears {
     ///
     /// # Errors
     /// [`Error::Data`] where it is damaged, cut short or of another rate.
+    #[doc(hidden)]
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let fault = |reason: String| {
             let remedy = "the file is damaged: copy it again, or export it again with --hrtf";

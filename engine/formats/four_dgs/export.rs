@@ -5,13 +5,13 @@ use super::encode::{Contents, Encoded};
 use super::losses::Losses;
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
-use crate::formats::clock::Clock;
-use crate::formats::format::{Keeps, WriteOptions, Writer, Written};
-use crate::formats::scene::{Clip, Scene};
+use crate::internals::formats::clock::Clock;
+use crate::internals::formats::format::{Keeps, WriteOptions, Writer, Written};
+use crate::internals::formats::scene::{Clip, Scene};
 use crate::scene::{Parts, Splats, View};
 use std::path::Path;
 
-pub(in crate::formats) const WRITER: Writer = Writer {
+pub(in crate::internals::formats) const WRITER: Writer = Writer {
     name: "4dgs",
     ending: Some(".4dgs"),
     about: "with the clock and the cameras of the clip, for players",
@@ -24,7 +24,7 @@ pub(in crate::formats) const WRITER: Writer = Writer {
 };
 
 impl FourDgs {
-    /// The bytes that [`write`](crate::formats::write) would write; faults name `path`.
+    /// The bytes that [`write`](crate::internals::formats::write) would write; faults name `path`.
     ///
     /// # Errors
     /// [`Error::Data`] where the scene has dynamic Gaussians and no clock, too many of its colours would change, or a number has no

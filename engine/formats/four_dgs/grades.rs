@@ -29,10 +29,13 @@ pub struct Grades {
 
 impl Grades {
     /// Grade of a band that is not stored. The format has at least three bits for one that is.
+    #[doc(hidden)]
     pub const LEFT_OUT: u8 = 6;
     /// Coarsest grade of an attribute.
+    #[doc(hidden)]
     pub const COARSEST: u8 = 6;
     /// Attributes.
+    #[doc(hidden)]
     pub const N: usize = 10;
 
     /// Names of the attributes, in order.
@@ -40,6 +43,7 @@ impl Grades {
         ["position", "scale", "rotation", "color", "opacity", "motion", "time", "sh 1", "sh 2", "sh 3"];
 
     /// The grade of an attribute by its number.
+    #[doc(hidden)]
     pub fn of(&mut self, attribute: usize) -> &mut u8 {
         match attribute {
             0 => &mut self.position,
@@ -54,6 +58,7 @@ impl Grades {
     }
 
     /// Degree of the harmonics that are stored of `degree`.
+    #[doc(hidden)]
     pub fn degree(&self, degree: u8) -> u8 {
         let stored = self.bands.iter().take_while(|grade| **grade < Self::LEFT_OUT).count();
         degree.min(stored as u8)

@@ -100,12 +100,14 @@ impl Sounds {
     }
 
     /// The sources, as the format has them: payloads, and places over time.
+    #[doc(hidden)]
     pub fn sources(&self) -> &[AudioSource] {
         &self.sources
     }
 
     /// Where they were recorded, in the scene's frame, and the least distance that the law of [`Sounds::new`] counts, units of
     /// the scene. Of a file that does not say where, a source is as loud as its payload at the distance 1 and below.
+    #[doc(hidden)]
     pub fn law(&self) -> (Option<[f64; 3]>, f64) {
         let numbers = |name: &str| -> Vec<f64> {
             let text = self.law.get(name).map_or("", String::as_str);
@@ -116,6 +118,7 @@ impl Sounds {
     }
 
     /// Bytes of their recordings.
+    #[doc(hidden)]
     pub fn n_bytes(&self) -> usize {
         self.sources.iter().map(|source| source.data.len()).sum()
     }

@@ -29,7 +29,7 @@ impl World {
     }
 
     /// True if the axis nearest to upwards is y, and not -y.
-    pub(in crate::formats) fn is_y_up(&self) -> bool {
+    pub(in crate::internals::formats) fn is_y_up(&self) -> bool {
         self.up_axis() == 1
     }
 

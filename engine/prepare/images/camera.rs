@@ -14,7 +14,7 @@ use crate::scene::capture::Shot;
 use crate::scene::undistort::{Distortion, Lens};
 use crate::video::chapters;
 
-pub(in crate::prepare) struct Camera {
+pub(in crate::internals::prepare) struct Camera {
     pub name: String,
     pub is_test: bool,
     /// First frame of the footage that is taken; of videos, of those that it has at the clip's rate.

@@ -139,7 +139,7 @@ impl<'a> Maker<'a> {
 }
 
 /// A copy of a file of the source. No link: whoever edits the capture's images in place would change the source's.
-pub(in crate::prepare) fn take_over(from: &Path, to: &Path) -> Result<()> {
+pub(in crate::internals::prepare) fn take_over(from: &Path, to: &Path) -> Result<()> {
     let fault = |fault: std::io::Error| {
         Error::data(
             from,

@@ -16,7 +16,7 @@ const FOLDERS: [&str; 5] = ["", "videos", "images", "calibration/extrinsic", "re
 
 /// The video `<folder>/<name>.mp4` (or another ending), the images of `<folder>/<name>` or its `images`, numbered from the first on, or
 /// the one clip in `<folder>/<name>`.
-pub(in crate::prepare) fn find(footage: &Path, name: &str) -> Option<Footage> {
+pub(in crate::internals::prepare) fn find(footage: &Path, name: &str) -> Option<Footage> {
     FOLDERS.iter().find_map(|folder| {
         let stem = footage.join(folder).join(name);
         let pictures = || [stem.clone(), stem.join("images")].iter().find_map(|path| images(path));
@@ -45,7 +45,7 @@ pub(super) fn clips(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// The entries of a folder that are not hidden, in the order of numbers.
-pub(in crate::prepare) fn files(folder: &Path) -> Vec<PathBuf> {
+pub(in crate::internals::prepare) fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = fs::read_dir(folder).into_iter().flatten().flatten().map(|entry| entry.path());
     let mut files: Vec<PathBuf> = entries.filter(|path| !is_hidden(path)).collect();
     files.sort_by_cached_key(|path| by_number(&path.file_name().unwrap_or_default().to_string_lossy()));
@@ -161,7 +161,7 @@ fn names(files: &[PathBuf]) -> Vec<String> {
     files.iter().map(|file| name_of(file)).collect()
 }
 
-pub(in crate::prepare) fn is_video(path: &Path) -> bool {
+pub(in crate::internals::prepare) fn is_video(path: &Path) -> bool {
     let ending = path.extension().map(|ending| ending.to_ascii_lowercase());
     !is_hidden(path) && ending.is_some_and(|e| VIDEOS.iter().any(|ending| e == *ending)) && path.is_file()
 }
@@ -172,7 +172,7 @@ pub(super) fn is_of_phone(film: &Path) -> bool {
 }
 
 /// True if a folder of a source holds a video, or folders of several cameras with a clip each; the film of a Live Photo is none.
-pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
+pub(in crate::internals::prepare) fn has_video(footage: &Path) -> bool {
     let is_loose = FOLDERS.iter().filter_map(|folder| fs::read_dir(footage.join(folder)).ok()).any(|entries| {
         let files: Vec<PathBuf> = entries.flatten().map(|entry| entry.path()).collect();
         let photos = files.iter().filter(|file| kind(file) != Kind::Other);
@@ -186,7 +186,7 @@ pub(in crate::prepare) fn has_video(footage: &Path) -> bool {
 }
 
 /// Names of all videos in the folders of a source, in the order of numbers; else of the folders that hold one clip each.
-pub(in crate::prepare) fn video_names(footage: &Path) -> Vec<String> {
+pub(in crate::internals::prepare) fn video_names(footage: &Path) -> Vec<String> {
     let names = loose_names(footage);
     if names.is_empty() { camera_folders(footage) } else { names }
 }

@@ -10,7 +10,7 @@ use crate::scene::capture::{Faults, FramePoints, Point, Shot, camera_place};
 use crate::scene::undistort::Lens;
 
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::prepare) enum Footage {
+pub(in crate::internals::prepare) enum Footage {
     Video(PathBuf),
     /// By frame of the source.
     Images(Vec<Shot>),
@@ -28,7 +28,7 @@ impl Footage {
 
 /// A camera as its source describes it.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::prepare) struct SourceCamera {
+pub(in crate::internals::prepare) struct SourceCamera {
     /// Unique; fit as a file name.
     pub name: String,
     pub lens: Lens,
@@ -40,14 +40,14 @@ pub(in crate::prepare) struct SourceCamera {
 }
 
 /// By camera, the mask of each frame of its footage.
-pub(in crate::prepare) type Masks = BTreeMap<String, BTreeMap<u32, PathBuf>>;
+pub(in crate::internals::prepare) type Masks = BTreeMap<String, BTreeMap<u32, PathBuf>>;
 
 /// A point and the names of the cameras that saw it.
-pub(in crate::prepare) type SourcePoint = (Point, Vec<String>);
+pub(in crate::internals::prepare) type SourcePoint = (Point, Vec<String>);
 
 /// Known times of the cameras' pictures.
 #[derive(Debug, Default, PartialEq)]
-pub(in crate::prepare) enum Clocks {
+pub(in crate::internals::prepare) enum Clocks {
     #[default]
     Unknown,
     /// By camera, frames of the source by which its pictures show a later time than their number says.
@@ -57,7 +57,7 @@ pub(in crate::prepare) enum Clocks {
 }
 
 #[derive(Debug, Default)]
-pub(in crate::prepare) struct Source {
+pub(in crate::internals::prepare) struct Source {
     pub format: &'static str,
     /// The file that the cameras come from, for faults.
     pub calibration: PathBuf,

@@ -14,7 +14,7 @@ const KNEE: f64 = 0.5;
 
 /// How pictures become BT.709: the same for every picture and every camera, so that none is brighter than another.
 #[derive(Clone, Debug, PartialEq)]
-pub(in crate::prepare) struct Conversion {
+pub(in crate::internals::prepare) struct Conversion {
     pub name: String,
     /// True if light beyond white is compressed.
     pub tone_maps: bool,
@@ -67,7 +67,7 @@ fn one_of(tag: Option<&str>, known: &[&'static str]) -> Option<&'static str> {
 }
 
 /// True if the installed ffmpeg has the filters of a conversion.
-pub(in crate::prepare) fn can_convert(about: &Path) -> Result<bool> {
+pub(in crate::internals::prepare) fn can_convert(about: &Path) -> Result<bool> {
     let listed = FFMPEG.run(["-v", "error", "-filters"], about)?;
     let listed = String::from_utf8_lossy(&listed);
     let has = |filter: &str| listed.lines().any(|line| line.split_whitespace().nth(1) == Some(filter));

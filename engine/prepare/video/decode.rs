@@ -17,7 +17,7 @@ const BEFORE: usize = 3;
 
 /// Decodes a part of `pictures` (growing numbers in [`Video::times`]), scaled to `size`, and gives each to `take`, with its place among
 /// them, as packed RGB. ffmpeg seeks to the key frame before the first.
-pub(in crate::prepare) fn decode(
+pub(in crate::internals::prepare) fn decode(
     video: &Video,
     pictures: &[usize],
     crop: Crop,

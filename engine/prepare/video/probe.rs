@@ -65,7 +65,7 @@ struct SideData {
 }
 
 /// Looks at a video file: what its container tells, and when each of its pictures is shown. Nothing is decoded where packets tell that.
-pub(in crate::prepare) fn probe(path: &Path) -> Result<Video> {
+pub(in crate::internals::prepare) fn probe(path: &Path) -> Result<Video> {
     let bad = |reason: &str| Error::data(path, "", reason, "give a video that ffmpeg can read");
     let probe = ask(path)?;
     let timecodes = probe.streams.iter().map(|stream| &stream.tags).chain([&probe.format.tags]);

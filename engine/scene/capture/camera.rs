@@ -35,6 +35,7 @@ pub struct Shot {
 
 impl Shot {
     /// The image, and the masks and priors of its size.
+    #[doc(hidden)]
     pub fn pictures(&self) -> impl Iterator<Item = &PathBuf> {
         [Some(&self.image), self.mask.as_ref(), self.foreground.as_ref(), self.covisible.as_ref()].into_iter().flatten()
     }
@@ -65,11 +66,13 @@ impl Camera {
     }
 
     /// True if its images are frames to train on: it is neither kept for testing nor a photograph.
+    #[doc(hidden)]
     pub fn films(&self) -> bool {
         !self.is_test && !self.is_photo
     }
 
     /// True if its shots have poses of their own.
+    #[doc(hidden)]
     pub fn moves(&self) -> bool {
         self.shots.iter().any(|shot| shot.world_to_camera.is_some())
     }

@@ -38,16 +38,19 @@ impl Frames {
     }
 
     /// Those of a clip of `n` frames, by their numbers there.
+    #[doc(hidden)]
     pub fn of(&self, n: u32) -> impl ExactSizeIterator<Item = u32> + Clone + use<> {
         (self.from..self.end(n).max(self.from)).step_by(self.every.max(1) as usize)
     }
 
     /// The first frame of a clip of `n` that is behind all of them.
+    #[doc(hidden)]
     pub fn end(&self, n: u32) -> u32 {
         self.to.map_or(n, |to| to.min(n))
     }
 
     /// The number that a frame of the clip has among these; none if it is not used.
+    #[doc(hidden)]
     pub fn index(&self, frame: u32, n: u32) -> Option<u32> {
         let past = frame.checked_sub(self.from).filter(|_| frame < self.end(n))?;
         past.is_multiple_of(self.every.max(1)).then_some(past / self.every.max(1))

@@ -13,8 +13,8 @@ use crate::files::open_file;
 
 pub(super) const MAX_SIDE: u32 = 1 << 16;
 /// Allocation of a decoder beyond its pixels, bytes.
-pub(in crate::scene) const DECODER_SLACK: u64 = 64 << 20;
-pub(in crate::scene) const BROKEN: &str = "make or copy the image again";
+pub(in crate::internals::scene) const DECODER_SLACK: u64 = 64 << 20;
+pub(in crate::internals::scene) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 const JPEG: [u8; 2] = [0xff, 0xd8];
 /// The end of the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
@@ -76,7 +76,7 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
 }
 
 /// The fault of a picture of a kind that is not read, with what it is.
-pub(in crate::scene) fn other_kind(path: &Path) -> Fault {
+pub(in crate::internals::scene) fn other_kind(path: &Path) -> Fault {
     let mut start = [0; 12];
     let is_read = open_file(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok());
     let kind = match &start {
@@ -211,13 +211,16 @@ fn jpeg_size(from: &mut BufReader<File>) -> io::Result<Option<Result<(u32, u32),
 }
 
 /// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
-pub(in crate::scene) fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+pub(in crate::internals::scene) fn guarded<T>(
+    path: &Path,
+    work: impl FnOnce() -> Result<T, Fault>,
+) -> Result<T, Fault> {
     let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));
     catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(broken)
 }
 
 /// The decoder of a PNG or JPEG, which allocates at most so many bytes.
-pub(in crate::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
+pub(in crate::internals::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
     let failed = |cause: io::Error| unreadable(path, &cause);
     let mut file = BufReader::new(open_file(path).map_err(failed)?);
     let start = file.fill_buf().map_err(failed)?;

@@ -74,6 +74,7 @@ impl Capture {
 
     /// The capture without the images of its photographs. Their cameras stay, so that those of the clip keep their numbers.
     #[must_use]
+    #[doc(hidden)]
     pub fn without_photos(mut self) -> Self {
         self.cameras.iter_mut().filter(|camera| camera.is_photo).for_each(|camera| camera.shots.clear());
         self.photo_points.clear();
@@ -81,12 +82,14 @@ impl Capture {
     }
 
     /// True if there are photographs of the static scene.
+    #[doc(hidden)]
     pub fn has_photos(&self) -> bool {
         self.cameras.iter().any(|camera| camera.is_photo && !camera.shots.is_empty())
     }
 
     /// True for a clip of several training cameras: of one alone, the scene's own times and colours absorb its errors. One
     /// that moved may be listed as a camera for each of its images, which has no other image to compare with.
+    #[doc(hidden)]
     pub fn is_rig_clip(&self) -> bool {
         let tells = |camera: &&Camera| camera.films() && camera.shots.len() > 1;
         self.n_frames > 1 && self.cameras.iter().filter(tells).count() > 1
@@ -105,6 +108,7 @@ impl Capture {
     /// A view of every pose of every training camera (one of a fixed camera, one for each image of a camera that moves),
     /// and [`Capture::viewpoints`]. None of a photograph: there may be many, and nobody watches the clip from there. None of a test
     /// camera: training must not know where it will be tested.
+    #[doc(hidden)]
     pub fn lens_views(&self) -> Vec<View> {
         let mut views = self.viewpoints.clone();
         for (index, camera) in self.cameras.iter().enumerate().filter(|(_, camera)| camera.films()) {
@@ -126,6 +130,7 @@ impl Capture {
     ///
     /// # Errors
     /// As [`Capture::picture`], for the priors too.
+    #[doc(hidden)]
     pub fn picture_with(&self, camera: usize, frame: u32, plan: &PriorPlan) -> Result<Picture> {
         picture::decode(&self.source(camera, frame, plan)?)
     }
@@ -142,6 +147,7 @@ impl Capture {
     ///
     /// # Errors
     /// As [`Capture::picture`].
+    #[doc(hidden)]
     pub fn opaque(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
         self.bright(camera, frame, |shot| Some(&shot.image).filter(|image| has_alpha(image)))
     }
@@ -209,6 +215,7 @@ impl Capture {
 
     /// Corrects the cameras that `by` names. For a capture in its own world.
     #[must_use]
+    #[doc(hidden)]
     pub fn calibrated(mut self, by: &BTreeMap<String, Calibration>) -> Self {
         for camera in &mut self.cameras {
             let Some(Calibration { turn, shift, .. }) = by.get(&camera.name) else { continue };

@@ -52,12 +52,14 @@ impl Picture {
     }
 
     /// Bytes of its pixels with their priors.
+    #[doc(hidden)]
     pub fn bytes(&self) -> usize {
         size_of_val(&self.pixels[..]) + size_of_val(&self.depth[..]) + size_of_val(&self.flow[..])
     }
 
     /// The picture with priors: each by pixel, or empty.
     #[must_use]
+    #[doc(hidden)]
     pub fn with_priors(self, depth: Vec<u16>, flow: Vec<[u16; 2]>) -> Picture {
         let n = |has: &mut dyn Iterator<Item = bool>| {
             self.pixels.iter().zip(has).filter(|(word, has)| counts(**word) && *has).count() as u32
@@ -69,6 +71,7 @@ impl Picture {
 
     /// The picture in means of `factor` x `factor` pixels that count, rounded to 8 bits; priors likewise, the flow in the new pixels. What
     /// does not fill a pixel at the right and at the bottom is cut off.
+    #[doc(hidden)]
     pub fn reduced(&self, factor: u32) -> Picture {
         let (width, height) = (self.width / factor, self.height / factor);
         let n_pixels = width as usize * height as usize;

@@ -145,6 +145,7 @@ impl Report {
     }
 
     /// The faults, those of one kind (equal but for numbers and files) together, in the order of the first.
+    #[doc(hidden)]
     pub fn grouped(&self) -> Vec<Vec<&Fault>> {
         let mut groups: Vec<Vec<&Fault>> = Vec::new();
         let mut of: HashMap<(String, String), usize> = HashMap::new();

@@ -7,7 +7,7 @@ pub mod sphere;
 
 use glam::DVec3;
 
-pub use crate::sound::geometry::degrees;
+pub use crate::internals::sound::geometry::degrees;
 pub use set::{Filter, HrtfSet, Lookup};
 
 /// Where a set comes from.

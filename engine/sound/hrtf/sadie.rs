@@ -9,8 +9,8 @@ use sha2::{Digest, Sha256};
 use super::{Measured, Meta};
 use crate::error::{Error, Result};
 use crate::files::{read_file, read_text};
-use crate::sound::geometry::degrees;
-use crate::sound::wav;
+use crate::internals::sound::geometry::degrees;
+use crate::internals::sound::wav;
 
 /// Names by which a licence lies in a folder or above it.
 const LICENCES: [&str; 4] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING"];

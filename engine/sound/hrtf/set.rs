@@ -7,11 +7,11 @@ use glam::DVec3;
 
 use super::{Measured, Meta, sadie, sofa, sphere};
 use crate::error::{Error, Result};
-use crate::sound::FS;
-use crate::sound::align::{Aligner, EXTRA, LEAD, before_onset, choose};
-use crate::sound::geometry::angles;
-use crate::sound::hull::Hull;
-use crate::sound::sinc::Resampler;
+use crate::internals::sound::FS;
+use crate::internals::sound::align::{Aligner, EXTRA, LEAD, before_onset, choose};
+use crate::internals::sound::geometry::angles;
+use crate::internals::sound::hull::Hull;
+use crate::internals::sound::sinc::Resampler;
 
 /// Taps that a measured response may have, after resampling.
 const TAPS: std::ops::RangeInclusive<usize> = 8..=16_384;
@@ -71,6 +71,7 @@ impl HrtfSet {
     }
 
     /// Prepares measured responses: 48 kHz, directions once each, frontal energy 1, aligned.
+    #[doc(hidden)]
     pub fn new(measured: Measured, source: &Path) -> Result<Self> {
         check(&measured, source)?;
         let fault = |place: &str, reason: String, remedy: &str| Error::data(source, place, reason, remedy);
@@ -169,6 +170,7 @@ impl HrtfSet {
     }
 
     /// The filter of a direction in the head's frame.
+    #[doc(hidden)]
     pub fn filter(&self, to: DVec3, lookup: Lookup) -> Filter {
         match lookup {
             Lookup::Nearest => {
@@ -191,27 +193,32 @@ impl HrtfSet {
     }
 
     /// The index of the direction that is nearest to `to`.
+    #[doc(hidden)]
     pub fn nearest(&self, to: DVec3) -> usize {
         let closeness = |at: &usize| self.directions[*at].dot(to);
         (0..self.directions.len()).max_by(|a, b| closeness(a).total_cmp(&closeness(b))).unwrap_or(0)
     }
 
     /// Unit vectors of the measured directions.
+    #[doc(hidden)]
     pub fn directions(&self) -> &[DVec3] {
         &self.directions
     }
 
     /// The triangles between directions.
+    #[doc(hidden)]
     pub fn hull(&self) -> &Hull {
         &self.hull
     }
 
     /// A measured response, normalised.
+    #[doc(hidden)]
     pub fn raw(&self, at: usize, ear: usize) -> &[f32] {
         &self.raw[(2 * at + ear) * self.raw_taps..][..self.raw_taps]
     }
 
     /// Taps of the responses that a lookup gives.
+    #[doc(hidden)]
     pub fn taps(&self, lookup: Lookup) -> usize {
         match lookup {
             Lookup::Nearest => self.raw_taps,
@@ -220,17 +227,20 @@ impl HrtfSet {
     }
 
     /// The longest delay of a filter, samples.
+    #[doc(hidden)]
     pub fn max_delay(&self) -> f64 {
         let nearest = self.extra.as_flattened().iter().map(|extra| extra + LEAD as f64);
         self.delays.as_flattened().iter().copied().chain(nearest).fold(LEAD as f64, f64::max)
     }
 
     /// Samples that all responses were late by and that were taken away.
+    #[doc(hidden)]
     pub fn latency(&self) -> usize {
         self.latency
     }
 
     /// The sample of a lookup's responses at which they begin to sound.
+    #[doc(hidden)]
     pub fn onset(&self, lookup: Lookup) -> usize {
         match lookup {
             Lookup::Nearest => LEAD,
@@ -239,11 +249,13 @@ impl HrtfSet {
     }
 
     /// Largest part of a response's energy that alignment cut off, dB.
+    #[doc(hidden)]
     pub fn alignment_db(&self) -> f64 {
         self.alignment_db
     }
 
     /// The set without some directions, as if they had not been measured.
+    #[doc(hidden)]
     pub fn without(&self, left_out: &[usize]) -> Result<Self> {
         let keep: Vec<usize> = (0..self.directions.len()).filter(|at| !left_out.contains(at)).collect();
         let directions: Vec<DVec3> = keep.iter().map(|at| self.directions[*at]).collect();

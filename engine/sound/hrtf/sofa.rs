@@ -16,7 +16,7 @@ use sofar::hdf::{DataFormat, DataObject, ParsedHdf, parse_with_children};
 use super::{Measured, Meta};
 use crate::error::{Error, Result};
 use crate::files::read_file;
-use crate::sound::geometry::degrees;
+use crate::internals::sound::geometry::degrees;
 
 /// Sets are far smaller: SADIE II's largest has 36 MB.
 const MAX_BYTES: u64 = 1 << 30;

@@ -10,9 +10,9 @@ use glam::DVec3;
 use realfft::num_complex::Complex64;
 
 use super::{Measured, Meta};
-use crate::sound::FS;
-use crate::sound::geometry::direction;
-use crate::sound::spectrum::Spectra;
+use crate::internals::sound::FS;
+use crate::internals::sound::geometry::direction;
+use crate::internals::sound::spectrum::Spectra;
 
 /// Speed of sound of the model, metres per second.
 pub const SPEED_OF_SOUND: f64 = 343.0;

@@ -10,13 +10,13 @@ use std::path::{Path, PathBuf};
 pub enum Kind {
     /// A step: loss, counts, seconds.
     Step,
-    /// Scores of test views: an [`crate::train::Evaluation`].
+    /// Scores of test views: an [`crate::internals::train::Evaluation`].
     Evaluation,
     /// A step whose passes were timed.
     Profile,
-    /// A review: a [`crate::train::Review`].
+    /// A review: a [`crate::internals::train::Review`].
     Review,
-    /// A warning of falling scores: a [`crate::train::Fall`].
+    /// A warning of falling scores: a [`crate::internals::train::Fall`].
     Fall,
 }
 

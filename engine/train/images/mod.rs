@@ -15,8 +15,8 @@ pub(super) use stream::{ImageLimits, Source, Steps};
 
 use crate::error::Result;
 use crate::gpu::{Gpu, Staging};
+use crate::internals::train::terms::TermData;
 use crate::scene::View;
-use crate::train::terms::TermData;
 use residency::Residency;
 use std::time::{Duration, Instant};
 use stream::{ImageStream, Next};

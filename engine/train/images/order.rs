@@ -1,9 +1,9 @@
 //! Which images a run takes, in what order and at what size.
 
 use crate::error::{Error, Result};
+use crate::internals::train::config::Config;
 use crate::random::permutation;
 use crate::scene::capture::{Asked, Capture};
-use crate::train::config::Config;
 
 /// The images `frames` as they follow one another after the first `done` images of a run on `total`: every epoch all of
 /// them, shuffled by the seed and the epoch.
@@ -25,7 +25,7 @@ pub fn reduced_order(order: &[(usize, u32)], config: &Config, done: u64, total: 
 }
 
 /// The images that are trained on, at least one.
-pub(in crate::train) fn training_frames(capture: &Capture) -> Result<Vec<(usize, u32)>> {
+pub(in crate::internals::train) fn training_frames(capture: &Capture) -> Result<Vec<(usize, u32)>> {
     let frames = capture.training_frames();
     if frames.is_empty() {
         return Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`"));

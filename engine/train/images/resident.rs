@@ -2,14 +2,14 @@
 
 use crate::error::Result;
 use crate::gpu::{Buf, Gpu, Recording, Slice, Staging};
+use crate::internals::train::terms::TermData;
 use crate::scene::capture::{Asked, Picture};
 use crate::stage::{NO_PRIOR, PriorPlanes};
-use crate::train::terms::TermData;
 use std::collections::HashMap;
 
 /// The size of a picture, and how many of its pixels count.
 #[derive(Clone, Copy)]
-pub(in crate::train) struct Counts {
+pub(in crate::internals::train) struct Counts {
     /// Width and height.
     pub size: [u32; 2],
     /// As in [`Picture`], but at least 1.
@@ -48,7 +48,7 @@ impl Layout {
 }
 
 /// A picture in the device's memory.
-pub(in crate::train) struct Planes {
+pub(in crate::internals::train) struct Planes {
     /// RGB and the mask in the top byte, 8 bits each, row-major.
     pub colors: Buf<u32>,
     pub priors: PriorPlanes,
@@ -63,7 +63,7 @@ struct Kept {
 }
 
 /// A picture that is on the device, or ready to be copied there.
-pub(in crate::train) struct Resident {
+pub(in crate::internals::train) struct Resident {
     pub counts: Counts,
     layout: Layout,
     /// In staging memory, where it is not on the device yet.
@@ -73,7 +73,7 @@ pub(in crate::train) struct Resident {
 }
 
 /// The pictures on the device.
-pub(in crate::train) struct Residents {
+pub(in crate::internals::train) struct Residents {
     data: TermData,
     /// Where pictures lie that pass.
     passing: Buf<u32>,

@@ -3,16 +3,16 @@
 use super::order::{reduced_order, training_order};
 use super::residency::{Residency, plan};
 use crate::error::Result;
+use crate::internals::train::config::Config;
 use crate::parallel::threads;
 use crate::scene::capture::{Asked, CacheStats, Capture, FrameCache, Picture, PriorPlan, pixel_bytes};
-use crate::train::config::Config;
 use std::ops::Range;
 use std::sync::Arc;
 use std::vec::IntoIter;
 
 /// Where the images of a run come from.
 #[derive(Clone, Copy)]
-pub(in crate::train) struct Source<'a> {
+pub(in crate::internals::train) struct Source<'a> {
     pub capture: &'a Capture,
     /// The images that are trained on.
     pub frames: &'a [(usize, u32)],
@@ -20,7 +20,7 @@ pub(in crate::train) struct Source<'a> {
 }
 
 /// The steps that images are wanted for.
-pub(in crate::train) struct Steps<'a> {
+pub(in crate::internals::train) struct Steps<'a> {
     pub config: &'a Config,
     /// Steps that have their images.
     pub done: u64,
@@ -32,7 +32,7 @@ pub(in crate::train) struct Steps<'a> {
 
 /// How many images are held where.
 #[derive(Clone, Copy, Default)]
-pub(in crate::train) struct ImageLimits {
+pub(in crate::internals::train) struct ImageLimits {
     /// Bytes that are decoded ahead.
     pub cache_bytes: u64,
     /// Bytes that stay on the device.

@@ -1,11 +1,11 @@
 //! Which parts of which Gaussians pay (SPEC 12): a part stays when the pictures need it more than its numbers cost.
 
+use crate::internals::train::require::evidence::Evidence;
+use crate::internals::train::require::look::Seen;
 use crate::random::Keyed;
 use crate::report::statistics::median_high;
 use crate::scene::Splats;
 use crate::stage::Response;
-use crate::train::require::evidence::Evidence;
-use crate::train::require::look::Seen;
 
 /// Numbers of a static Gaussian of degree 0, a quaternion's length not counted: position, rotation, scale, opacity, colour.
 const GEOMETRY_NUMBERS: f64 = 13.0;

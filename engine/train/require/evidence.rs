@@ -1,12 +1,12 @@
 //! What the training pictures say of each part of each Gaussian.
 
 use crate::error::Result;
+use crate::internals::train::require::look::{Album, Seen};
+use crate::internals::train::scores::ColorMap;
+use crate::internals::train::scores::Sight;
 use crate::random::Keyed;
 use crate::scene::{Frame, Splats, View};
 use crate::stage::{Census, Renderer, Response};
-use crate::train::require::look::{Album, Seen};
-use crate::train::scores::ColorMap;
-use crate::train::scores::Sight;
 
 /// Sums over some of the training pictures, by Gaussian.
 #[derive(Clone, Debug, Default, PartialEq)]

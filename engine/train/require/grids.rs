@@ -1,8 +1,8 @@
 //! Which cameras' colours differ so much that they need a bilateral grid.
 
 use crate::error::Result;
+use crate::internals::train::scores::Sight;
 use crate::stage::{Outputs, Renderer};
-use crate::train::scores::Sight;
 
 /// Blocks of a picture whose mean colours are compared, across and down: errors within one are alike, those of two hardly.
 const BLOCKS: [u32; 2] = [6, 4];

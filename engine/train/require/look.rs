@@ -1,11 +1,11 @@
 //! Which pictures a review looks at, and what it saw of each Gaussian: the pictures are chosen so that Gaussians are seen.
 
 use crate::error::Result;
+use crate::internals::train::scores::Sight;
 use crate::parallel::{in_parallel, threads};
 use crate::random::permutation;
 use crate::recon::Pinhole;
 use crate::scene::Splats;
-use crate::train::scores::Sight;
 use glam::DVec3;
 
 /// Pictures in which a Gaussian must have been seen before anything of it is judged.

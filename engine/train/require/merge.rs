@@ -1,7 +1,7 @@
 //! Gaussians that show one resting thing one after the other become one.
 
+use crate::internals::train::require::evidence::Evidence;
 use crate::scene::{SH_C0, Splats};
-use crate::train::require::evidence::Evidence;
 use glam::{DMat3, DQuat, DVec3};
 use std::collections::HashMap;
 

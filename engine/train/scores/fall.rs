@@ -1,8 +1,8 @@
 //! Warnings when the scores of the test images fall during a run.
 
-use crate::train::config::Config;
-use crate::train::density::recovers;
-use crate::train::folder::{Kind, Log};
+use crate::internals::train::config::Config;
+use crate::internals::train::density::recovers;
+use crate::internals::train::folder::{Kind, Log};
 use serde_json::Value;
 
 /// The mean PSNR falls if it is so far below the best, dB: an eighth more squared error. A good run on photographs,

@@ -4,13 +4,13 @@ use super::align::Errors;
 use super::flicker;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
+use crate::internals::train::config::Config;
+use crate::internals::train::poses::Correction;
 use crate::parallel::{in_parallel, threads};
 use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Frame, Parts, Splats, Summary, View};
 use crate::stage::{Compared, Lpips, Outputs, Photometric, Pictures, Renderer, Shown, Trunk, record_totals};
-use crate::train::config::Config;
-use crate::train::poses::Correction;
 use std::collections::{BTreeMap, VecDeque};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -203,7 +203,7 @@ pub struct SceneScores {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_fitted_offsets: Option<Scores>,
     /// For a clip in segments, means of the views at its seams and of the others
-    /// ([`Segments::is_at_seam`](crate::train::Segments::is_at_seam)).
+    /// ([`Segments::is_at_seam`](crate::internals::train::Segments::is_at_seam)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_seams_and_elsewhere: Option<[Scores; 2]>,
 }

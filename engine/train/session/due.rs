@@ -1,10 +1,10 @@
 //! Events that are due after a step, and those that a run of another length has missed.
 
-use crate::train::average::Average;
-use crate::train::cameras::{offsets_judged_at, poses_are_missed, poses_judged_at};
-use crate::train::checkpoint::DueEvents;
-use crate::train::config::{Config, PoseKind};
-use crate::train::require::{Due, review_due};
+use crate::internals::train::average::Average;
+use crate::internals::train::cameras::{offsets_judged_at, poses_are_missed, poses_judged_at};
+use crate::internals::train::checkpoint::DueEvents;
+use crate::internals::train::config::{Config, PoseKind};
+use crate::internals::train::require::{Due, review_due};
 
 impl DueEvents {
     /// Events after step `step` of `total`, without density control, which is the trainer's. Time offsets are frozen
@@ -43,7 +43,7 @@ impl DueEvents {
 #[cfg(test)]
 mod tests {
     use super::DueEvents;
-    use crate::train::config::{Config, Density, Required, Strategy};
+    use crate::internals::train::config::{Config, Density, Required, Strategy};
 
     /// The steps of `total` after which each event is due: grids, review, offsets, poses.
     fn looks(density: Density, total: u64) -> [Vec<u64>; 4] {

@@ -1,11 +1,11 @@
 //! The comparison of learnt poses with the capture's.
 
 use crate::error::Result;
+use crate::internals::train::poses::Correction;
+use crate::internals::train::trainer::Trainer;
 use crate::report::statistics::median_high;
 use crate::scene::capture::Capture;
 use crate::scene::{Splats, View};
-use crate::train::poses::Correction;
-use crate::train::trainer::Trainer;
 use glam::{DVec2, DVec3, Vec3};
 use std::collections::BTreeMap;
 

@@ -12,20 +12,20 @@ pub use priors::Priors;
 
 use crate::error::Result;
 use crate::gpu::{Dispatch, Gpu};
+use crate::internals::train::average::Average;
+use crate::internals::train::backdrop::{backdrop_of, put_before};
+use crate::internals::train::checkpoint::{Checkpoint, DueEvents};
+use crate::internals::train::config::Config;
+use crate::internals::train::first::initialise;
+use crate::internals::train::images::{ImageLimits, Source, StepImage, StepImages, training_frames};
+use crate::internals::train::offsets::learnt_offsets;
+use crate::internals::train::plan::Plan;
+use crate::internals::train::require::{Due, MOST_IMAGES, review};
+use crate::internals::train::setup::Setup;
+use crate::internals::train::trainer::{ProfiledStep, Trainer};
 use crate::scene::capture::Capture;
 use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
-use crate::train::average::Average;
-use crate::train::backdrop::{backdrop_of, put_before};
-use crate::train::checkpoint::{Checkpoint, DueEvents};
-use crate::train::config::Config;
-use crate::train::first::initialise;
-use crate::train::images::{ImageLimits, Source, StepImage, StepImages, training_frames};
-use crate::train::offsets::learnt_offsets;
-use crate::train::plan::Plan;
-use crate::train::require::{Due, MOST_IMAGES, review};
-use crate::train::setup::Setup;
-use crate::train::trainer::{ProfiledStep, Trainer};
 use judge::judge_poses;
 pub(super) use notice::work;
 use std::cmp::Ordering;
@@ -39,14 +39,14 @@ use tracing::span::EnteredSpan;
 ///
 /// ```no_run
 /// # fn main() -> ivv::Result<()> {
-/// use ivv::scene::capture::Capture;
+/// use ivv::Capture;
 /// use ivv::train::{Config, Session, SessionOptions};
 ///
-/// let gpu = std::sync::Arc::new(ivv::gpu::Gpu::open(&Default::default())?);
+/// let gpu = std::sync::Arc::new(ivv::Gpu::open(&Default::default())?);
 /// let capture = Capture::open("captures/demo")?;
 /// let mut session = Session::begin(gpu, &capture, Config::default(), SessionOptions::default())?;
 /// while session.step()? {}
-/// ivv::formats::write_ply("scene.ply".as_ref(), &session.finish()?)?;
+/// ivv::internals::formats::write_ply("scene.ply".as_ref(), &session.finish()?)?;
 /// # Ok(())
 /// # }
 /// ```
@@ -199,6 +199,7 @@ impl<'a> Session<'a> {
     }
 
     /// The scene that is trained, in the frame of training.
+    #[doc(hidden)]
     pub fn trainer(&mut self) -> &mut Trainer {
         &mut self.trainer
     }
@@ -224,6 +225,7 @@ impl<'a> Session<'a> {
     }
 
     /// First Gaussians that were left out: not finite, or too bright.
+    #[doc(hidden)]
     pub fn n_left_out(&self) -> usize {
         self.n_left_out
     }
@@ -234,6 +236,7 @@ impl<'a> Session<'a> {
     }
 
     /// Seconds in which steps waited for images.
+    #[doc(hidden)]
     pub fn waited(&self) -> f64 {
         self.trainer.images.waited_s()
     }
@@ -262,6 +265,7 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// As [`Session::step`].
+    #[doc(hidden)]
     pub fn profile(&mut self) -> Result<Option<ProfiledStep>> {
         self.settle()?;
         let _step = self.begun();
@@ -276,6 +280,7 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// As [`Session::step`].
+    #[doc(hidden)]
     pub fn dump(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
         self.settle()?;
         let Some((images, _)) = self.images()? else { return Ok(None) };
@@ -298,6 +303,7 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// As [`Session::step`].
+    #[doc(hidden)]
     pub fn settle(&mut self) -> Result<()> {
         let due = self.due;
         if due.grids {
@@ -343,6 +349,7 @@ impl<'a> Session<'a> {
     ///
     /// # Errors
     /// As [`Trainer::rescue`].
+    #[doc(hidden)]
     pub fn rescue(&mut self) -> Result<Checkpoint> {
         let rescued = self.trainer.rescue()?;
         let due = match rescued.step.cmp(&self.due_after) {

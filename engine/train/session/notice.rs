@@ -1,10 +1,10 @@
 //! Messages of a session: progress of long work, and events.
 
+use crate::internals::train::depth::DepthSummary;
+use crate::internals::train::plan::Plan;
+use crate::internals::train::require::Review;
+use crate::internals::train::trainer::StepReport;
 use crate::recon::Initial;
-use crate::train::depth::DepthSummary;
-use crate::train::plan::Plan;
-use crate::train::require::Review;
-use crate::train::trainer::StepReport;
 
 /// Receives the notices of a session.
 pub type Watch<'a> = Box<dyn FnMut(Notice) + 'a>;
@@ -68,7 +68,7 @@ pub enum Event {
 }
 
 /// Reports work of a phase to `watch`.
-pub(in crate::train) fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w {
+pub(in crate::internals::train) fn work<'w>(watch: &'w mut Watch, phase: Phase) -> impl FnMut(usize, usize) + 'w {
     watch(Notice::Work { phase, done: 0, total: 0 });
     move |done, total| watch(Notice::Work { phase, done, total })
 }

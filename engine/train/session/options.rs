@@ -2,11 +2,11 @@
 
 use super::notice::Watch;
 use super::priors::Priors;
+use crate::internals::train::plan::ImageMemory;
+use crate::internals::train::ranks::Ranks;
 use crate::scene::capture::share_of_memory;
 use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
-use crate::train::plan::ImageMemory;
-use crate::train::ranks::Ranks;
 use std::sync::Arc;
 
 /// Options of a session that are no settings of the run.

@@ -2,12 +2,12 @@
 
 use super::notice::{Notice, Phase, Watch, work};
 use crate::error::Result;
+use crate::internals::train::config::Config;
+use crate::internals::train::depth::{DepthSummary, fit_depths};
+use crate::internals::train::setup::Setup;
+use crate::internals::train::terms::TermData;
 use crate::parallel::threads;
 use crate::scene::capture::{Capture, PriorPlan};
-use crate::train::config::Config;
-use crate::train::depth::{DepthSummary, fit_depths};
-use crate::train::setup::Setup;
-use crate::train::terms::TermData;
 
 /// Priors of depth and flow of the training images.
 #[derive(Clone, Debug, Default)]

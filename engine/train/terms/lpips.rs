@@ -3,9 +3,9 @@
 use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
+use crate::internals::train::config::Loss;
 use crate::random::Keyed;
 use crate::stage::{self, Cotangent, Lpips};
-use crate::train::config::Loss;
 use std::path::Path;
 
 pub(super) const TERM: TermKind = TermKind {
@@ -29,11 +29,13 @@ impl Loss {
     }
 
     /// True if LPIPS is on.
+    #[doc(hidden)]
     pub fn has_lpips(&self) -> bool {
         self.lpips_file().is_some()
     }
 
     /// True if LPIPS is off only because the weights of its trunk are not given.
+    #[doc(hidden)]
     pub fn lacks_lpips_weights(&self) -> bool {
         self.lpips > 0.0 && self.lpips_weights.is_none()
     }

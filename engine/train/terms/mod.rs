@@ -2,7 +2,7 @@
 //!
 //! A term has the data that it uses, its buffers, its passes with the cotangent, its weight, and the numbers that it
 //! logs. The trainer, the memory plan, the priors of a session and the report ask the list. A new term is its file, a
-//! line in [`TERMS`] and its weight in [`crate::train::Loss`].
+//! line in [`TERMS`] and its weight in [`crate::internals::train::Loss`].
 
 mod lpips;
 mod photometric;
@@ -12,8 +12,8 @@ mod variation;
 
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::internals::train::config::Config;
 use crate::scene::capture::Capture;
-use crate::train::config::Config;
 use term::TermKind;
 
 pub(super) use term::{Left, Pair, Part, Rendered, Shown, Term};

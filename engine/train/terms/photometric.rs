@@ -3,8 +3,8 @@
 use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
+use crate::internals::train::scores::psnr;
 use crate::stage::{Photometric, Pictures, SSIM_WEIGHT};
-use crate::train::scores::psnr;
 
 pub(super) const TERM: TermKind = TermKind {
     logged: LOGGED,

@@ -3,9 +3,9 @@
 use super::term::{LEAST_PIXELS, Left, Logged, Pair, Part, Rendered, Shown, Term, TermData, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
+use crate::internals::train::config::Config;
 use crate::scene::capture::Capture;
 use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorPicture, PriorWeights};
-use crate::train::config::Config;
 
 pub(super) const TERM: TermKind = TermKind {
     logged: LOGGED,

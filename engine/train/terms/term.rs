@@ -2,15 +2,15 @@
 
 use crate::error::Result;
 use crate::gpu::{Buf, Gpu, Recording};
+use crate::internals::train::config::Config;
 use crate::scene::capture::Capture;
 use crate::stage::{Outputs, PriorPlanes};
-use crate::train::config::Config;
 
 /// A term needs so many pixels: a mean over fewer would pull hard on them.
 pub(super) const LEAST_PIXELS: u32 = 64;
 
 /// Sums by workgroup; none if the term is not due.
-pub(in crate::train) type Left = Option<Buf<[f32; 4]>>;
+pub(in crate::internals::train) type Left = Option<Buf<[f32; 4]>>;
 
 /// A term; none if it is off.
 pub(super) type Begun = Result<Option<Box<dyn Term>>>;
@@ -49,7 +49,7 @@ impl TermData {
 /// A number that a term logs in every step that has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Logged {
-    /// Its key, in [`crate::train::StepReport::terms`] and train.jsonl.
+    /// Its key, in [`crate::internals::train::StepReport::terms`] and train.jsonl.
     pub key: &'static str,
     /// The title of its plot in the report; empty for none.
     pub plot: &'static str,
@@ -58,7 +58,7 @@ pub struct Logged {
 }
 
 /// A term in a run.
-pub(in crate::train) trait Term: Send + Sync {
+pub(in crate::internals::train) trait Term: Send + Sync {
     /// The outputs that a frame must have for it.
     fn outputs(&self) -> Outputs {
         Outputs::Color
@@ -79,7 +79,7 @@ pub(in crate::train) trait Term: Send + Sync {
 
 /// Numbers of a step's picture that the terms depend on.
 #[derive(Clone, Copy, Debug)]
-pub(in crate::train) struct Shown {
+pub(in crate::internals::train) struct Shown {
     /// Number of the step, from 1.
     pub step: u64,
     /// Width and height.
@@ -96,13 +96,13 @@ pub(in crate::train) struct Shown {
 
 /// A picture, and where its cotangent goes.
 #[derive(Clone, Copy)]
-pub(in crate::train) struct Pair<'a> {
+pub(in crate::internals::train) struct Pair<'a> {
     pub image: &'a Buf<[f32; 4]>,
     pub cotangent: &'a Buf<[f32; 4]>,
 }
 
 /// The pictures that the terms compare, with their cotangents.
-pub(in crate::train) struct Rendered<'a> {
+pub(in crate::internals::train) struct Rendered<'a> {
     /// The colours, as the camera shows them.
     pub colors: Pair<'a>,
     /// Depth, inverse depth and flow, where [`Term::outputs`] of any asks for them.
@@ -117,7 +117,7 @@ pub(in crate::train) struct Rendered<'a> {
 
 /// A part of the loss in one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::train) struct Part {
+pub(in crate::internals::train) struct Part {
     /// The key in the log.
     pub key: &'static str,
     /// The logged value.

@@ -15,6 +15,15 @@ pub use report::StepReport;
 use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Buf, Gpu, Recording, Running, Staging};
+use crate::internals::train::cameras::Taken;
+use crate::internals::train::config::{Config, Strategy};
+use crate::internals::train::density::{density_round, most_gaussians, regularisers};
+use crate::internals::train::images::{ImageStore, Source, StepImage, StepImages, Steps};
+use crate::internals::train::objective::{Objective, Report, Truth};
+use crate::internals::train::poses::Correction;
+use crate::internals::train::ranks::{Ranks, Shared};
+use crate::internals::train::schedule::rates;
+use crate::internals::train::setup::Setup;
 use crate::scene::capture::Picture;
 use crate::scene::{Clearing, Cone, Splats, View};
 use crate::settings::Constants;
@@ -22,15 +31,6 @@ use crate::stage::{
     AdamMode, Batch, Clearings, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State,
     StepSettings, Workspace, adam_params, constants_on, lazy_sums,
 };
-use crate::train::cameras::Taken;
-use crate::train::config::{Config, Strategy};
-use crate::train::density::{density_round, most_gaussians, regularisers};
-use crate::train::images::{ImageStore, Source, StepImage, StepImages, Steps};
-use crate::train::objective::{Objective, Report, Truth};
-use crate::train::poses::Correction;
-use crate::train::ranks::{Ranks, Shared};
-use crate::train::schedule::rates;
-use crate::train::setup::Setup;
 use report::ImageReport;
 use std::collections::{BTreeMap, VecDeque};
 use std::ops::Range;
@@ -39,7 +39,7 @@ use std::sync::Arc;
 use tracing::debug_span;
 
 /// Steps on the device at a time: it runs one while the host prepares the next.
-pub(in crate::train) const IN_FLIGHT: usize = 2;
+pub(in crate::internals::train) const IN_FLIGHT: usize = 2;
 /// Largest coefficient of a colour that training begins with: SSIM takes fourth powers, which stay finite up to ten
 /// times as much.
 const BRIGHTEST: f32 = 1e4;
@@ -64,7 +64,7 @@ pub struct Trainer {
     ranks: Option<Arc<dyn Ranks>>,
     shared: Shared,
     objective: Objective,
-    pub(in crate::train) images: ImageStore,
+    pub(in crate::internals::train) images: ImageStore,
     staging: Staging,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
@@ -297,7 +297,7 @@ impl Trainer {
     }
 
     /// The images of the next step, of the run on `source`; none at its end.
-    pub(in crate::train) fn next_images(&mut self, source: &Source) -> Result<StepImages> {
+    pub(in crate::internals::train) fn next_images(&mut self, source: &Source) -> Result<StepImages> {
         let own = self.own_images(self.config.batch as usize);
         let steps = Steps { config: &self.config, done: self.step, total: self.total, own };
         self.images.next(&self.gpu, &self.staging, source, &steps)
@@ -305,7 +305,7 @@ impl Trainer {
 
     /// As [`Trainer::train`], on images that were loaded before density control, for which those that stay on the
     /// device may have to give way.
-    pub(in crate::train) fn train_on(&mut self, images: Vec<StepImage>) -> Result<()> {
+    pub(in crate::internals::train) fn train_on(&mut self, images: Vec<StepImage>) -> Result<()> {
         self.control_density()?;
         let inputs = self.inputs(images);
         self.start(inputs)?;
@@ -332,7 +332,7 @@ impl Trainer {
     }
 
     /// Shares the images of each step with other processes.
-    pub(in crate::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>) {
+    pub(in crate::internals::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>) {
         self.ranks = ranks;
     }
 

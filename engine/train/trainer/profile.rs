@@ -3,10 +3,10 @@
 use super::{Results, Step, Trainer};
 use crate::error::Result;
 use crate::gpu::{Dispatch, PassTime, Recording};
+use crate::internals::train::images::StepImage;
 use crate::scene::View;
 use crate::scene::capture::Picture;
 use crate::stage::{Counters, PassReport, add_passes};
-use crate::train::images::StepImage;
 use std::time::{Duration, Instant};
 
 /// A step whose passes were timed.
@@ -25,7 +25,7 @@ pub struct ProfiledStep {
 
 impl ProfiledStep {
     /// The time since the host was done with the step, which went into counting.
-    pub(in crate::train) fn counting(&self) -> Duration {
+    pub(in crate::internals::train) fn counting(&self) -> Duration {
         self.host.last().map_or(Duration::ZERO, |(_, begun, seconds)| {
             begun.elapsed().saturating_sub(Duration::from_secs_f64(*seconds))
         })
@@ -46,7 +46,11 @@ impl Trainer {
     }
 
     /// As [`Trainer::profile`], on images that have been loaded since `begun`.
-    pub(in crate::train) fn profile_on(&mut self, images: Vec<StepImage>, mut begun: Instant) -> Result<ProfiledStep> {
+    pub(in crate::internals::train) fn profile_on(
+        &mut self,
+        images: Vec<StepImage>,
+        mut begun: Instant,
+    ) -> Result<ProfiledStep> {
         let mut host = Vec::new();
         let mut done = |what| {
             host.push((what, begun, begun.elapsed().as_secs_f64()));
@@ -101,7 +105,11 @@ impl Trainer {
     ///
     /// # Errors
     /// As [`Trainer::train`].
-    pub(in crate::train) fn dump(&mut self, images: Vec<StepImage>, kernel: &str) -> Result<Option<Dispatch>> {
+    pub(in crate::internals::train) fn dump(
+        &mut self,
+        images: Vec<StepImage>,
+        kernel: &str,
+    ) -> Result<Option<Dispatch>> {
         self.finish()?;
         let inputs = self.inputs(images);
         loop {

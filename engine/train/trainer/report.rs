@@ -3,8 +3,8 @@
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::generated::Status;
+use crate::internals::train::objective::{Objective, Report, Truth};
 use crate::stage::Counts;
-use crate::train::objective::{Objective, Report, Truth};
 use std::collections::BTreeMap;
 
 /// The report of one image of a step.
@@ -42,7 +42,7 @@ pub struct StepReport {
     pub step: u64,
     /// Value of the loss.
     pub loss: f64,
-    /// The numbers that the terms log, by key: those of [`crate::train::logged`] that the step has.
+    /// The numbers that the terms log, by key: those of [`crate::internals::train::logged`] that the step has.
     #[serde(flatten)]
     pub terms: BTreeMap<&'static str, f64>,
     /// Gaussians.

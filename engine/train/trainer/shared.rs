@@ -4,14 +4,14 @@ use super::report::ImageReport;
 use super::{Inputs, Step, Trainer};
 use crate::error::Result;
 use crate::gpu::Recording;
-use crate::train::objective::Report;
-use crate::train::ranks::{Ranks, Shared};
-use crate::train::terms::logged;
+use crate::internals::train::objective::Report;
+use crate::internals::train::ranks::{Ranks, Shared};
+use crate::internals::train::terms::logged;
 use std::time::Instant;
 
 impl Trainer {
     /// The images of a step of `n` that this process sees.
-    pub(in crate::train) fn own_images(&self, n: usize) -> std::ops::Range<usize> {
+    pub(in crate::internals::train) fn own_images(&self, n: usize) -> std::ops::Range<usize> {
         let (rank, size) = self.ranks.as_ref().map_or((0, 1), |ranks| (ranks.rank(), ranks.size()));
         rank * n / size..(rank + 1) * n / size
     }

@@ -4,14 +4,14 @@ use super::{Step, Trainer, clearings, upload_state};
 use crate::error::Result;
 use crate::gpu::generated::Status;
 use crate::gpu::{Gpu, Recording};
+use crate::internals::train::average::Average;
+use crate::internals::train::checkpoint::{Checkpoint, DueEvents, StepRoom};
+use crate::internals::train::config::Config;
+use crate::internals::train::schedule::rates;
+use crate::internals::train::setup::Setup;
 use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::stage::{AdamMode, Moments, Optimiser, Purpose, SceneBuffers, lazy_sums};
-use crate::train::average::Average;
-use crate::train::checkpoint::{Checkpoint, DueEvents, StepRoom};
-use crate::train::config::Config;
-use crate::train::schedule::rates;
-use crate::train::setup::Setup;
 use std::sync::Arc;
 
 impl Trainer {

@@ -5,15 +5,15 @@ use super::{Image, Inputs, Results, Step, StepReport, Trainer};
 use crate::error::{Error, Result};
 use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
+use crate::internals::train::cameras::Taken;
+use crate::internals::train::density::noise;
+use crate::internals::train::images::StepImage;
+use crate::internals::train::objective::{Report, Truth};
 use crate::random::Keyed;
 use crate::scene::View;
 use crate::stage::{
     AdamMode, Among, Batch, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params,
 };
-use crate::train::cameras::Taken;
-use crate::train::density::noise;
-use crate::train::images::StepImage;
-use crate::train::objective::{Report, Truth};
 use bytemuck::bytes_of;
 use tracing::debug_span;
 

@@ -13,8 +13,8 @@ mod votes;
 
 use super::module::{assembled, built_ins, id, ids, load};
 use super::uniform::Uniform;
-use ivv::gpu::table::KERNELS;
-use ivv::gpu::{Rewrite, kernel_named};
+use ivv::internals::gpu::table::KERNELS;
+use ivv::internals::gpu::{Rewrite, kernel_named};
 use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Capability, Decoration, ExecutionMode, LoopControl, Op};
 use rspirv::spirv::{Scope, StorageClass, Word};

@@ -1,9 +1,9 @@
 //! The captures of a study.
 
 use glam::DVec3;
-use ivv::scene::capture::Capture;
-use ivv::study::{Arm, Study};
-use ivv::train::{CaptureSummary, Config, first_gaussians};
+use ivv::internals::scene::capture::Capture;
+use ivv::internals::study::{Arm, Study};
+use ivv::internals::train::{CaptureSummary, Config, first_gaussians};
 use std::path::{Path, PathBuf};
 
 /// The captures by the names of their folders, which also name their runs.

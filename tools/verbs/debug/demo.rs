@@ -1,9 +1,9 @@
 //! `ivv debug demo`.
 
 use crate::ui::screen::out;
-use ivv::formats::write_ply;
-use ivv::scene::{demo, write_views};
-use ivv::words::count;
+use ivv::internals::formats::write_ply;
+use ivv::internals::scene::{demo, write_views};
+use ivv::internals::words::count;
 use serde_json::json;
 use std::path::PathBuf;
 

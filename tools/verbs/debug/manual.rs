@@ -4,8 +4,8 @@ use crate::Cli;
 use crate::run::files::make_folder;
 use crate::ui::screen::out;
 use clap::{Command, CommandFactory};
-use ivv::files::write_atomic;
-use ivv::words::count;
+use ivv::internals::files::write_atomic;
+use ivv::internals::words::count;
 use std::path::{Path, PathBuf};
 
 /// Options of `ivv debug completions`.

@@ -1,9 +1,9 @@
 //! Kernels by name: `ivv profile --list`, and the message for a wrong name.
 
 use crate::ui::screen::{out, print_json};
-use ivv::gpu::table::{KERNELS, kernel};
-use ivv::gpu::{KernelInfo, kernel_named};
-use ivv::words::nearest;
+use ivv::internals::gpu::table::{KERNELS, kernel};
+use ivv::internals::gpu::{KernelInfo, kernel_named};
+use ivv::internals::words::nearest;
 
 /// The kernel of this name, which `option` gives.
 pub fn named(option: &str, name: &str) -> anyhow::Result<&'static KernelInfo> {

@@ -13,15 +13,17 @@ use crate::ui::progress::{Progress, watch};
 use crate::ui::screen::{out, print_json};
 use crate::verbs::profile::replay::ReplayArgs;
 use anyhow::Context;
-use ivv::files::write_atomic;
-use ivv::gpu::{Dispatch, Gpu};
-use ivv::profile::{
+use ivv::internals::files::write_atomic;
+use ivv::internals::gpu::{Dispatch, Gpu};
+use ivv::internals::profile::{
     Comparison, Heat, Moment, Overhead, Peaks, Profile, Recorded, Sample, Sweep, SweepOptions, trace, write_dispatch,
 };
-use ivv::scene::capture::{Capture, FrameCache, PriorPlan, share_of_memory};
-use ivv::scene::read_views;
-use ivv::stage::{Outputs, Renderer};
-use ivv::train::{Checkpoint, Config, Run, Session, SessionOptions, Setup, TermData, reduced_order, training_order};
+use ivv::internals::scene::capture::{Capture, FrameCache, PriorPlan, share_of_memory};
+use ivv::internals::scene::read_views;
+use ivv::internals::stage::{Outputs, Renderer};
+use ivv::internals::train::{
+    Checkpoint, Config, Run, Session, SessionOptions, Setup, TermData, reduced_order, training_order,
+};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
@@ -121,7 +123,7 @@ fn feed(args: &Args, capture: &Capture, json: bool) -> anyhow::Result<()> {
     let total = config.total(frames.len() as u64);
     let order = training_order(&frames, config.seed, 0, total);
     let asked = reduced_order(&order, &config, 0, total);
-    let threads = ivv::parallel::threads();
+    let threads = ivv::internals::parallel::threads();
     let n_first = frames.len().min(total as usize);
     let begun = Instant::now();
     // Depths as they are in their files: fits to points only scale them.

@@ -3,9 +3,9 @@
 use crate::ui::screen::{out, print_json, print_table};
 use crate::verbs::profile::kernels;
 use anyhow::Context;
-use ivv::gpu::{Gpu, KernelInfo};
-use ivv::profile::{Replay, Replayed, read_dispatch};
-use ivv::words::count;
+use ivv::internals::gpu::{Gpu, KernelInfo};
+use ivv::internals::profile::{Replay, Replayed, read_dispatch};
+use ivv::internals::words::count;
 use rspirv::binary::Disassemble;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::screen::{alert, say};
 use anyhow::Context;
-use ivv::gpu::KernelInfo;
+use ivv::internals::gpu::KernelInfo;
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 use std::process::Command;

@@ -14,12 +14,12 @@ use crate::ui::progress::Progress;
 use crate::ui::screen::{alert, out, print_json};
 use crate::verbs::render::picture::{Format, check_finite};
 use crate::verbs::render::video::{Film, PathArgs, VideoJob};
-use ivv::formats::FourDgs;
-use ivv::scene::View;
-use ivv::sound::rig::Rig;
-use ivv::stage::{Destination, FrameReport, Outputs, Renderer};
-use ivv::train::Run;
-use ivv::words::count;
+use ivv::internals::formats::FourDgs;
+use ivv::internals::scene::View;
+use ivv::internals::sound::rig::Rig;
+use ivv::internals::stage::{Destination, FrameReport, Outputs, Renderer};
+use ivv::internals::train::Run;
+use ivv::internals::words::count;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 

@@ -1,6 +1,6 @@
 //! Pictures of views: their formats, and the check that they are finite.
 
-use ivv::scene::{Frame, View};
+use ivv::internals::scene::{Frame, View};
 use std::path::Path;
 
 /// Formats of pictures.

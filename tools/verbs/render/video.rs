@@ -12,17 +12,17 @@ use crate::verbs::render::picture::check_finite;
 use crate::verbs::synth::size;
 use anyhow::Context;
 use ivv::Constants;
-use ivv::scene::{FlowModel, Intrinsics, Orbit, View};
-use ivv::sound::hrtf::HrtfSet;
-use ivv::sound::path::{Convention, HeadPath, read_path};
-use ivv::sound::pose::{HeadPose, PoseTrack};
-use ivv::sound::render::{RenderConfig, Rendered, render};
-use ivv::sound::scene_file::SoundScene;
-use ivv::sound::wav::{Depth, write};
-use ivv::stage::{Destination, Outputs};
-use ivv::train::Run;
-use ivv::video::{Made, Video, VideoSettings};
-use ivv::words::count;
+use ivv::internals::scene::{FlowModel, Intrinsics, Orbit, View};
+use ivv::internals::sound::hrtf::HrtfSet;
+use ivv::internals::sound::path::{Convention, HeadPath, read_path};
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::render::{RenderConfig, Rendered, render};
+use ivv::internals::sound::scene_file::SoundScene;
+use ivv::internals::sound::wav::{Depth, write};
+use ivv::internals::stage::{Destination, Outputs};
+use ivv::internals::train::Run;
+use ivv::internals::video::{Made, Video, VideoSettings};
+use ivv::internals::words::count;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -340,7 +340,7 @@ pub fn run(
 }
 
 /// A sound file, and the second of it at which the video begins; with the report of a rendering.
-type Sound = (Option<(PathBuf, f64)>, Option<ivv::sound::render::Report>);
+type Sound = (Option<(PathBuf, f64)>, Option<ivv::internals::sound::render::Report>);
 
 fn sound(args: &PathArgs, film: &Film, file: &Path, output: &Path) -> anyhow::Result<Sound> {
     let Some(scene) = &args.sound else {

@@ -13,7 +13,7 @@ use crate::ui::screen::{alert, out, say};
 use anyhow::Context;
 use hyper::Request;
 use hyper_util::rt::{TokioIo, TokioTimer};
-use ivv::files::remove_temporaries;
+use ivv::internals::files::remove_temporaries;
 use live::LiveRun;
 use scene::{ServedScene, TemporaryFile};
 use site::{Content, Site};

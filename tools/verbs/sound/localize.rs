@@ -5,14 +5,14 @@ use crate::ui::screen::out;
 use crate::verbs::synth::size;
 use anyhow::Context;
 use glam::DVec3;
-use ivv::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
-use ivv::sound::localize::{LocalizeSettings, Localized, localize};
-use ivv::sound::rig::{Rig, RigCamera};
-use ivv::sound::scene_file::{Mic, SoundScene, Source};
-use ivv::sound::source_track::Flag;
-use ivv::sound::wav::{Channel, read_channel};
-use ivv::sound::{FS, speaker};
-use ivv::words::count;
+use ivv::internals::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
+use ivv::internals::sound::localize::{LocalizeSettings, Localized, localize};
+use ivv::internals::sound::rig::{Rig, RigCamera};
+use ivv::internals::sound::scene_file::{Mic, SoundScene, Source};
+use ivv::internals::sound::source_track::Flag;
+use ivv::internals::sound::wav::{Channel, read_channel};
+use ivv::internals::sound::{FS, speaker};
+use ivv::internals::words::count;
 use std::path::{Path, PathBuf};
 
 /// If fewer mouths agree than this part, the keypoints are wrong, and not just single detections.

@@ -3,13 +3,13 @@
 use crate::run::axes::Axes;
 use crate::run::files::write_json;
 use crate::ui::screen::out;
-use ivv::sound::geometry::Mode;
-use ivv::sound::hrtf::{HrtfSet, Lookup};
-use ivv::sound::loudness::{self, PEAK_LIMIT_DB};
-use ivv::sound::path::{Convention, read_path};
-use ivv::sound::render::{RenderConfig, Rendered, SourceReport, render_ambix, render_signals, signals};
-use ivv::sound::scene_file::SoundScene;
-use ivv::sound::wav::{Depth, write};
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::{HrtfSet, Lookup};
+use ivv::internals::sound::loudness::{self, PEAK_LIMIT_DB};
+use ivv::internals::sound::path::{Convention, read_path};
+use ivv::internals::sound::render::{RenderConfig, Rendered, SourceReport, render_ambix, render_signals, signals};
+use ivv::internals::sound::scene_file::SoundScene;
+use ivv::internals::sound::wav::{Depth, write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 

@@ -4,14 +4,14 @@ use crate::run::files::{make_folder, read_json};
 use crate::ui::screen::out;
 use anyhow::Context;
 use glam::{DQuat, DVec3};
-use ivv::sound::FS;
-use ivv::sound::emitter::Emitter;
-use ivv::sound::hrtf::HrtfSet;
-use ivv::sound::pose::{HeadPose, PoseTrack};
-use ivv::sound::rig::Rig;
-use ivv::sound::sinc::DelayTable;
-use ivv::sound::source_track::{Flag, SourceSample, SourceTrack};
-use ivv::sound::wav::{Channel, Depth, read_channel, write};
+use ivv::internals::sound::FS;
+use ivv::internals::sound::emitter::Emitter;
+use ivv::internals::sound::hrtf::HrtfSet;
+use ivv::internals::sound::pose::{HeadPose, PoseTrack};
+use ivv::internals::sound::rig::Rig;
+use ivv::internals::sound::sinc::DelayTable;
+use ivv::internals::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::internals::sound::wav::{Channel, Depth, read_channel, write};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
@@ -106,6 +106,6 @@ fn write_path(head: &PoseTrack, path: &Path) -> anyhow::Result<()> {
     for HeadPose { t, p, q } in head.poses() {
         writeln!(text, "{t},{},{},{},{},{},{},{}", p.x, p.y, p.z, q.x, q.y, q.z, q.w).context("a path")?;
     }
-    ivv::files::write_atomic(path, |to| to.write_all(text.as_bytes()))?;
+    ivv::internals::files::write_atomic(path, |to| to.write_all(text.as_bytes()))?;
     Ok(())
 }

@@ -5,8 +5,8 @@ use crate::ui::progress::Progress;
 use crate::ui::screen::out;
 use crate::verbs::train::args::Args;
 use crate::verbs::train::setup;
-use ivv::formats::Own;
-use ivv::train::{Config, first_gaussians};
+use ivv::internals::formats::Own;
+use ivv::internals::train::{Config, first_gaussians};
 use std::path::Path;
 
 /// Writes the first Gaussians of the training of `args` to `file`.

@@ -2,9 +2,9 @@
 
 use crate::ui::screen::{out, print_json};
 use anyhow::bail;
-use ivv::settings::Setting;
-use ivv::train::{PRESETS, Preset, all_settings, check_name, default_of};
-use ivv::words::count;
+use ivv::internals::settings::Setting;
+use ivv::internals::train::{PRESETS, Preset, all_settings, check_name, default_of};
+use ivv::internals::words::count;
 use serde_json::{Value, json};
 
 /// Prints the settings whose names begin with `prefix`.

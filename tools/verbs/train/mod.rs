@@ -26,14 +26,14 @@ use crate::ui::screen::{alert, be_quiet, out, print_json, say};
 use crate::verbs::serve::{BackgroundServer, LatestLine};
 use crate::verbs::train::args::InsteadArgs;
 use crate::verbs::train::setup::TrainingSetup;
-use ivv::scene::Splats;
-use ivv::scene::capture::share_of_memory;
-use ivv::stage::Renderer;
-use ivv::train::{
+use ivv::internals::scene::Splats;
+use ivv::internals::scene::capture::share_of_memory;
+use ivv::internals::stage::Renderer;
+use ivv::internals::train::{
     Checkpoint, Evaluation, Event, Fall, Kind, Log, SceneScores, SceneSize, Session, SessionOptions, StepReport, spread,
 };
-use ivv::vk::DeviceKind;
-use ivv::words::count;
+use ivv::internals::vk::DeviceKind;
+use ivv::internals::words::count;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;

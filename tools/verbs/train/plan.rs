@@ -7,10 +7,10 @@ use crate::run::workload::work;
 use crate::ui::screen::{out, print_json};
 use crate::verbs::train::args::Args;
 use anyhow::Context;
-use ivv::gpu::{Gpu, Options, StandIn};
-use ivv::scene::capture::{Capture, share_of_memory};
-use ivv::train::{Checkpoint, Limits, Plan, Workload};
-use ivv::words::count;
+use ivv::internals::gpu::{Gpu, Options, StandIn};
+use ivv::internals::scene::capture::{Capture, share_of_memory};
+use ivv::internals::train::{Checkpoint, Limits, Plan, Workload};
+use ivv::internals::words::count;
 use serde_json::json;
 use std::sync::Arc;
 

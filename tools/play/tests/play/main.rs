@@ -8,8 +8,8 @@ mod display;
 mod sound;
 
 use display::{Display, Picture, psnr};
-use ivv::formats::write_ply;
-use ivv::scene::{Intrinsics, View, demo, write_views};
+use ivv::internals::formats::write_ply;
+use ivv::internals::scene::{Intrinsics, View, demo, write_views};
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};

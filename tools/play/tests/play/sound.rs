@@ -2,15 +2,15 @@
 
 use super::display::Display;
 use super::{Bed, told};
-use ivv::formats::{Clock, Contents, Encoded, Grades, Sound, Sounds};
-use ivv::sound::wav::{self, Depth};
+use ivv::internals::formats::{Clock, Contents, Encoded, Grades, Sound, Sounds};
+use ivv::internals::sound::wav::{self, Depth};
 use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
 /// A clip of the scene with noise to one side of the first view.
 fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
-    let (splats, _) = ivv::scene::demo();
+    let (splats, _) = ivv::internals::scene::demo();
     let pose = bed.views[0].pose;
     let (right, forward, center) = (pose.right(), pose.forward(), pose.center());
     let place = [0, 1, 2].map(|k| center[k] + to_the_right * right[k] + 0.2 * forward[k]);
