@@ -181,6 +181,7 @@ pub mod internals {
     pub mod profile;
     pub mod random;
     pub(crate) mod recon;
+    pub mod reference;
     #[allow(missing_docs)]
     pub mod report;
     pub mod scene;
@@ -190,7 +191,6 @@ pub mod internals {
     pub mod study;
     pub mod synth;
     pub mod train;
-    pub mod twin;
     pub mod video;
     pub mod vk;
     pub mod words;

@@ -77,8 +77,8 @@ pub struct Family {
     pub axes: &'static [Axis],
     /// From a choice to the one whose kernel does the same, where it has none of its own.
     pub same: fn(&mut [usize]),
-    /// Its truth on the CPU, `module::name` of the engine's twins. Empty where it computes nothing.
-    pub twin: fn(&Spec) -> &'static str,
+    /// Its truth on the CPU, `module::name` of the engine's references. Empty where it computes nothing.
+    pub reference: fn(&Spec) -> &'static str,
     /// The count that its time grows with.
     pub count: Count,
     /// The least that it must do: bytes are those of data that must come from memory or go there once, whatever the caches; flops
@@ -110,9 +110,9 @@ impl Spec {
         found.and_then(|(_, value)| value.trim_end_matches('u').parse().ok()).unwrap_or(0)
     }
 
-    /// Its truth on the CPU, `module::name` of the engine's twins. Empty where it computes nothing.
-    pub fn twin(&self) -> &'static str {
-        (self.family.twin)(self)
+    /// Its truth on the CPU, `module::name` of the engine's references. Empty where it computes nothing.
+    pub fn reference(&self) -> &'static str {
+        (self.family.reference)(self)
     }
 
     /// True if a definition is there, and not 0.
@@ -201,7 +201,7 @@ pub const ROW: Family = Family {
     file: "",
     axes: &[],
     same: |_| {},
-    twin: |_| "",
+    reference: |_| "",
     count: Count::Dispatches,
     cost: Some(dispatch),
 };

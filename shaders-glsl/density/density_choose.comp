@@ -3,7 +3,7 @@
 // Equation  n = min(max_gaussians - n_kept, ceil(growth n_kept)), never negative.
 // Grid      one thread per rank.
 // Writes    the flag GROWS, and two entries instead of one.
-// Numerics  the product in f32, as in the twin; each flat index has one rank, so one thread.
+// Numerics  the product in f32, as in the reference; each flat index has one rank, so one thread.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #include "grid.glsl"

@@ -6,7 +6,7 @@
 // Grid      one thread per flat index of the group, its gap included.
 // Writes    flags; score: the pull as a key that sorts the hardest first, all ones for who cannot grow; or, where
 //           `weight` is not 0, a number proportional to the opacity, 0 for the dead. Everything by flat index.
-// Numerics  what is not finite or cannot turn is not kept, nor what a rule of pruning marks. Comparisons are the f32 twin's own.
+// Numerics  what is not finite or cannot turn is not kept, nor what a rule of pruning marks. Comparisons are the f32 reference's own.
 #version 460
 #extension GL_GOOGLE_include_directive : require
 #extension GL_KHR_shader_subgroup_ballot : require

@@ -8,7 +8,7 @@ use super::edit::{Edit, id_of};
 use crate::common::device::{Watched, opened, options};
 use ivv::internals::gpu::generated::{ALL, gather, probe_atomic};
 use ivv::internals::gpu::{Grid, KernelInfo, Options, Recording, Rewrite};
-use ivv::internals::twin::scattered_rows;
+use ivv::internals::reference::scattered_rows;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{Decoration, GlslStd450Op as GLOp, Op, Scope, StorageClass, Word};
 use std::collections::HashMap;

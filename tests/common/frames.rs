@@ -1,10 +1,10 @@
-//! Frames of the device beside those of the twin.
+//! Frames of the device beside those of the reference.
 
 use super::device::gpu;
 use ivv::Constants;
+use ivv::internals::reference::Outputs as Truth;
 use ivv::internals::scene::{Frame, Splats, View};
 use ivv::internals::stage::{FrameReport, Outputs, Renderer};
-use ivv::internals::twin::Outputs as Truth;
 pub use ivv_conformance::frames::*;
 
 /// All outputs of `splats` seen by `view`, by a fresh renderer with the default constants.

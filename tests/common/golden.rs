@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use ivv::internals::reference::Params;
 use ivv::internals::scene::{Motion, Splats, View};
-use ivv::internals::twin::Params;
 pub use ivv_conformance::adjoint::group;
 
 /// The golden cases; the first is shipped.

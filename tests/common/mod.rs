@@ -6,10 +6,10 @@ pub mod frames;
 pub mod golden;
 pub mod notes;
 pub mod program;
+pub mod references;
 pub mod running;
 pub mod same;
 pub mod stages;
-pub mod twins;
 
 use flate2::{Compression, write::DeflateEncoder};
 use rawzip::{CompressionMethod, ZipArchiveWriter};

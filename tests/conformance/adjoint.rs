@@ -4,9 +4,9 @@ use super::random::Random;
 use super::row::Bench;
 use anyhow::{Result, ensure};
 use ivv::Constants;
+use ivv::internals::reference::{Outputs, Params, Temporal, jvp};
 use ivv::internals::scene::{Frame, Motion, Splats, View};
 use ivv::internals::stage::Gradients;
-use ivv::internals::twin::{Outputs, Params, Temporal, jvp};
 
 /// All groups that [`Gradients`] has; the last four exist for dynamic Gaussians only.
 pub const GROUPS: [&str; 9] =

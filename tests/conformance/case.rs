@@ -1,12 +1,12 @@
-//! A scene and a view beside what the twin makes of them.
+//! A scene and a view beside what the reference makes of them.
 
 use super::frames::{Tolerance, compare};
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
 use ivv::Constants;
+use ivv::internals::reference::render_f64;
 use ivv::internals::scene::{Frame, Splats, View};
 use ivv::internals::stage::FrameReport;
-use ivv::internals::twin::render_f64;
 
 /// A scene, a view, and what to expect.
 pub(super) struct Case<'a> {

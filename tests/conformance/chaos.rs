@@ -6,10 +6,10 @@ use super::random::{Random, noise, poison, scene, small_view, view};
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
 use ivv::Constants;
+use ivv::internals::reference::{Camera, Params, Rules, project};
 use ivv::internals::scene::capture::Extent;
 use ivv::internals::scene::{Splats, View};
 use ivv::internals::train::{Config, Setup, StepReport, Strategy, Trainer};
-use ivv::internals::twin::{Camera, Params, Rules, project};
 use std::sync::Arc;
 
 pub(super) fn poisoned_scenes(bench: &Bench, tally: &mut Tally) -> Result<()> {

@@ -4,8 +4,8 @@ use super::fixtures::clocks::on_device;
 use super::random::Random;
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
+use ivv::internals::reference::{Clock, ClockRule};
 use ivv::internals::stage::{BETA1, BETA2, OFFSET_BOUND};
-use ivv::internals::twin::{Clock, ClockRule};
 
 pub(super) fn offsets(bench: &Bench, tally: &mut Tally) -> Result<()> {
     let starts = [("all equal", [0.3; 6]), ("one of 1e3", [1e3, 0.0, 0.0, 0.0, 0.0, 0.0])];

@@ -7,8 +7,8 @@ use anyhow::{Result, anyhow, ensure};
 use ivv::Constants;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::gpu::{Grid, Recording};
+use ivv::internals::reference::exclusive_scan;
 use ivv::internals::stage::{Outputs, PairGrids, Renderer, Scan};
-use ivv::internals::twin::exclusive_scan;
 use std::sync::Arc;
 
 pub(super) fn counts(bench: &Bench, tally: &mut Tally) -> Result<()> {
@@ -42,7 +42,7 @@ pub(super) fn counts(bench: &Bench, tally: &mut Tally) -> Result<()> {
             let sum: u64 = values.iter().map(|x| u64::from(*x)).sum();
             values.push(u64::from(total).saturating_sub(sum) as u32);
             let (found, exact) = (summed(bench, &values)?, exclusive_scan(&values).total);
-            ensure!(found == total && exact == total, "a sum of {found}, of {exact} in the twin");
+            ensure!(found == total && exact == total, "a sum of {found}, of {exact} in the reference");
             Ok(())
         });
     }

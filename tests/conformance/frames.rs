@@ -1,8 +1,8 @@
-//! Frames of the device beside those of the twin.
+//! Frames of the device beside those of the reference.
 
 use anyhow::{Result, bail, ensure};
+use ivv::internals::reference::Outputs as Truth;
 use ivv::internals::scene::Frame;
-use ivv::internals::twin::Outputs as Truth;
 
 /// The floats of pixel `i`: colour, alpha, depth, inverse depth, flow.
 fn pixel(frame: &Frame, i: usize) -> [f32; 8] {

@@ -1,6 +1,6 @@
 //! Numerical extremes: every parameter at the values that have ever hurt a renderer or an optimiser, as a table of rows.
 //!
-//! A row runs its cases on an open device and compares them with the twin in double precision, or with what must hold for
+//! A row runs its cases on an open device and compares them with the reference in double precision, or with what must hold for
 //! any numbers: nothing that is not finite, equal bits, a zero that is exactly zero. The table is that of the tests
 //! (`tests/extreme`, a test a row) and of the program `ivv-conformance`, which runs it on a user's own device. Rows are named after N1 to
 //! N30 of the project's study of numerics; each states the bound that it holds, and why where that is not the study's.

@@ -8,8 +8,8 @@ use super::random::Random;
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
 use ivv::Constants;
+use ivv::internals::reference::render_f64;
 use ivv::internals::scene::{Motion, Splats};
-use ivv::internals::twin::render_f64;
 use ivv::internals::vk::DeviceKind;
 
 /// Entries that one round of blending walks, `SEGMENT` of the engine.

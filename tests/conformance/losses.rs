@@ -5,8 +5,8 @@ use super::fixtures::photometric::{Pair, word};
 use super::fixtures::{grids, priors};
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
+use ivv::internals::reference::BilateralGrid;
 use ivv::internals::stage::{DepthSpace, GRID_SIZE, GridState, GridStep, Grids};
-use ivv::internals::twin::BilateralGrid;
 
 pub(super) fn no_error(bench: &Bench, tally: &mut Tally) -> Result<()> {
     type Level = fn(u32, u32) -> u8;

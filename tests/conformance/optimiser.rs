@@ -4,9 +4,9 @@ use super::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbe
 use super::random::{scene, view};
 use super::row::{Bench, Tally};
 use anyhow::{Result, ensure};
+use ivv::internals::reference::{batch_gradient, batch_sum};
 use ivv::internals::scene::Splats;
 use ivv::internals::stage::Rates;
-use ivv::internals::twin::{batch_gradient, batch_sum};
 use std::collections::BTreeSet;
 
 pub(super) fn gradients_of_any_size(bench: &Bench, tally: &mut Tally) -> Result<()> {
@@ -57,22 +57,24 @@ pub(super) fn gradients_of_any_size(bench: &Bench, tally: &mut Tally) -> Result<
     Ok(())
 }
 
-/// Compares a step with the twin's, number by number.
+/// Compares a step with the reference's, number by number.
 fn compare(tally: &mut Tally, start: &Scene, found: &Scene, gradient: &Splats, step: &Step) -> Result<()> {
     let gradient = numbers(gradient, &start.params.scale, &step.rates);
-    for ((twin, found), (g, rate, name, i)) in start.twins().into_iter().zip(found.twins()).zip(&gradient) {
-        let exact = twin.step(f64::from(*g), *rate, step.number);
+    for ((reference, found), (g, rate, name, i)) in
+        start.references().into_iter().zip(found.references()).zip(&gradient)
+    {
+        let exact = reference.step(f64::from(*g), *rate, step.number);
         // Squares beyond f32 give no step; those below it are lost, and with them the measure of the step. The first
         // step's correction undoes the factor of the second moment.
         let square = f64::from(*g).powi(2);
         let all = [found.parameter, found.first, found.second];
         ensure!(found.parameter.is_finite() && !all.iter().any(|x| x.is_nan()), "{name} of {i} with {g:e}: {found:?}");
-        if square > 1.001 * f64::from(f32::MAX) || *g == 0.0 && twin.first == 0.0 {
-            ensure!(found.parameter == twin.parameter, "{name} of {i} moved with {g:e}");
-        } else if (square > 1e-34 || twin.second > 1e-30) && square < 0.999 * f64::from(f32::MAX) {
+        if square > 1.001 * f64::from(f32::MAX) || *g == 0.0 && reference.first == 0.0 {
+            ensure!(found.parameter == reference.parameter, "{name} of {i} moved with {g:e}");
+        } else if (square > 1e-34 || reference.second > 1e-30) && square < 0.999 * f64::from(f32::MAX) {
             // The parameter's last bit, and the error of the step.
-            let last_bit = 1.2e-7 * exact.parameter.abs().max(twin.parameter.abs());
-            let way = (exact.parameter - twin.parameter).abs().max(*rate);
+            let last_bit = 1.2e-7 * exact.parameter.abs().max(reference.parameter.abs());
+            let way = (exact.parameter - reference.parameter).abs().max(*rate);
             let off = ((found.parameter - exact.parameter).abs() - last_bit).max(0.0);
             tally.within(&format!("the step of {name} of {i} with {g:e}"), off / way, 1e-6)?;
         }
@@ -92,11 +94,13 @@ fn summed(bench: &Bench, tally: &mut Tally, start: &Scene, size: f32) -> Result<
     let both = images.each_ref().map(|d_color| (&view, d_color.as_slice()));
     let (found, n_bad) = start.batch_step(&bench.gpu(), &both, &step)?;
     ensure!(n_bad == 0, "{n_bad} bad gradients");
-    for ((twin, found), (a, b)) in start.twins().into_iter().zip(found.twins()).zip(first.iter().zip(&second)) {
+    for ((reference, found), (a, b)) in
+        start.references().into_iter().zip(found.references()).zip(first.iter().zip(&second))
+    {
         let (g, rate) = (batch_gradient(batch_sum(&[a.0, b.0])), a.1);
-        let exact = twin.step(g, rate, step.number);
+        let exact = reference.step(g, rate, step.number);
         ensure!(found.parameter.is_finite() && found.first.is_finite(), "{} of {}: {found:?}", a.2, a.3);
-        let last_bit = 1.2e-7 * exact.parameter.abs().max(twin.parameter.abs());
+        let last_bit = 1.2e-7 * exact.parameter.abs().max(reference.parameter.abs());
         let off = ((found.parameter - exact.parameter).abs() - last_bit).max(0.0);
         tally.within(&format!("the step of {} of {} with {g:e}", a.2, a.3), off / rate.max(1e-9), 1e-6)?;
     }

@@ -9,9 +9,9 @@ use super::row::{Bench, Tally};
 use anyhow::{Result, bail, ensure};
 use ivv::Constants;
 use ivv::Error;
+use ivv::internals::reference::render_f64;
 use ivv::internals::scene::{Motion, View};
 use ivv::internals::stage::{Outputs, Renderer};
-use ivv::internals::twin::render_f64;
 use std::sync::Arc;
 
 pub(super) fn depths(bench: &Bench, tally: &mut Tally) -> Result<()> {

@@ -6,8 +6,8 @@ use super::random::scene;
 use super::row::{Bench, Tally};
 use anyhow::{Result, bail, ensure};
 use ivv::Constants;
+use ivv::internals::reference::{Camera, Params, Rules, project, render_f64};
 use ivv::internals::scene::{Frame, Motion, Splats, View};
-use ivv::internals::twin::{Camera, Params, Rules, project, render_f64};
 
 const NOT_FINITE: [f32; 3] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
 /// Zeros, the least and the greatest denormal, 1e38 and half of the greatest number, both signs.

@@ -42,7 +42,7 @@ pub(super) fn offsets(bench: &Bench, tally: &mut Tally) -> Result<()> {
         }
         let case = Case {
             // At 60 units nothing is recentred yet, and the camera's centre is rounded to 4e-6.
-            // The twin's band knows nothing of recentring: far away it is everywhere, and must be as exact as the rest.
+            // The reference's band knows nothing of recentring: far away it is everywhere, and must be as exact as the rest.
             tolerance: Tolerance { away: if distance == 60.0 { 1e-4 } else { 1e-5 }, band: 1e-4, n_band: 1.0 },
             check: Box::new(|frame, _| {
                 let off = rms(frame, &at_origin);

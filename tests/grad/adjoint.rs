@@ -5,12 +5,12 @@ use crate::adversary::slack;
 use crate::common::device::gpu;
 use crate::common::one::{One, ball, camera, scene_of, with};
 use crate::common::random::{Random, scene, view};
+use crate::common::references::tested;
 use crate::common::same::assert_same_gradients;
-use crate::common::twins::tested;
 use ivv::Constants;
+use ivv::internals::reference::Camera;
 use ivv::internals::scene::{Intrinsics, Motion, Pose, Splats, View};
 use ivv::internals::stage::Renderer;
-use ivv::internals::twin::Camera;
 use ivv::internals::vk::DeviceKind;
 use ivv_conformance::adjoint::{GROUPS, flat};
 

@@ -2,10 +2,10 @@
 
 use super::check::{smooth_cotangents, vjp};
 use crate::common::random::{scene, view};
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use ivv::Constants;
+use ivv::internals::reference::render_f64;
 use ivv::internals::scene::{Frame, Pose, Splats, View};
-use ivv::internals::twin::render_f64;
 
 tested! {
     "project/camera_sum.comp" by render_f64 in pose_and_background_gradients_are_the_differences_of_the_truth;

@@ -2,9 +2,9 @@
 
 use crate::common::device::{bench, gpu};
 use ivv::Constants;
+use ivv::internals::reference::render_f64;
 use ivv::internals::scene::{Frame, Splats, View};
 use ivv::internals::stage::{FrameReport, Gradients, Renderer};
-use ivv::internals::twin::render_f64;
 use ivv_conformance::adjoint;
 pub use ivv_conformance::adjoint::{cotangents, dot, flat, is_finite};
 

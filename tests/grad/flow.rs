@@ -6,11 +6,11 @@ use crate::common::device::gpu;
 use crate::common::random::{scene, view};
 use ivv::Constants;
 use ivv::internals::gpu::Recording;
+use ivv::internals::reference::render_f64;
 use ivv::internals::scene::{FlowModel, Frame, Pose, View};
 use ivv::internals::stage::{
     Outputs, Purpose, Renderer, Room, SceneBuffers, Size, Strip, Sums, Target, Workspace, view_params,
 };
-use ivv::internals::twin::render_f64;
 
 /// [`view`], and a frame on turned by 0.05 about its y axis and shifted.
 fn moving_view() -> View {

@@ -8,7 +8,7 @@ mod chunks;
 mod flow;
 mod golden;
 
-use crate::common::twins::Tested;
+use crate::common::references::Tested;
 
-/// Every gradient test that has a twin.
+/// Every gradient test that has a reference.
 pub const TESTED: &[&[Tested]] = &[accumulation::TESTED, adjoint::TESTED, camera::TESTED, chunks::TESTED];

@@ -1,9 +1,9 @@
-//! Adam on the device against its twin in double precision. Gradients of any size: row N24 of `tests/conformance`.
+//! Adam on the device against its reference in double precision. Gradients of any size: row N24 of `tests/conformance`.
 
 use crate::adversary::{rounds_otherwise, slack};
 use crate::common::device::gpu;
 use crate::common::random::{scene, view};
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use crate::kernel::assert_same_scene;
 use ivv::Constants;
 use ivv::internals::gpu::Recording;
@@ -12,16 +12,16 @@ use ivv::internals::stage::{AdamMode, Rates, StepSettings, Strip, Sums, adam_par
 use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 
 tested! {
-    "adam/adam_idle.comp" by Adam in a_step_of_every_parameter_seen_or_not_is_the_twins;
-    "adam/adam_catch_up.comp" by Adam in lazy_steps_catch_up_with_the_twins_to_2e_5_of_the_way;
-    "project/project_bwd.comp" by Adam in a_step_of_every_parameter_seen_or_not_is_the_twins;
+    "adam/adam_idle.comp" by Adam in a_step_of_every_parameter_seen_or_not_is_the_references;
+    "adam/adam_catch_up.comp" by Adam in lazy_steps_catch_up_with_the_references_to_2e_5_of_the_way;
+    "project/project_bwd.comp" by Adam in a_step_of_every_parameter_seen_or_not_is_the_references;
 }
 
 /// Error of a step, in units of the rate or of the step, where that is longer.
 const ALLOWED: f64 = 1e-6;
 
 #[test]
-fn a_step_of_every_parameter_seen_or_not_is_the_twins() {
+fn a_step_of_every_parameter_seen_or_not_is_the_references() {
     let otherwise = rounds_otherwise("moments follow from another kernel's gradient");
     let view = view();
     for degree in 0..=3 {
@@ -33,17 +33,17 @@ fn a_step_of_every_parameter_seen_or_not_is_the_twins() {
         for step in [1, 2, 1000] {
             let (found, n_bad) = scene.step(&gpu(), &view, &d_color, &Step::dense(step)).unwrap();
             assert_eq!(n_bad, 0);
-            let (found, mut n_moved) = (found.twins(), 0);
-            for ((twin, found), (g, rate, name, i)) in scene.twins().into_iter().zip(found).zip(&gradient) {
-                let truth = twin.step(f64::from(*g), *rate, step);
+            let (found, mut n_moved) = (found.references(), 0);
+            for ((reference, found), (g, rate, name, i)) in scene.references().into_iter().zip(found).zip(&gradient) {
+                let truth = reference.step(f64::from(*g), *rate, step);
                 // The parameter's last bit, and the error of the step.
-                let allowed = slack(1000.0) * ALLOWED * (truth.parameter - twin.parameter).abs().max(*rate)
-                    + 1.2e-7 * twin.parameter.abs().max(truth.parameter.abs());
+                let allowed = slack(1000.0) * ALLOWED * (truth.parameter - reference.parameter).abs().max(*rate)
+                    + 1.2e-7 * reference.parameter.abs().max(truth.parameter.abs());
                 let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs() + 1.2e-38;
                 assert!((found.parameter - truth.parameter).abs() <= allowed, "{name} of {i}: {found:?} for {truth:?}");
                 let are_close = close(found.first, truth.first) && close(found.second, truth.second);
                 assert!(are_close || otherwise, "{name} of {i}");
-                n_moved += usize::from(found.parameter != twin.parameter);
+                n_moved += usize::from(found.parameter != reference.parameter);
             }
             assert!(n_moved > gradient.len() / 3, "{n_moved} of {} moved", gradient.len());
         }
@@ -103,7 +103,7 @@ fn a_failed_frame_moves_nothing() {
 }
 
 #[test]
-fn lazy_steps_catch_up_with_the_twins_to_2e_5_of_the_way() {
+fn lazy_steps_catch_up_with_the_references_to_2e_5_of_the_way() {
     let gpu = gpu();
     let mut scene = half_seen(11, 2);
     let total = 2000;
@@ -126,16 +126,18 @@ fn lazy_steps_catch_up_with_the_twins_to_2e_5_of_the_way() {
         gpu.run(&rec).unwrap();
         let found = Scene::download(&gpu, &buffers, &optimiser).unwrap();
         assert!(found.state.iter().all(|s| s[3] == (from + k) as f32));
-        let mut truths = scene.twins();
+        let mut truths = scene.references();
         for step in from + 1..=from + k {
             for (truth, number) in truths.iter_mut().zip(numbers(&scene.params, &scene.params.scale, &of(step))) {
                 *truth = truth.step(0.0, number.1, step);
             }
         }
         let mut n_moved = 0;
-        for (at, ((twin, found), truth)) in scene.twins().into_iter().zip(found.twins()).zip(truths).enumerate() {
-            let way = (truth.parameter - twin.parameter).abs();
-            let allowed = 2e-5 * way.max(1e-4) + 1.2e-7 * twin.parameter.abs().max(truth.parameter.abs());
+        for (at, ((reference, found), truth)) in
+            scene.references().into_iter().zip(found.references()).zip(truths).enumerate()
+        {
+            let way = (truth.parameter - reference.parameter).abs();
+            let allowed = 2e-5 * way.max(1e-4) + 1.2e-7 * reference.parameter.abs().max(truth.parameter.abs());
             assert!((found.parameter - truth.parameter).abs() <= allowed, "{at} after {k}: {found:?} for {truth:?}");
             let close = |a: f64, b: f64| (a - b).abs() <= 1e-5 * b.abs() + 1.2e-38;
             assert!(close(found.first, truth.first) && close(found.second, truth.second), "{at} after {k}");

@@ -1,26 +1,26 @@
-//! Steps on several images: sums of gradients against the exact twin's, and a step along them against Adam's. Gradients of any
+//! Steps on several images: sums of gradients against the exact reference's, and a step along them against Adam's. Gradients of any
 //! size: row N24 of `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use crate::kernel::assert_same_scene;
 use ivv::Constants;
 use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
+use ivv::internals::reference::{batch_gradient, batch_place, batch_pulls, batch_sum};
 use ivv::internals::scene::{Splats, View};
 use ivv::internals::stage::{
     Batch, Cull, Planes, Purpose, Rates, Rows, SceneBuffers, StepSettings, Strip, adam_params, view_params,
 };
-use ivv::internals::twin::{batch_gradient, batch_place, batch_pulls, batch_sum};
 use ivv_conformance::fixtures::adam::{Step, cotangents, gradients, half_seen, numbers, rates};
 
 tested! {
-    "batch/batch_add.comp" by batch_sum in sums_of_three_images_have_the_twins_bits;
-    "batch/batch_pack.comp" by batch_place in sums_of_three_images_have_the_twins_bits;
+    "batch/batch_add.comp" by batch_sum in sums_of_three_images_have_the_references_bits;
+    "batch/batch_pack.comp" by batch_place in sums_of_three_images_have_the_references_bits;
     "batch/batch_unpack.comp" by batch_place in rows_that_were_exchanged_come_back_where_they_belong;
-    "batch/batch_step.comp" by Adam in a_step_along_a_sum_is_the_twins;
+    "batch/batch_step.comp" by Adam in a_step_along_a_sum_is_the_references;
 }
 
 /// Gradients of every size, with what is too large, and zeros of both signs.
@@ -69,7 +69,7 @@ fn pull_of(i: usize, image: usize) -> f32 {
 }
 
 #[test]
-fn sums_of_three_images_have_the_twins_bits() {
+fn sums_of_three_images_have_the_references_bits() {
     let gpu = gpu();
     for (n, degree) in [(1, 0), (2, 1), (31, 2), (33, 3), (130, 0), (300, 3)] {
         let mut params = scene(7, n, degree);
@@ -219,7 +219,7 @@ pub fn borrowed(images: &[(View, Vec<[f32; 3]>); 2]) -> [(&View, &[[f32; 3]]); 2
 }
 
 #[test]
-fn a_step_along_a_sum_is_the_twins() {
+fn a_step_along_a_sum_is_the_references() {
     let otherwise = rounds_otherwise("moments follow from another kernel's gradient");
     for degree in 0..=3 {
         let scene = half_seen(u64::from(degree), degree);
@@ -231,18 +231,19 @@ fn a_step_along_a_sum_is_the_twins() {
         for step in [1, 2, 1000] {
             let (found, n_bad) = scene.batch_step(&gpu(), &borrowed(&images), &Step::dense(step)).unwrap();
             assert_eq!(n_bad, 0);
-            let (found, mut n_moved) = (found.twins(), 0);
-            for ((twin, found), (a, b)) in scene.twins().into_iter().zip(found).zip(first.iter().zip(&second)) {
+            let (found, mut n_moved) = (found.references(), 0);
+            for ((reference, found), (a, b)) in scene.references().into_iter().zip(found).zip(first.iter().zip(&second))
+            {
                 let (rate, name, i) = (a.1, a.2, a.3);
-                let truth = twin.step(batch_gradient(batch_sum(&[a.0, b.0])), rate, step);
-                let allowed = 1e-6 * (truth.parameter - twin.parameter).abs().max(rate)
-                    + 1.2e-7 * twin.parameter.abs().max(truth.parameter.abs());
+                let truth = reference.step(batch_gradient(batch_sum(&[a.0, b.0])), rate, step);
+                let allowed = 1e-6 * (truth.parameter - reference.parameter).abs().max(rate)
+                    + 1.2e-7 * reference.parameter.abs().max(truth.parameter.abs());
                 let close = |a: f64, b: f64| (a - b).abs() <= 1e-6 * b.abs() + 1.2e-38;
                 let is_close = (found.parameter - truth.parameter).abs() <= allowed;
                 assert!(is_close || otherwise, "{name} of {i}: {found:?} for {truth:?}");
                 let are_close = close(found.first, truth.first) && close(found.second, truth.second);
                 assert!(are_close || otherwise, "{name} of {i}: {found:?} for {truth:?}");
-                n_moved += usize::from(found.parameter != twin.parameter);
+                n_moved += usize::from(found.parameter != reference.parameter);
             }
             assert!(n_moved > first.len() / 3, "{n_moved} of {} moved", first.len());
         }

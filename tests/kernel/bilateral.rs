@@ -1,23 +1,23 @@
-//! Bilateral grids on the device against their twin and dual numbers. No cotangent, and colours of any kind: the rows N20
+//! Bilateral grids on the device against their reference and dual numbers. No cotangent, and colours of any kind: the rows N20
 //! and N23 of `tests/conformance`.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::references::tested;
 use crate::common::same::assert_same;
-use crate::common::twins::tested;
+use ivv::internals::reference::{Adam, BilateralGrid, Dual, centred, pooled};
 use ivv::internals::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
-use ivv::internals::twin::{Adam, BilateralGrid, Dual, centred, pooled};
 use ivv_conformance::fixtures::grids::{Case, Found, random_grid, step};
 use std::fmt::Display;
 
 tested! {
-    "bilateral/bilateral_slice.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;
-    "bilateral/bilateral_grade.comp" by BilateralGrid in slices_are_the_twins_to_1e_6_at_any_size;
+    "bilateral/bilateral_slice.comp" by BilateralGrid in slices_are_the_references_to_1e_6_at_any_size;
+    "bilateral/bilateral_grade.comp" by BilateralGrid in slices_are_the_references_to_1e_6_at_any_size;
     "bilateral/bilateral_bwd.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
     "bilateral/bilateral_sum.comp" by BilateralGrid in the_backward_pass_is_the_adjoint_of_the_derivative;
-    "bilateral/bilateral_adam.comp" by Adam in a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing;
+    "bilateral/bilateral_adam.comp" by Adam in a_step_is_the_references_and_a_gradient_that_is_not_finite_moves_nothing;
     "bilateral/bilateral_adam.comp" by pooled in an_affine_step_is_that_of_one_map_in_all_cells;
-    "bilateral/bilateral_gauge.comp" by centred in the_gauge_takes_off_what_the_twin_does;
+    "bilateral/bilateral_gauge.comp" by centred in the_gauge_takes_off_what_the_reference_does;
 }
 
 /// Edges: a pixel, lines, fewer pixels than cells, several parts of a panel, wider and higher.
@@ -53,7 +53,7 @@ fn assert_same_grid(label: impl Display, found: &GridState, truth: &GridState) {
 }
 
 #[test]
-fn slices_are_the_twins_to_1e_6_at_any_size() {
+fn slices_are_the_references_to_1e_6_at_any_size() {
     for size in SIZES {
         let case = Case::random(1, size);
         let truth = case.truth();
@@ -163,7 +163,7 @@ fn a_pixel_whose_cotangent_is_not_finite_has_no_share_in_the_grids_gradient() {
 }
 
 #[test]
-fn a_step_is_the_twins_and_a_gradient_that_is_not_finite_moves_nothing() {
+fn a_step_is_the_references_and_a_gradient_that_is_not_finite_moves_nothing() {
     let gpu = gpu();
     let mut random = Random::new(12);
     for camera_step in [1u64, 2, 500] {
@@ -249,7 +249,7 @@ fn an_affine_step_is_that_of_one_map_in_all_cells() {
 }
 
 #[test]
-fn total_variation_and_its_gradient_are_the_twins() {
+fn total_variation_and_its_gradient_are_the_references() {
     let gpu = gpu();
     let state = random_grid(&mut Random::new(13), 0.3);
     let tv_weight = 10.0;
@@ -271,7 +271,7 @@ fn total_variation_and_its_gradient_are_the_twins() {
 }
 
 #[test]
-fn the_gauge_takes_off_what_the_twin_does() {
+fn the_gauge_takes_off_what_the_reference_does() {
     let gpu = gpu();
     let mut random = Random::new(18);
     // Without photographs, and with some behind those that film.

@@ -2,17 +2,17 @@
 
 use super::density::scene;
 use crate::common::device::gpu;
+use crate::common::references::tested;
 use crate::common::same::assert_same;
-use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
+use ivv::internals::reference::cleared;
 use ivv::internals::scene::{Clearing, Splats};
 use ivv::internals::stage::{Clearings, SceneBuffers};
-use ivv::internals::twin::cleared;
 
 tested! {
-    "density/clear.comp" by cleared in who_is_before_a_lens_goes_behind_it_as_in_the_twin;
+    "density/clear.comp" by cleared in who_is_before_a_lens_goes_behind_it_as_in_the_reference;
 }
 
 /// The kernel's margin.
@@ -80,7 +80,7 @@ fn spread(splats: &mut Splats) {
 }
 
 #[test]
-fn who_is_before_a_lens_goes_behind_it_as_in_the_twin() {
+fn who_is_before_a_lens_goes_behind_it_as_in_the_reference() {
     for (n_static, n_dynamic) in [(1, 0), (127, 129), (700, 600)] {
         let (mut splats, _) = scene(5, n_static, n_dynamic, 0);
         spread(&mut splats);

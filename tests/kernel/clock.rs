@@ -1,21 +1,21 @@
-//! The cameras' time offsets on the device, against their twin. Their gauge and bound: row N27 of `tests/conformance`.
+//! The cameras' time offsets on the device, against their reference. Their gauge and bound: row N27 of `tests/conformance`.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use ivv::Constants;
 use ivv::internals::gpu::Recording;
+use ivv::internals::reference::{Camera, Clock, ClockRule, clock_step};
 use ivv::internals::stage::{OFFSET_BOUND, Strip, TimeOffsets, view_params};
-use ivv::internals::twin::{Camera, Clock, ClockRule, clock_step};
 use ivv_conformance::fixtures::clocks::on_device;
 
 tested! {
     "clock/clock_apply.comp" by Camera in a_clock_shifts_the_view_by_its_offset_in_frames;
-    "clock/clock_step.comp" by clock_step in offsets_are_the_twins_for_any_number_of_cameras;
+    "clock/clock_step.comp" by clock_step in offsets_are_the_references_for_any_number_of_cameras;
 }
 
 #[test]
-fn offsets_are_the_twins_for_any_number_of_cameras() {
+fn offsets_are_the_references_for_any_number_of_cameras() {
     let rule = ClockRule { rate: 1e-2, regulariser: 1e-2, bound: OFFSET_BOUND };
     let dt = 1.0 / 24.0;
     for n in [1, 2, 5, 63, 64, 65, 200] {

@@ -3,15 +3,15 @@
 use crate::common::device::gpu;
 use crate::common::one::{One, ball, camera, scene_of};
 use crate::common::random::{Random, view, wild_scene};
+use crate::common::references::tested;
 use crate::common::same::assert_same;
 use crate::common::stages::Fixture;
-use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::internals::gpu::generated::compact;
 use ivv::internals::gpu::{Grid, Recording};
+use ivv::internals::reference::{Camera, Params, Rules, exclusive_scan, project, tiles_truth, visible};
 use ivv::internals::scene::{Motion, View};
 use ivv::internals::stage::{Among, Purpose, SceneBuffers};
-use ivv::internals::twin::{Camera, Params, Rules, exclusive_scan, project, tiles_truth, visible};
 
 tested! {
     "cull/bound.comp" by tiles_truth in no_gaussian_that_contributes_to_a_pixel_is_culled;

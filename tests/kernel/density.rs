@@ -1,26 +1,26 @@
-//! Density control on the device against its twin: the same lists, the same parameters, on scenes of both populations in
+//! Density control on the device against its reference: the same lists, the same parameters, on scenes of both populations in
 //! groups of any length.
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::{Watched, gpu};
 use crate::common::one::{One, ball, logit, scene_of};
 use crate::common::random::Random;
+use crate::common::references::tested;
 use crate::common::same::assert_same;
-use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::internals::gpu::Buf;
+use ivv::internals::reference::{Density, Descent, Kind};
 use ivv::internals::scene::{Cone, Motion, Splats};
 use ivv::internals::stage::{Choice, Counts, DensityRound, Grown, Moments, PruneLimits, SceneBuffers};
-use ivv::internals::twin::{Density, Descent, Kind};
 
 tested! {
-    "density/density_classify.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
-    "density/density_choose.comp" by Density in the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin;
-    "density/density_list.comp" by Density in the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin;
-    "density/density_sample.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
-    "density/density_relocate.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
-    "density/density_gather.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
-    "density/density_children.comp" by Density in the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred;
+    "density/density_classify.comp" by Density in the_dead_are_relocated_as_in_the_reference_and_a_round_adds_five_in_a_hundred;
+    "density/density_choose.comp" by Density in the_hardest_pulled_grow_and_the_faint_go_as_in_the_reference;
+    "density/density_list.comp" by Density in the_hardest_pulled_grow_and_the_faint_go_as_in_the_reference;
+    "density/density_sample.comp" by Density in the_dead_are_relocated_as_in_the_reference_and_a_round_adds_five_in_a_hundred;
+    "density/density_relocate.comp" by Density in the_dead_are_relocated_as_in_the_reference_and_a_round_adds_five_in_a_hundred;
+    "density/density_gather.comp" by Density in the_dead_are_relocated_as_in_the_reference_and_a_round_adds_five_in_a_hundred;
+    "density/density_children.comp" by Density in the_dead_are_relocated_as_in_the_reference_and_a_round_adds_five_in_a_hundred;
 }
 
 const PULLED: Choice = Choice::Pulled { gradient: 2e-4, split_above: 0.03 };
@@ -110,19 +110,19 @@ impl Case {
         self.scene.groups.iter().flat_map(|g| g.first..g.first + g.n).collect()
     }
 
-    fn twin(&self, round: &DensityRound) -> Descent {
+    fn reference(&self, round: &DensityRound) -> Descent {
         let flat = self.flat();
-        let twin = self.twin_of(round, &flat);
+        let reference = self.reference_of(round, &flat);
         match round.choice {
             Choice::Pulled { gradient, split_above } => {
                 let stats: Vec<[f32; 2]> = self.state.iter().map(|s| [s[0], s[1]]).collect();
-                twin.pulled(&stats, gradient, split_above)
+                reference.pulled(&stats, gradient, split_above)
             }
-            Choice::Drawn => twin.drawn(),
+            Choice::Drawn => reference.drawn(),
         }
     }
 
-    fn twin_of<'a>(&'a self, round: &DensityRound, flat: &'a [u32]) -> Density<'a> {
+    fn reference_of<'a>(&'a self, round: &DensityRound, flat: &'a [u32]) -> Density<'a> {
         Density {
             splats: &self.splats,
             flat,
@@ -140,17 +140,17 @@ impl Case {
         }
     }
 
-    /// One round, every number of which must be the twin's.
+    /// One round, every number of which must be the reference's.
     fn check(&self, round: &DensityRound) -> (After, Descent) {
-        let (after, twin) = (self.run(round).unwrap(), self.twin(round));
+        let (after, reference) = (self.run(round).unwrap(), self.reference(round));
         let flat = self.flat();
-        let density = self.twin_of(round, &flat);
-        let n_static = twin.descendants.iter().filter(|d| d.from < self.splats.n_static).count();
-        assert_eq!((after.splats.len(), after.splats.n_static), (twin.descendants.len(), n_static));
-        let codes: Vec<u32> = twin.descendants.iter().map(|d| density.code(d.from)).collect();
+        let density = self.reference_of(round, &flat);
+        let n_static = reference.descendants.iter().filter(|d| d.from < self.splats.n_static).count();
+        assert_eq!((after.splats.len(), after.splats.n_static), (reference.descendants.len(), n_static));
+        let codes: Vec<u32> = reference.descendants.iter().map(|d| density.code(d.from)).collect();
         assert!(codes.is_sorted());
         let k = self.splats.n_coefficients();
-        for (i, d) in twin.descendants.iter().enumerate() {
+        for (i, d) in reference.descendants.iter().enumerate() {
             let (new, old) = (&after.splats, &self.splats);
             // The first coefficient is a Gaussian's name.
             assert_eq!(new.sh[i * k..(i + 1) * k], old.sh[d.from * k..(d.from + 1) * k], "{i}: {d:?}");
@@ -163,7 +163,7 @@ impl Case {
                 let opacity = old.opacity[d.from].min(round.opacity_ceiling);
                 assert_eq!(found, (old.position[d.from], old.scale[d.from], opacity));
             }
-            let (position, scale, opacity) = density.child(*d, &twin.copies, f64::from(round.opacity_ceiling));
+            let (position, scale, opacity) = density.child(*d, &reference.copies, f64::from(round.opacity_ceiling));
             let size = f64::from(old.scale[d.from].iter().copied().fold(f32::MIN, f32::max)).exp();
             for k in 0..3 {
                 let error = (f64::from(found.0[k]) - position[k]).abs();
@@ -172,12 +172,12 @@ impl Case {
             }
             assert!((f64::from(found.2) - opacity).abs() < 4e-6 * (1.0 + opacity.abs()), "{i}: {d:?} {opacity}");
         }
-        self.check_moments(&after, &twin, round.opacity_ceiling < f32::MAX);
-        (after, twin)
+        self.check_moments(&after, &reference, round.opacity_ceiling < f32::MAX);
+        (after, reference)
     }
 
     /// Moments and state of what is as it was are kept, but for those of opacities that are reset; all others are zero.
-    fn check_moments(&self, after: &After, twin: &Descent, resets: bool) {
+    fn check_moments(&self, after: &After, reference: &Descent, resets: bool) {
         let old = &self.scene.groups;
         for (at, group) in after.grown.scene.groups.iter().enumerate() {
             assert!(group.n as usize <= self.scene.group_limit);
@@ -185,7 +185,7 @@ impl Case {
                 after.grown.moments.groups[at].buffers().map(|b| self.gpu.read(&b.cast()).unwrap()).collect();
             let state = self.gpu.read(&after.grown.state[at]).unwrap();
             for i in 0..group.n as usize {
-                let d = twin.descendants[group.start + i];
+                let d = reference.descendants[group.start + i];
                 let from = old.iter().rposition(|g| g.start <= d.from).unwrap();
                 let local = d.from - old[from].start;
                 let planes = planes_of(&self.splats, d.from, self.moments.bits);
@@ -291,7 +291,7 @@ const SIZES: [(usize, usize, usize); 9] = [
 ];
 
 #[test]
-fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin() {
+fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_reference() {
     if rounds_otherwise("places on the edge of a cell, whose side the last bit of a quotient decides") {
         return;
     }
@@ -304,10 +304,10 @@ fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_twin() {
             splats.scale.fill([-4.0; 3]);
         }
         let case = Case::with_moments(splats, state, limit, [32, 16][seed % 2]);
-        let (after, twin) = case.check(&ROUND);
-        let [cloned, split, pruned] = twin.counts.map(|n| n as u32);
+        let (after, reference) = case.check(&ROUND);
+        let [cloned, split, pruned] = reference.counts.map(|n| n as u32);
         assert_eq!(after.grown.counts, Counts { cloned, split, pruned, relocated: 0 });
-        totals = std::array::from_fn(|k| totals[k] + twin.counts[k]);
+        totals = std::array::from_fn(|k| totals[k] + reference.counts[k]);
     }
     assert!(totals.iter().all(|n| *n > 100), "{totals:?}");
 }
@@ -380,7 +380,7 @@ fn a_disc_before_a_lens_goes_if_it_lies_along_the_line_of_sight_and_stays_if_it_
 }
 
 #[test]
-fn the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred() {
+fn the_dead_are_relocated_as_in_the_reference_and_a_round_adds_five_in_a_hundred() {
     let mut copied = 0;
     for (seed, (n_static, n_dynamic, limit)) in SIZES.into_iter().enumerate() {
         let (mut splats, state) = scene(seed as u64, n_static, n_dynamic, seed as u32 % 4);
@@ -388,13 +388,13 @@ fn the_dead_are_relocated_as_in_the_twin_and_a_round_adds_five_in_a_hundred() {
             splats.opacity.fill(1.0);
         }
         let case = Case::with_moments(splats, state, limit, [16, 32][seed % 2]);
-        let (after, twin) = case.check(&DRAWN);
+        let (after, reference) = case.check(&DRAWN);
         let n = n_static + n_dynamic;
         assert_eq!(after.splats.len(), n + n.div_ceil(20));
-        let [cloned, _, relocated] = twin.counts.map(|n| n as u32);
+        let [cloned, _, relocated] = reference.counts.map(|n| n as u32);
         assert_eq!(after.grown.counts, Counts { cloned, split: 0, pruned: 0, relocated });
         copied += relocated;
-        assert_eq!(twin.copies.iter().sum::<u32>(), relocated + cloned);
+        assert_eq!(reference.copies.iter().sum::<u32>(), relocated + cloned);
         // At the budget, relocation keeps the number.
         let full = DensityRound { max_gaussians: n as u32, ..DRAWN };
         assert_eq!(case.check(&full).0.splats.len(), n);

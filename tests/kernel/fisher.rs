@@ -2,11 +2,11 @@
 
 use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use ivv::Constants;
+use ivv::internals::reference::responses;
 use ivv::internals::scene::{Frame, Splats, View};
 use ivv::internals::stage::{Census, Outputs, Renderer, Response};
-use ivv::internals::twin::responses;
 
 tested! {
     "fisher/fisher.comp" by responses in sums_over_views_are_those_of_the_gradients;

@@ -3,7 +3,7 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::stage::{MOST_TERMS, Report, SSIM_WEIGHT, record_report};

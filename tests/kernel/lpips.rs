@@ -5,7 +5,7 @@ use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use crate::common::notes::shared;
 use crate::common::random::Random;
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use crate::scene::{Folder, fault};
 use ivv::Error;
 use ivv::internals::gpu::{Gpu, Recording};

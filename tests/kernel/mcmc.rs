@@ -3,14 +3,14 @@
 use super::density::{Case, DRAWN, scene};
 use crate::common::device::gpu;
 use crate::common::one::{ball, camera, logit, scene_of};
+use crate::common::references::tested;
 use crate::common::same::assert_same;
-use crate::common::twins::tested;
 use ivv::Constants;
 use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
+use ivv::internals::reference::{normals, shared_opacity};
 use ivv::internals::scene::Splats;
 use ivv::internals::stage::{DensityRound, Outputs, Renderer, SceneBuffers, record_mcmc_noise};
-use ivv::internals::twin::{normals, shared_opacity};
 
 tested! {
     "density/mcmc_noise.comp" by normals in noise_moves_the_faint_along_their_covariance_and_nothing_when_the_step_failed;

@@ -1,4 +1,4 @@
-//! Each kernel against its exact twin: edge sizes, poisoned memory, guarded ends.
+//! Each kernel against its exact reference: edge sizes, poisoned memory, guarded ends.
 
 mod adam;
 mod batch;
@@ -22,12 +22,12 @@ mod show;
 mod sort;
 mod tiles;
 
+use crate::common::references::Tested;
 use crate::common::same::{assert_same, assert_same_splats};
-use crate::common::twins::Tested;
 use ivv_conformance::fixtures::adam::Scene;
 use std::fmt::Display;
 
-/// Every kernel test that has a twin.
+/// Every kernel test that has a reference.
 pub const TESTED: &[&[Tested]] = &[
     adam::TESTED,
     batch::TESTED,

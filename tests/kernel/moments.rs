@@ -1,29 +1,29 @@
-//! Adam's moments in 16 bits: what is stored against the twin's rounding of what 32 bits store. Extreme numbers: row N25 of
+//! Adam's moments in 16 bits: what is stored against the reference's rounding of what 32 bits store. Extreme numbers: row N25 of
 //! `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::gpu;
 use crate::common::random::{Random, scene, view};
+use crate::common::references::tested;
 use crate::common::same::{assert_same, assert_same_splats};
-use crate::common::twins::tested;
 use crate::kernel::assert_same_scene;
 use crate::kernel::batch::{borrowed, two};
 use ivv::Constants;
 use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
+use ivv::internals::reference::{random_bits, rounded_moment};
 use ivv::internals::scene::Splats;
 use ivv::internals::stage::{
     AdamMode, Purpose, Rates, SceneBuffers, StepSettings, adam_params, lazy_sums, moment_word, moments_of,
 };
-use ivv::internals::twin::{random_bits, rounded_moment};
 use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 use std::fmt::Display;
 
 tested! {
-    "adam/adam_idle.comp" by rounded_moment in moments_fade_to_the_twins_bits_in_groups_of_any_size;
+    "adam/adam_idle.comp" by rounded_moment in moments_fade_to_the_references_bits_in_groups_of_any_size;
     "adam/adam_catch_up.comp" by rounded_moment in lazy_steps_catch_up_and_round_once;
-    "batch/batch_step.comp" by rounded_moment in a_step_along_a_sum_rounds_what_it_stores_as_the_twin_does;
-    "project/project_bwd.comp" by rounded_moment in a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does;
+    "batch/batch_step.comp" by rounded_moment in a_step_along_a_sum_rounds_what_it_stores_as_the_reference_does;
+    "project/project_bwd.comp" by rounded_moment in a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_reference_does;
 }
 
 /// The Gaussian, plane and component of each of [`numbers`], as `moments.glsl` counts them.
@@ -57,7 +57,7 @@ fn flat(splats: &Splats) -> Vec<u32> {
     scene.groups.iter().flat_map(|g| g.first..g.first + g.n).collect()
 }
 
-/// Demands that `packed`, stored at step `step`, are the twin's roundings of `plain`, and gives how many there are of numbers
+/// Demands that `packed`, stored at step `step`, are the reference's roundings of `plain`, and gives how many there are of numbers
 /// other than 0.
 fn assert_rounded(packed: &Scene, plain: &Scene, step: u32) -> usize {
     let (places, flat, mut n) = (places(&plain.params), flat(&plain.params), 0);
@@ -114,7 +114,7 @@ fn warm(seed: u64, n: usize, degree: u32) -> Scene {
 }
 
 #[test]
-fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does() {
+fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_reference_does() {
     if rounds_otherwise("two kernels have the same bits") {
         return;
     }
@@ -142,7 +142,7 @@ fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_twin_does() {
 }
 
 #[test]
-fn a_step_along_a_sum_rounds_what_it_stores_as_the_twin_does() {
+fn a_step_along_a_sum_rounds_what_it_stores_as_the_reference_does() {
     if rounds_otherwise("two kernels have the same bits") {
         return;
     }
@@ -158,7 +158,7 @@ fn a_step_along_a_sum_rounds_what_it_stores_as_the_twin_does() {
 }
 
 #[test]
-fn moments_fade_to_the_twins_bits_in_groups_of_any_size() {
+fn moments_fade_to_the_references_bits_in_groups_of_any_size() {
     if rounds_otherwise("two kernels have the same bits") {
         return;
     }

@@ -1,20 +1,20 @@
-//! The cameras' poses on the device, against their twin.
+//! The cameras' poses on the device, against their reference.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use glam::{DMat3, DQuat, DVec3, Vec3};
 use ivv::Constants;
 use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::constants::pose::POSE_MOST_TURN;
 use ivv::internals::gpu::generated::{Status, ViewParams};
+use ivv::internals::reference::{PoseMoments, PoseRule, PoseState, corrected, pose_step};
 use ivv::internals::scene::{Pose, View};
 use ivv::internals::stage::{PoseRows, PoseStep, Poses, Strip, view_params};
-use ivv::internals::twin::{PoseMoments, PoseRule, PoseState, corrected, pose_step};
 
 tested! {
     "pose/pose_apply.comp" by corrected in a_view_is_turned_and_shifted_as_its_pose_is;
-    "pose/pose_step.comp" by pose_step in poses_are_the_twins_for_any_number_of_cameras;
+    "pose/pose_step.comp" by pose_step in poses_are_the_references_for_any_number_of_cameras;
 }
 
 const RULE: PoseRule = PoseRule { rates: [2e-3, 3e-3], most: [POSE_MOST_TURN as f64, 0.05] };
@@ -119,7 +119,7 @@ fn on_device(
 }
 
 #[test]
-fn poses_are_the_twins_for_any_number_of_cameras() {
+fn poses_are_the_references_for_any_number_of_cameras() {
     for n in [1, 2, 5, 63, 64, 65, 200] {
         let mut random = Random::new(n as u64);
         let views: Vec<View> = (0..n).map(|_| seen(&mut random)).collect();

@@ -3,7 +3,7 @@
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use ivv::internals::stage::DepthSpace;
 use ivv_conformance::fixtures::priors::Case;
 

@@ -1,9 +1,9 @@
-//! The probes leave what their twins say: what they time is the work that they count.
+//! The probes leave what their references say: what they time is the work that they count.
 
 use crate::common::device::gpu;
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use ivv::internals::profile::{Peaks, Prepared, Probe, dispatch_ns, dispatches};
-use ivv::internals::twin::{exp2_solution, fma_sum, scattered_rows, turned_lane};
+use ivv::internals::reference::{exp2_solution, fma_sum, scattered_rows, turned_lane};
 
 tested! {
     "probe/probe_fma.comp" by fma_sum in chains_of_multiply_adds_take_every_step;

@@ -2,12 +2,12 @@
 
 use crate::adversary::slack;
 use crate::common::random::{scene, view};
+use crate::common::references::tested;
 use crate::common::stages::{Active, Fixture};
-use crate::common::twins::tested;
 use glam::DMat3;
 use ivv::Constants;
+use ivv::internals::reference::{Camera, Params, Projected, Rules, basis, power, project, tiles_truth};
 use ivv::internals::scene::{Pose, Splats, View};
-use ivv::internals::twin::{Camera, Params, Projected, Rules, basis, power, project, tiles_truth};
 
 tested! {
     "project/project.comp" by project in records_of_every_degree_and_population_are_those_of_float64;

@@ -1,17 +1,17 @@
-//! Prefix sums of the device against the twin.
+//! Prefix sums of the device against the reference.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::references::tested;
 use crate::common::same::assert_same;
-use crate::common::twins::tested;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::gpu::{Grid, Recording};
+use ivv::internals::reference::exclusive_scan;
 use ivv::internals::stage::{PairGrids, Scan};
-use ivv::internals::twin::exclusive_scan;
 
 tested! {
-    "scan/scan_reduce.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;
-    "scan/scan_downsweep.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_twins;
+    "scan/scan_reduce.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_references;
+    "scan/scan_downsweep.comp" by exclusive_scan in the_prefix_sum_of_any_length_is_the_references;
 }
 
 /// Lengths around the block (1,024), the step over the blocks before (128) and one.
@@ -52,22 +52,22 @@ fn scan_on_device(values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, u32) {
 }
 
 #[test]
-fn the_prefix_sum_of_any_length_is_the_twins() {
+fn the_prefix_sum_of_any_length_is_the_references() {
     for n in SIZES {
         let mut random = Random::new(n as u64);
         let values: Vec<u32> = (0..n).map(|_| random.bits() as u32 % 1000).collect();
-        let twin = exclusive_scan(&values);
-        assert!(n < 2 || twin.total > 0);
+        let reference = exclusive_scan(&values);
+        assert!(n < 2 || reference.total > 0);
         let (offsets, total) = scan_on_device(&values, None);
-        assert_same(format_args!("{n} values"), &offsets, &twin.offsets);
-        assert_eq!(total, twin.total, "{n} values");
+        assert_same(format_args!("{n} values"), &offsets, &reference.offsets);
+        assert_eq!(total, reference.total, "{n} values");
 
         // Half as many, each from anywhere.
         let index: Vec<u32> = (0..n / 2).map(|_| (random.bits() % n as u64) as u32).collect();
         let named: Vec<u32> = index.iter().map(|i| values[*i as usize]).collect();
-        let twin = exclusive_scan(&named);
+        let reference = exclusive_scan(&named);
         let (offsets, total) = scan_on_device(&values, Some(&index));
-        assert_same(format_args!("{} of {n} values", n / 2), &offsets, &twin.offsets);
-        assert_eq!(total, twin.total, "{} of {n} values", n / 2);
+        assert_same(format_args!("{} of {n} values", n / 2), &offsets, &reference.offsets);
+        assert_eq!(total, reference.total, "{} of {n} values", n / 2);
     }
 }

@@ -1,16 +1,16 @@
-//! Outputs as a window shows them, against the twin and against the PNG of the same picture.
+//! Outputs as a window shows them, against the reference and against the PNG of the same picture.
 
 use crate::adversary::slack;
 use crate::common::device::gpu;
 use crate::common::random::Random;
-use crate::common::twins::tested;
+use crate::common::references::tested;
 use ivv::internals::gpu::Recording;
+use ivv::internals::reference::{laid_over, shown};
 use ivv::internals::scene::Frame;
 use ivv::internals::stage::{Layer, Screen};
-use ivv::internals::twin::{laid_over, shown};
 
 tested! {
-    "screen/show.comp" by shown in every_output_is_the_twins_to_the_rounding;
+    "screen/show.comp" by shown in every_output_is_the_references_to_the_rounding;
 }
 
 const HIGH: f32 = 3.0;
@@ -63,7 +63,7 @@ fn on_device(size: [u32; 2], images: &[Vec<[f32; 4]>; 2], layer: Layer, is_bgra:
 }
 
 #[test]
-fn every_output_is_the_twins_to_the_rounding() {
+fn every_output_is_the_references_to_the_rounding() {
     for size in [[1, 1], [7, 5], [1, 129], [64, 2], [131, 67]] {
         let images = images((size[0] * size[1]) as usize);
         for (layer, code) in LAYERS.into_iter().zip(0..) {

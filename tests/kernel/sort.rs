@@ -1,17 +1,17 @@
-//! Radix sort of the device against the twin.
+//! Radix sort of the device against the reference.
 
 use crate::common::device::gpu;
 use crate::common::random::Random;
+use crate::common::references::tested;
 use crate::common::same::assert_same;
-use crate::common::twins::tested;
 use ivv::internals::gpu::{Grid, Recording};
+use ivv::internals::reference::radix_sort;
 use ivv::internals::stage::{Carried, Sort, Unsorted};
-use ivv::internals::twin::radix_sort;
 
 tested! {
-    "sort/sort_count.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
-    "sort/sort_scatter.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
-    "sort/sort_exchange.comp" by radix_sort in the_sort_of_any_length_is_the_twins_and_stable;
+    "sort/sort_count.comp" by radix_sort in the_sort_of_any_length_is_the_references_and_stable;
+    "sort/sort_scatter.comp" by radix_sort in the_sort_of_any_length_is_the_references_and_stable;
+    "sort/sort_exchange.comp" by radix_sort in the_sort_of_any_length_is_the_references_and_stable;
 }
 
 /// A word past the end, which must survive.
@@ -47,7 +47,7 @@ fn sort_on_device(keys: &[u32], values: Option<&[u32]>, n_bits: u32) -> (Vec<u32
 }
 
 #[test]
-fn the_sort_of_any_length_is_the_twins_and_stable() {
+fn the_sort_of_any_length_is_the_references_and_stable() {
     // Around blocks of 2,048 keys, and around ranges of 1, 2, 4, 8 and 16 of them.
     let sizes = [(1, 32), (63, 32), (2047, 8), (2048, 16), (2049, 24), (4097, 7), (8200, 9), (33_000, 13), (50_001, 1)];
     for (n, n_bits) in sizes.into_iter().chain([(70_000, 32), (131_072, 3), (600_000, 13)]) {

@@ -66,7 +66,7 @@ fn every_kernel_of_a_frame_or_a_step_has_a_model_of_its_cost() {
 }
 
 #[test]
-fn pairs_counted_on_the_host_are_those_of_the_twin() {
+fn pairs_counted_on_the_host_are_those_of_the_reference() {
     let gpu = gpu();
     let (splats, view) = (random::scene(9, 300, 0), random::view());
     let mut renderer = Renderer::new(gpu.clone(), &splats, Constants::default()).unwrap();
@@ -75,12 +75,12 @@ fn pairs_counted_on_the_host_are_those_of_the_twin() {
         crate::common::notes::skip("the device has no timestamps");
         return;
     }
-    let twin = ivv::internals::twin::render_f64(&splats, &view, &Constants::default());
-    let added: u64 = twin.n_contributing.iter().map(|n| u64::from(*n)).sum();
+    let reference = ivv::internals::reference::render_f64(&splats, &view, &Constants::default());
+    let added: u64 = reference.n_contributing.iter().map(|n| u64::from(*n)).sum();
     let counters = &report.counters;
     assert!(added > 1000, "{added}");
     let off = (counters.added - added as f64).abs();
-    assert!(off <= 1e-3 * added as f64, "{} counted, {added} in the twin", counters.added);
+    assert!(off <= 1e-3 * added as f64, "{} counted, {added} in the reference", counters.added);
     assert!(counters.evaluated >= counters.added && counters.evaluated <= 256.0 * counters.intersections);
     assert_eq!(counters.pixels, f64::from(view.intrinsics.width * view.intrinsics.height));
     let blend = report.passes.iter().find(|pass| pass.label.starts_with("blend/blend_fwd")).unwrap();

@@ -3,9 +3,9 @@
 use crate::common::device::gpu;
 use crate::common::golden::{CASES, load};
 use ivv::Constants;
+use ivv::internals::reference::render_f64;
 use ivv::internals::scene::Frame;
 use ivv::internals::stage::{Outputs, Renderer};
-use ivv::internals::twin::render_f64;
 
 /// Tensors of a frame, flat and row-major, with their channels per pixel.
 fn tensors(frame: &Frame) -> [(&'static str, usize, Vec<f64>); 5] {

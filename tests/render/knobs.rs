@@ -5,10 +5,10 @@ use crate::common::frames::{pixels, render, render_with};
 use crate::common::one::{ball, camera, scene_of};
 use crate::common::random::{scene, view, wild_scene};
 use crate::common::same::assert_same_frame;
+use ivv::internals::reference::render_f64;
 use ivv::internals::scene::{Frame, Splats, View};
 use ivv::internals::settings::{Constants, Culls, Knobs, TileBound};
 use ivv::internals::stage::{Outputs, Renderer, constants_on};
-use ivv::internals::twin::render_f64;
 use ivv::internals::vk::DeviceKind;
 
 fn turned(splats: &Splats, view: &View, knobs: Knobs) -> (Frame, ivv::internals::stage::FrameReport) {

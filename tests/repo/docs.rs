@@ -21,7 +21,7 @@ fn purpose(shader: &str) -> String {
 /// The table of kernels as Markdown.
 fn kernel_table() -> String {
     let mut lines = vec![
-        "| kernels | shader | choices | purpose | twin | time grows with |".to_owned(),
+        "| kernels | shader | choices | purpose | reference | time grows with |".to_owned(),
         "| --- | --- | --- | --- | --- | --- |".to_owned(),
     ];
     for family in FAMILIES {
@@ -29,9 +29,9 @@ fn kernel_table() -> String {
             let values = axis.values.iter().map(|(name, _)| if name.is_empty() { "-" } else { name });
             format!("`{}`: {}", axis.name, values.collect::<Vec<_>>().join(", "))
         });
-        let of = KERNELS.iter().filter(|row| row.family.name == family.name && !row.twin().is_empty());
-        let mut twins: Vec<String> = of.map(|row| format!("`{}`", row.twin())).collect();
-        twins.dedup();
+        let of = KERNELS.iter().filter(|row| row.family.name == family.name && !row.reference().is_empty());
+        let mut references: Vec<String> = of.map(|row| format!("`{}`", row.reference())).collect();
+        references.dedup();
         lines.push(format!(
             "| `{}{}` | `{}` | {} | {} | {} | {} |",
             family.name,
@@ -39,7 +39,7 @@ fn kernel_table() -> String {
             family.file,
             choices.collect::<Vec<_>>().join("; "),
             purpose(family.file),
-            twins.join(", "),
+            references.join(", "),
             format!("{:?}", family.count).to_lowercase(),
         ));
     }

@@ -1,7 +1,7 @@
-//! The table of kernels against the shaders, the twins and the committed SPIR-V, and the rules of the dialect.
+//! The table of kernels against the shaders, the references and the committed SPIR-V, and the rules of the dialect.
 
 use super::{files, text, without_comments, words};
-use crate::common::twins::Tested;
+use crate::common::references::Tested;
 use ivv::internals::gpu::spirv_hashes;
 use ivv::internals::gpu::table::{KERNELS, Spec};
 use rspirv::spirv::Capability;
@@ -86,16 +86,16 @@ fn every_shader_opens_with_licence_purpose_equation_grid_and_numerics() {
     }
 }
 
-/// Kernels without a twin, and why.
-const WITHOUT_TWIN: [(&str, &str); 2] = [
+/// Kernels without a reference, and why.
+const WITHOUT_REFERENCE: [(&str, &str); 2] = [
     ("probe_copy", "it computes nothing: kernel::probe reads every copied row"),
     ("probe_dispatch", "it counts dispatches: kernel::probe reads the count"),
 ];
 
-/// What a test's file says besides its list of twins, with the fixtures of `tests/conformance` that it runs its cases by.
+/// What a test's file says besides its list of references, with the fixtures of `tests/conformance` that it runs its cases by.
 fn of_test(file: &str) -> String {
     let own = text(file);
-    let (before, rest) = own.split_once("tested! {").unwrap_or_else(|| panic!("{file}: no list of twins"));
+    let (before, rest) = own.split_once("tested! {").unwrap_or_else(|| panic!("{file}: no list of references"));
     let mut all = [before, rest.split_once("\n}\n").unwrap().1].concat();
     for fixture in own.split("ivv_conformance::fixtures::").skip(1).filter_map(|rest| words(rest).next()) {
         all += &text(&format!("tests/conformance/fixtures/{fixture}.rs"));
@@ -107,34 +107,35 @@ fn of_test(file: &str) -> String {
 }
 
 #[test]
-fn every_kernel_has_a_twin_and_a_test_that_compares_them() {
+fn every_kernel_has_a_reference_and_a_test_that_compares_them() {
     let tested: Vec<&Tested> = [crate::kernel::TESTED, crate::grad::TESTED].concat().into_iter().flatten().collect();
     for row in KERNELS.iter() {
-        if WITHOUT_TWIN.iter().any(|(name, _)| *name == row.name) {
-            assert_eq!(row.twin(), "", "{}: it has a twin after all", row.name);
+        if WITHOUT_REFERENCE.iter().any(|(name, _)| *name == row.name) {
+            assert_eq!(row.reference(), "", "{}: it has a reference after all", row.name);
             continue;
         }
-        let (module, name) = row.twin().split_once("::").unwrap_or_else(|| panic!("{}: twin {}", row.name, row.twin()));
-        let twins = text(&format!("engine/twin/{module}.rs"));
+        let (module, name) =
+            row.reference().split_once("::").unwrap_or_else(|| panic!("{}: reference {}", row.name, row.reference()));
+        let references = text(&format!("engine/reference/{module}.rs"));
         let is_there = ["pub fn ", "pub struct "].iter().any(|kind| {
-            let after = twins.split(&format!("{kind}{name}")).nth(1);
+            let after = references.split(&format!("{kind}{name}")).nth(1);
             after.is_some_and(|rest| rest.starts_with(['(', '<', ' ']))
         });
-        assert!(is_there, "{}: engine/twin/{module}.rs has no {name}", row.name);
-        let is_tested = tested.iter().any(|test| (test.shader, test.twin) == (row.file, name));
+        assert!(is_there, "{}: engine/reference/{module}.rs has no {name}", row.name);
+        let is_tested = tested.iter().any(|test| (test.shader, test.reference) == (row.file, name));
         assert!(is_tested, "{}: no test says `\"{}\" by {name} in TEST;` in a tested! list", row.name, row.file);
     }
-    for Tested { shader, twin, test, file } in tested {
-        let is_of_a_row = |row: &Spec| row.file == *shader && row.twin().ends_with(&format!("::{twin}"));
-        assert!(KERNELS.iter().any(is_of_a_row), "{file}: `\"{shader}\" by {twin}` is of no kernel");
+    for Tested { shader, reference, test, file } in tested {
+        let is_of_a_row = |row: &Spec| row.file == *shader && row.reference().ends_with(&format!("::{reference}"));
+        assert!(KERNELS.iter().any(is_of_a_row), "{file}: `\"{shader}\" by {reference}` is of no kernel");
         // It runs: an ignored test would have another line between.
         assert!(
             text(file).contains(&format!("#[test]\nfn {test}() {{\n")),
             "{file}: {test} is no test that always runs"
         );
         assert!(
-            words(&of_test(file)).any(|word| word == *twin),
-            "{file}: {test} is to compare with {twin}, unnamed there"
+            words(&of_test(file)).any(|word| word == *reference),
+            "{file}: {test} is to compare with {reference}, unnamed there"
         );
     }
 }

@@ -237,7 +237,7 @@ fn colours_are_rounded_so_that_they_are_right_where_cameras_look() {
         let length = to.iter().map(|x| x * x).sum::<f64>().sqrt();
         let k = splats.n_coefficients();
         let coefficients: Vec<[f64; 3]> = splats.sh[i * k..(i + 1) * k].iter().map(|c| c.map(f64::from)).collect();
-        ivv::internals::twin::color(&coefficients, to.map(|x| x / length))
+        ivv::internals::reference::color(&coefficients, to.map(|x| x / length))
     };
     let error = |found: &Splats, eyes: &[[f64; 3]]| {
         let (mut sum, mut n) = (0.0, 0);

@@ -5,10 +5,10 @@ use crate::common::device::gpu;
 use crate::common::frames::{psnr, render, render_with};
 use crate::common::random::{scene, view};
 use ivv::Constants;
+use ivv::internals::reference::cleared;
 use ivv::internals::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS};
 use ivv::internals::scene::{Frame, Pose, Similarity, Splats};
 use ivv::internals::train::{Config, Setup, Trainer, from_points};
-use ivv::internals::twin::cleared;
 
 /// Least PSNR against the same thing in its own units at the origin, dB.
 const LEAST_PSNR: f64 = 80.0;

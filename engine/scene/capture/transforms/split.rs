@@ -20,23 +20,23 @@ pub(super) fn join(entries: &mut Vec<Entry>, mut tests: Vec<Entry>, notes: &mut 
         by_image.insert(&entry.shot.image, index);
         by_place.entry(cell(entry)).or_default().push(index);
     }
-    let twin = |test: &Entry| {
+    let reference = |test: &Entry| {
         let near = || by_place.get(&cell(test)).into_iter().flatten().copied();
         by_image.get(test.shot.image.as_path()).copied().or_else(|| near().find(|at| is_same(&entries[*at], test)))
     };
-    let twins: Vec<Option<usize>> = tests.iter().map(twin).collect();
-    let mut of_training: Vec<usize> = twins.iter().flatten().copied().collect();
+    let references: Vec<Option<usize>> = tests.iter().map(reference).collect();
+    let mut of_training: Vec<usize> = references.iter().flatten().copied().collect();
     of_training.sort_unstable();
     of_training.dedup();
-    let n_both = twins.iter().flatten().count();
+    let n_both = references.iter().flatten().count();
     let n_tests = tests.len();
     if n_both > 0 && 2 * of_training.len() <= entries.len() {
         let mut index = 0;
         entries.retain(|_| (of_training.binary_search(&index).is_err(), index += 1).0);
         notes.push(format!("{n_both} of {n_tests} test views are training views: they are left out of training"));
     } else if n_both > 0 {
-        let mut twins = twins.iter();
-        tests.retain(|_| twins.next().is_some_and(Option::is_none));
+        let mut references = references.iter();
+        tests.retain(|_| references.next().is_some_and(Option::is_none));
         let why = "without them too little would be left to train on";
         let instead = if tests.is_empty() { "; other views are kept for testing" } else { "" };
         notes.push(format!(

@@ -1,6 +1,6 @@
 //! The factored covariance in f32: needles and extreme scales, rows n03 and n02 of `ivv-conformance`.
 
-use ivv::internals::twin::{Footprint, footprint, power};
+use ivv::internals::reference::{Footprint, footprint, power};
 
 use crate::common::random::Random;
 

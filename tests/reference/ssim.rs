@@ -1,7 +1,7 @@
-//! The twin's photometric loss against a published SSIM, the formula at one place, and finite differences.
+//! The reference's photometric loss against a published SSIM, the formula at one place, and finite differences.
 
 use crate::common::random::Random;
-use ivv::internals::twin::{Dual, photometric, ssim_map};
+use ivv::internals::reference::{Dual, photometric, ssim_map};
 
 /// A grey picture in [0, 1] and its size.
 fn grey(path: &str) -> (Vec<f64>, [usize; 2]) {

@@ -1,4 +1,4 @@
-//! Float64 truth and exact twins of the integer kernels, on the CPU. No SIMD, no threads, no cleverness.
+//! Float64 truth and exact references of the integer kernels, on the CPU. No SIMD, no threads, no cleverness.
 //!
 //! Written to be read beside SPEC 3. The float parts are written once over [`Real`]: `f64` is the truth, `f32` shows
 //! what the same formula loses on the device, [`Dual`] gives exact directional derivatives.

@@ -1,4 +1,4 @@
-//! Density control (SPEC 6): the exact twin of the device's lists, and the children's parameters in double precision.
+//! Density control (SPEC 6): the exact reference of the device's lists, and the children's parameters in double precision.
 
 use super::math::{apply, rotation};
 use super::scan::exclusive_scan;

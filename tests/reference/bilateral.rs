@@ -1,7 +1,7 @@
-//! The twin's bilateral grid against tent functions over all cells, and its derivatives against finite differences.
+//! The reference's bilateral grid against tent functions over all cells, and its derivatives against finite differences.
 
 use crate::common::random::Random;
-use ivv::internals::twin::{BilateralGrid, Dual};
+use ivv::internals::reference::{BilateralGrid, Dual};
 
 const N: usize = 12 * 16 * 16 * 8;
 

@@ -1,4 +1,4 @@
-//! Stable radix sort: the exact twin of the sort kernels.
+//! Stable radix sort: the exact reference of the sort kernels.
 
 use super::scan::exclusive_scan;
 

@@ -2,8 +2,8 @@
 
 use glam::{DMat3, DVec3};
 use ivv::Constants;
+use ivv::internals::reference::{Outputs, Params, Real, Rules, render};
 use ivv::internals::scene::{Motion, Splats, View};
-use ivv::internals::twin::{Outputs, Params, Real, Rules, render};
 
 use super::{relative_l2, tensors, with_motion};
 use crate::common::golden::{CASES, load};

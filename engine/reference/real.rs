@@ -1,4 +1,4 @@
-//! The numbers that the twin's formulas are written over.
+//! The numbers that the reference's formulas are written over.
 
 use std::fmt::Debug;
 use std::ops::{Add, Div, Mul, Neg, Sub};

@@ -1,4 +1,4 @@
-//! The inputs of the twin: rules, a camera and raw parameters, all over one kind of number.
+//! The inputs of the reference: rules, a camera and raw parameters, all over one kind of number.
 
 use super::math::scaled;
 use super::real::Real;

@@ -1,6 +1,6 @@
 //! Scan, sort, keys and ranges against the standard library.
 
-use ivv::internals::twin::{DIGITS, block_histograms, exclusive_scan, float_key, radix_sort, ranges};
+use ivv::internals::reference::{DIGITS, block_histograms, exclusive_scan, float_key, radix_sort, ranges};
 
 use crate::common::random::Random;
 

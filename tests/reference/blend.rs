@@ -1,8 +1,8 @@
 //! Blending against a direct sum, and its predicates at their exact thresholds.
 
 use ivv::Constants;
+use ivv::internals::reference::{Camera, Outputs, Params, Rules, project, render, render_f64};
 use ivv::internals::scene::Splats;
-use ivv::internals::twin::{Camera, Outputs, Params, Rules, project, render, render_f64};
 
 use super::single;
 use crate::common::random::{scene, view};

@@ -1,7 +1,7 @@
 //! Dual numbers against central finite differences.
 
 use ivv::Constants;
-use ivv::internals::twin::{Camera, Dual, Params, Projected, Real, Rules, jvp, project, render};
+use ivv::internals::reference::{Camera, Dual, Params, Projected, Real, Rules, jvp, project, render};
 
 use super::{relative_l2, tensors, zero_like};
 use crate::common::golden::group;

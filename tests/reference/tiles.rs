@@ -1,7 +1,7 @@
 //! Tiles by scan line against every pixel.
 
 use ivv::Constants;
-use ivv::internals::twin::{Projected, Real, Rules, columns, footprint, row_span, tiles, tiles_truth};
+use ivv::internals::reference::{Projected, Real, Rules, columns, footprint, row_span, tiles, tiles_truth};
 
 use crate::common::random::Random;
 

@@ -1,7 +1,7 @@
-//! The twin against the independent float64 implementation. Measured: outputs within 2e-15, derivatives within 2e-14.
+//! The reference against the independent float64 implementation. Measured: outputs within 2e-15, derivatives within 2e-14.
 
 use ivv::Constants;
-use ivv::internals::twin::{Rules, jvp_of, render, render_f64};
+use ivv::internals::reference::{Rules, jvp_of, render, render_f64};
 
 use super::{relative_l2, tensors, zero_like};
 use crate::common::golden::{CASES, Tensors, group, load};

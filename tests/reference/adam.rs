@@ -1,6 +1,6 @@
-//! The twin's Adam by its definition.
+//! The reference's Adam by its definition.
 
-use ivv::internals::twin::{Adam, Dual};
+use ivv::internals::reference::{Adam, Dual};
 
 #[test]
 fn steps_along_one_gradient_are_the_rate_long_at_any_time() {

@@ -1,4 +1,4 @@
-//! Exclusive prefix sum with saturation: the exact twin of the scan kernels.
+//! Exclusive prefix sum with saturation: the exact reference of the scan kernels.
 
 /// The result of [`exclusive_scan`].
 #[derive(Clone, Debug, PartialEq, Eq)]

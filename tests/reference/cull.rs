@@ -1,8 +1,8 @@
 //! The conservative visibility bound against the pixels.
 
 use ivv::Constants;
+use ivv::internals::reference::{Camera, Params, Real, Rules, project, tiles_truth, visible};
 use ivv::internals::scene::{Motion, Splats, View};
-use ivv::internals::twin::{Camera, Params, Real, Rules, project, tiles_truth, visible};
 
 use crate::common::random::{Random, view};
 
