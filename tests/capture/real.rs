@@ -102,7 +102,7 @@ fn a_distorted_model_asks_for_prepare_and_its_undistorted_copy_opens() {
     let report = check_capture(&path, &CaptureSettings::default());
     assert_eq!(report.n_faults, 1);
     assert_told(&report, &["7 lenses distort (SIMPLE_RADIAL)", "`ivv prepare"]);
-    let dense = Capture::open(&path.join("dense")).unwrap();
+    let dense = Capture::open(path.join("dense")).unwrap();
     assert_eq!((dense.cameras.len(), dense.points.len()), (7, 699));
     let sizes: std::collections::HashSet<_> =
         dense.cameras.iter().map(|c| (c.intrinsics.width, c.intrinsics.height)).collect();

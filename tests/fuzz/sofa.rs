@@ -141,6 +141,6 @@ fn build(parts: &Files) -> Files {
 pub fn sofa() -> Vec<Seed> {
     let [structure, numbers] = parts();
     let of = [(STRUCTURE, structure), (NUMBERS, numbers)];
-    let seed = Seed { build, ..Seed::of(of, |folder| HrtfSet::open(&folder.join("a.sofa")).is_ok()) };
+    let seed = Seed { build, ..Seed::of(of, |folder| HrtfSet::open(folder.join("a.sofa")).is_ok()) };
     vec![Seed { only: vec![STRUCTURE], ..seed.clone() }, seed]
 }

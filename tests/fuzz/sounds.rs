@@ -55,7 +55,7 @@ pub fn responses() -> Vec<Seed> {
             frames.iter_mut().for_each(|frame| *frame = [0.0; 2]);
             frames[(at + 8 - delay) as usize][0] = ears[0] as f32;
             frames[(at + 8 + delay) as usize][1] = ears[1] as f32;
-            wav::write(&folder.0.join(format!("azi_{az}_ele_{el}.wav")), &frames, Depth::Float32).unwrap();
+            wav::write(folder.0.join(format!("azi_{az}_ele_{el}.wav")), &frames, Depth::Float32).unwrap();
         }
     }
     vec![Seed::of(files_of(&folder.0), |folder| HrtfSet::open(folder).is_ok())]
@@ -73,12 +73,12 @@ pub fn tracks() -> Vec<Seed> {
 pub fn sound_scene() -> Vec<Seed> {
     let folder = Folder::new("fuzz-sound-scene");
     let frames: Vec<[f32; 1]> = (0..64).map(|i| [i as f32 / 64.0]).collect();
-    wav::write(&folder.0.join("a.wav"), &frames, Depth::Int24).unwrap();
+    wav::write(folder.0.join("a.wav"), &frames, Depth::Int24).unwrap();
     let mut scene = scene(way());
     scene.mic.wav = folder.0.join("a.wav");
     scene.write(&folder.0.join("scene.json")).unwrap();
     let only = vec!["scene.json"];
-    let seed = Seed::of(files_of(&folder.0), |folder| SoundScene::read(&folder.join("scene.json")).is_ok());
+    let seed = Seed::of(files_of(&folder.0), |folder| SoundScene::read(folder.join("scene.json")).is_ok());
     vec![Seed { only, ..seed.clone() }, seed]
 }
 

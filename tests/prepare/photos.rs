@@ -83,7 +83,7 @@ fn videos_and_photographs_are_placed_together_and_become_one_capture() {
     assert_eq!(singles, [false, true], "{calls}");
     assert_eq!(read("listed"), "left.jpg\nmiddle.jpg\nright.jpg\nphotos/a.png\nphotos/b.png\n");
     assert_eq!(read("deleted"), "photos/a.png\nphotos/b.png\nleft.jpg\nmiddle.jpg\nright.jpg\n");
-    let capture = Capture::open(&folder.0.join("out")).unwrap();
+    let capture = Capture::open(folder.0.join("out")).unwrap();
     let of =
         |is_photo: bool| capture.cameras.iter().filter(|c| c.is_photo == is_photo).map(|c| c.shots.len()).collect();
     let (clip, photos): (Vec<usize>, Vec<usize>) = (of(false), of(true));

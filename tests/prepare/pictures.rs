@@ -155,7 +155,7 @@ fn a_video_of_what_stands_still_becomes_a_capture_of_one_moment() {
     assert!(told.starts_with("a video without cameras: COLMAP places 4 pictures, matching 6 pairs"), "{told}");
     let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
     assert!(calls.lines().nth(1).unwrap().starts_with("sequential_matcher"), "{calls}");
-    let capture = Capture::open(&folder.0.join("out")).unwrap();
+    let capture = Capture::open(folder.0.join("out")).unwrap();
     let names: Vec<_> = capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
     assert_eq!((names.as_slice(), capture.n_frames), (["00000", "00001", "00003"].as_slice(), 1));
 }

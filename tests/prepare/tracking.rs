@@ -114,7 +114,7 @@ fn a_rig_is_followed_and_an_interrupted_run_goes_on() {
     assert_eq!(n_blocks(&folder), 1, "{told}");
     assert!(told.contains("cameras 6/6"), "{told}");
     assert!(said.contains("11 frames, 6 of them placed") && said.contains("b at 1"), "{said}");
-    let capture = Capture::open(&folder.0.join("out")).unwrap();
+    let capture = Capture::open(folder.0.join("out")).unwrap();
     assert_eq!((capture.cameras.len(), capture.n_frames), (4, 11));
     for (k, camera) in (1..).zip(&capture.cameras) {
         for shot in &camera.shots {

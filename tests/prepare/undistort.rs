@@ -223,7 +223,7 @@ fn rgb(path: &std::path::Path) -> (u32, Vec<[u8; 3]>) {
 #[test]
 fn colmap_undistorts_a_simple_radial_picture_to_the_same() {
     let Some(path) = shared("data/colmap_simple_radial_7img") else { return };
-    let dense = Capture::open(&path.join("dense")).unwrap();
+    let dense = Capture::open(path.join("dense")).unwrap();
     let bytes = std::fs::read(path.join("sparse/0/cameras.bin")).unwrap();
     let u32_at = |at: usize| u32::from_le_bytes(bytes[at..at + 4].try_into().unwrap());
     let u64_at = |at: usize| u64::from_le_bytes(bytes[at..at + 8].try_into().unwrap()) as u32;

@@ -38,10 +38,9 @@ fn methods(source: &str, room: &str, names: &BTreeMap<String, String>) -> Vec<St
             of = None;
         } else if let Some(of) = &of
             && ["pub fn ", "pub const "].iter().any(|start| code.starts_with(start))
+            && !is_hidden
         {
-            if !is_hidden {
-                found.push(format!("{of}: {code}"));
-            }
+            found.push(format!("{of}: {code}"));
         }
         is_hidden = code == "#[doc(hidden)]";
     }

@@ -106,7 +106,7 @@ fn the_full_model_of_spacetime_gaussians_is_refused_and_so_is_motion_of_higher_o
 fn properties_and_elements_that_change_no_picture_are_said_once_by_name_and_number() {
     let folder = Folder::new("foreign-harmless");
     let plain = read_scene(&ply(&folder, &[], &[], 0.0)).unwrap();
-    assert_eq!(read(&folder.file("a.ply")).unwrap(), Scene::from(plain.clone()));
+    assert_eq!(read(folder.file("a.ply")).unwrap(), Scene::from(plain.clone()));
     assert_eq!(notes(&ply(&folder, &[], &["nx", "ny", "nz", "red", "green", "blue"], 9.0)), [""; 0]);
     let labels: Vec<String> = [numbered("semantic", 16), numbered("obj_dc", 2)].concat();
     let more: Vec<&str> =
@@ -149,7 +149,7 @@ fn harmonics_of_degree_4_are_cut_and_counted() {
 
     let rest: Vec<u8> = (0..72).map(|k| 56 + k).collect();
     let of = |degree: u8, rest: &[u8]| folder.write("a.spz", gzip(&raw_spz(degree, 3 << 30, rest)));
-    let cut = read(&of(4, &rest)).unwrap();
+    let cut = read(of(4, &rest)).unwrap();
     assert_eq!(cut.notes, ["harmonics of degree 4 are cut to degree 3, of 1 of 1 Gaussians"]);
     assert_eq!(cut.splats, read_scene(&of(3, &rest[..45])).unwrap());
     let path = of(5, &[0; 105]);

@@ -172,7 +172,7 @@ fn what_a_run_of_some_frames_shows_is_heard_as_it_was_then() {
         done(command(arguments).current_dir(&folder.0));
     };
     ivv(&["export", "run", "-o", "run.4dgs", "--sound", "scene.json"]);
-    let expected = sounds(&SoundScene::read(&folder.file("scene.json")).unwrap(), 0.5, 0.4).unwrap();
+    let expected = sounds(&SoundScene::read(folder.file("scene.json")).unwrap(), 0.5, 0.4).unwrap();
     assert!(expected.len() == 1 && FourDgs::read(&folder.file("run.4dgs")).unwrap().sounds() == expected);
     // So is its scene alone, and a file that was made of it, where the clip is as long.
     for (from, to, seconds) in [("run/scene.ply", "run/a.4dgs", "0.4"), ("run/scene.ply", "run/b.4dgs", "1")] {

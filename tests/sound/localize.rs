@@ -135,7 +135,7 @@ fn the_synthetic_speaker_is_found() {
         |arguments: &[&str]| ivv(&[&["sound", "localize", text(&folder.0), "-o", text(&output)], arguments].concat());
     let done = run(&["--metres-per-unit", "1", "--microphone", "cam02", "--json"]);
     assert!(done.status.success(), "{}", String::from_utf8_lossy(&done.stderr));
-    let scene = SoundScene::read(&output.join("scene.json")).unwrap();
+    let scene = SoundScene::read(output.join("scene.json")).unwrap();
     assert_eq!(scene.sources[0].track.samples, found.tracks[0].samples);
     assert_eq!((scene.metres_per_unit, scene.mic.camera.as_str()), (Some(1.0), "cam02"));
     assert!(scene.mic.wav.is_file() && scene.sources.len() == 1 && scene.sources[0].gates.is_empty());

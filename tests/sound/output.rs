@@ -165,7 +165,7 @@ fn t41_the_same_input_gives_the_same_bytes() {
             let rendered =
                 render_signals(&scene(source.clone()), &[noise(6000, 4)], &head(DVec3::ZERO, 10.0), sphere(), &config)
                     .unwrap();
-            write(&folder.file(name), &rendered.samples, Depth::Int24).unwrap();
+            write(folder.file(name), &rendered.samples, Depth::Int24).unwrap();
             fs::read(folder.file(name)).unwrap()
         };
         assert_eq!(bytes("a.wav"), bytes("b.wav"));
@@ -206,7 +206,7 @@ fn a_scene_file_is_read_back() {
     written.write(&folder.file("scene.json")).unwrap();
     let text = fs::read_to_string(folder.file("scene.json")).unwrap();
     assert!(text.contains("\"audio/a.wav\"") && text.contains("\"speaker.csv\""), "{text}");
-    let found = SoundScene::read(&folder.file("scene.json")).unwrap();
+    let found = SoundScene::read(folder.file("scene.json")).unwrap();
     assert_eq!((found.up, found.metres_per_unit, found.mic.offset_s), (DVec3::Z, Some(1.0), 0.125));
     assert_eq!((found.mic.wav, found.mic.channel), (written.mic.wav.clone(), Channel::Mid));
     assert_eq!(found.sources[0].track.samples, written.sources[0].track.samples);
@@ -219,7 +219,7 @@ fn a_scene_file_is_read_back() {
     ] {
         assert!(text.contains(from), "{text}");
         fs::write(folder.file("bad.json"), text.replace(from, to)).unwrap();
-        assert!(matches!(SoundScene::read(&folder.file("bad.json")), Err(Error::Data { .. })), "{to} was taken");
+        assert!(matches!(SoundScene::read(folder.file("bad.json")), Err(Error::Data { .. })), "{to} was taken");
     }
 }
 

@@ -77,10 +77,10 @@ fn every_kind_of_file_gives_the_same_head() {
         let other = if convention == Convention::Head { Convention::OpenCv } else { Convention::Head };
         assert!(read_path(&path, Some(other)).unwrap().track.poses()[0].q.angle_between(heads()[0].q) > 0.1, "{what}");
     }
-    assert_heads(&read_path(&folder.write("path.tum", tum(Convention::OpenCv)), None).unwrap(), "TUM");
-    assert_heads(&read_path(&folder.write("path.csv", csv()), None).unwrap(), "CSV");
+    assert_heads(&read_path(folder.write("path.tum", tum(Convention::OpenCv)), None).unwrap(), "TUM");
+    assert_heads(&read_path(folder.write("path.csv", csv()), None).unwrap(), "CSV");
     for is_flat in [true, false] {
-        let found = read_path(&folder.write("path.json", nerfstudio(is_flat)), None).unwrap();
+        let found = read_path(folder.write("path.json", nerfstudio(is_flat)), None).unwrap();
         assert_heads(&found, "nerfstudio");
         let camera = found.camera.unwrap();
         assert_eq!((camera.fps, camera.width, camera.height, camera.fov), (2.0, 96, 64, 50.0));
@@ -115,12 +115,12 @@ fn damaged_paths_are_told() {
         ("j.json", "{".to_owned(), "line 1"),
     ];
     for (name, text, says) in cases {
-        let error = read_path(&folder.write(name, text), None).unwrap_err().to_string();
+        let error = read_path(folder.write(name, text), None).unwrap_err().to_string();
         assert!(error.contains(says) && error.contains(name), "{error} does not say {says}");
     }
     let mut stretched: serde_json::Value = serde_json::from_str(&nerfstudio(true)).unwrap();
     stretched["camera_path"][1]["camera_to_world"][0] = 3.0.into();
-    let error = read_path(&folder.write("k.json", stretched.to_string()), None).unwrap_err().to_string();
+    let error = read_path(folder.write("k.json", stretched.to_string()), None).unwrap_err().to_string();
     assert!(error.contains("pose 1, ") || error.contains("pose 1:"), "{error}");
-    assert!(read_path(&folder.0.join("absent.txt"), None).is_err());
+    assert!(read_path(folder.0.join("absent.txt"), None).is_err());
 }

@@ -278,7 +278,7 @@ fn t17_a_cut_sofa_file_is_refused() {
         let cut = folder.write("cut.sofa", &bytes[..part]);
         assert!(HrtfSet::open(&cut).is_err(), "{part} bytes were taken");
     }
-    assert!(HrtfSet::open(&folder.file("absent.sofa")).is_err());
+    assert!(HrtfSet::open(folder.file("absent.sofa")).is_err());
 }
 
 /// Lists of lists of lists: the parser of HDF5 calls itself for each.
@@ -314,9 +314,9 @@ fn a_folder_of_wav_files_is_read_by_their_names() {
             format!("azi_{}_ele_{}.wav", az.replace('.', ","), el.replace('.', ","))
         };
         let frames: Vec<[f32; 2]> = ears[0].iter().zip(&ears[1]).map(|(l, r)| [0.1 * l, 0.1 * r]).collect();
-        write(&folder.file("deep").join(name), &frames, Depth::Float32).unwrap();
+        write(folder.file("deep").join(name), &frames, Depth::Float32).unwrap();
     }
-    let set = HrtfSet::open(&folder.file("deep")).unwrap();
+    let set = HrtfSet::open(folder.file("deep")).unwrap();
     assert_eq!(set.directions().len(), model.directions.len());
     assert_eq!((set.meta.licence.as_str(), set.meta.sha256.len()), ("Free of all", 64));
     let left = set.filter(DVec3::Y, Lookup::Aligned);

@@ -29,7 +29,7 @@ fn ears(folder: &Path) {
         for (ear, side) in [left, -left].into_iter().enumerate() {
             response[24 - (16.0 * side).round() as usize][ear] = 2_f32.powf(0.5 * side as f32);
         }
-        wav::write(&folder.join(format!("azi_{az}_ele_{el}.wav")), &response, Depth::Float32).unwrap();
+        wav::write(folder.join(format!("azi_{az}_ele_{el}.wav")), &response, Depth::Float32).unwrap();
     }
 }
 
@@ -57,7 +57,7 @@ fn click(folder: &Path) {
 
 /// A recording is not replaced by what is made of it, and an ending that no video has is told before sound is made.
 fn names_that_no_video_can_have(folder: &Folder, arguments: &[&str], output: &str) {
-    let recording = SoundScene::read(&folder.0.join("scene.json")).unwrap().mic.wav;
+    let recording = SoundScene::read(folder.0.join("scene.json")).unwrap().mic.wav;
     let (beside, bytes) = (recording.with_extension("y4m"), std::fs::read(&recording).unwrap());
     let other = folder.0.join("film.avi");
     for (name, reason) in [(&beside, "would replace the recording"), (&other, "unsupported video type")] {

@@ -87,7 +87,7 @@ impl Scorer<'_> {
         let SampleScores { evaluation, examples } = sample;
         let folder = output.join("renders").join("progress");
         make_folder(&folder)?;
-        let write_strip = || strip(&examples).write_png(&folder.join(format!("{step:08}.png")));
+        let write_strip = || strip(&examples).write_png(folder.join(format!("{step:08}.png")));
         let size = SceneSize::of(splats);
         let scores =
             SceneScores::new(&output.join("checkpoints"), size, &self.gpu.caps().name, self.near(), evaluation);
@@ -115,7 +115,7 @@ impl Scorer<'_> {
         let write = |camera: usize, frame: u32, rendered: &Frame| {
             let folder = output.join("renders").join(&self.capture.cameras[camera].name);
             make_folder(&folder)?;
-            rendered.write_png(&folder.join(format!("{frame:05}.png")))?;
+            rendered.write_png(folder.join(format!("{frame:05}.png")))?;
             progress.step(&self.image_name(camera, frame));
             Ok(())
         };

@@ -368,7 +368,7 @@ struct Poses<'a> {
 impl Poses<'_> {
     /// The camera's intrinsics, and for a moving camera the index of each frame's pose.
     fn check(&self, n_frames: u32, faults: &mut Faults) -> Option<(Lens, Option<BTreeMap<u32, usize>>)> {
-        let place = camera_place(&self.name);
+        let place = camera_place(self.name);
         let mut fault = |reason: String, remedy: &str| faults.add(self.file, &place, reason, remedy);
         let lens = self.posed.first()?.1.lens;
         if self.posed.iter().any(|(_, posed)| posed.lens != lens) {

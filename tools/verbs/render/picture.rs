@@ -15,7 +15,7 @@ impl Format {
     /// Writes `frame` into `folder`, named after `view`.
     pub fn write(self, frame: &Frame, folder: &Path, view: &View) -> ivv::Result<()> {
         match self {
-            Format::Png => frame.write_png(&folder.join(format!("{}.png", view.name))),
+            Format::Png => frame.write_png(folder.join(format!("{}.png", view.name))),
             Format::Exr => frame.write_exr(&folder.join(format!("{}.exr", view.name))),
             Format::Safetensors => frame.write_safetensors(&folder.join(format!("{}.safetensors", view.name))),
         }

@@ -38,7 +38,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     make_folder(&args.output)?;
     let (head, truth) = of_capture(&args.capture, &hrtf)?;
     write_path(&head, &args.output.join("path.csv"))?;
-    write(&args.output.join("truth.wav"), &truth, Depth::Float32)?;
+    write(args.output.join("truth.wav"), &truth, Depth::Float32)?;
     let seconds = truth.len() as f64 / f64::from(FS);
     if json {
         let path = args.output.to_string_lossy();

@@ -20,7 +20,7 @@ fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
         [0.25 * (f32::from((state >> 16) as u16) / 32768.0 - 1.0)]
     };
     let frames: Vec<[f32; 1]> = (0..48_000 * 4).map(noise).collect();
-    wav::write(&bed.at("noise.wav"), &frames, Depth::Int16).unwrap();
+    wav::write(bed.at("noise.wav"), &frames, Depth::Int16).unwrap();
     let wav = std::fs::read(bed.at("noise.wav")).unwrap();
     let sound =
         Sound { name: "noise".to_owned(), wav, gain: 1.0, start: 0.0, seconds: 4.0, places: vec![(0.0, place)] };
