@@ -57,7 +57,7 @@ fn pipelines_are_kept_in_a_file_of_their_device_and_a_damaged_one_is_made_anew()
     let (scene, cameras) = small(&folder);
     let cache = folder.path("cache");
     let render = |to: &str| {
-        let arguments = ["render", "--scene", &scene, "--cameras", &cameras, "-o", &folder.path(to)];
+        let arguments = ["render", &scene, "--cameras", &cameras, "-o", &folder.path(to)];
         done(ivv(&arguments).env("XDG_CACHE_HOME", &cache));
     };
     render("first");

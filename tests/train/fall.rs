@@ -71,7 +71,7 @@ fn a_run_whose_test_scores_fall_warns_on_the_screen_in_the_log_and_in_the_report
     let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let train = ["train", capture, "-o", run.to_str().unwrap(), "--steps", "50", "--eval-every", "10", "-q"];
     // Colours that jump about ever more wildly.
-    let rates = r#"lr.sh0={"start":2e-2,"end":100}"#;
+    let rates = r#"lr.sh={"start":2e-2,"end":100}"#;
     let output = ivv(&[&train[..], &["--eval-images", "2", "--set", rates]].concat());
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{told}");

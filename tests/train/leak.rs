@@ -75,7 +75,7 @@ fn a_capture_without_its_test_cameras_trains_to_the_same_bits() {
     };
     for init in ["flow", "concat", "points", "hull", "frustum", "random"] {
         let (with, without) = (scene(&tiny.folder, init, 0), scene(&bare, init, 1));
-        assert!(with.0.len() > 10_000, "{init}");
+        assert!(with.0.len() > 5_000, "{init}: {} bytes", with.0.len());
         assert_same(format_args!("init={init}: the Gaussians know of the test cameras"), &with.0, &without.0);
         assert_eq!(with.1, without.1, "init={init}: clocks");
     }

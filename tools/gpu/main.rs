@@ -59,8 +59,13 @@ fn main() -> ExitCode {
         }
     };
     let Err(error) = done else { return ExitCode::SUCCESS };
-    eprintln!("ivv-gpu-model: {error:#}");
+    message(&format!("ivv-gpu-model: {error:#}"));
     ExitCode::from(error.downcast_ref().map_or(2, ivv::Error::exit_code))
+}
+
+/// Writes a line to standard error, which never ends the work where nobody reads it.
+pub fn message(line: &str) {
+    let _ = writeln!(std::io::stderr(), "{line}");
 }
 
 /// A line of results.

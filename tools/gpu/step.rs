@@ -1,7 +1,7 @@
 //! `ivv-gpu-model estimate`: a step on a card that is not here.
 
-use crate::out;
 use crate::run::settings::SettingArgs;
+use crate::{message, out};
 use anyhow::Context;
 use ivv::Constants;
 use ivv::internals::gpu::{Gpu, Options, Recording, StandIn, shaders_hash};
@@ -127,7 +127,7 @@ pub fn run(args: &Args, device: &DeviceChoice, json: bool) -> anyhow::Result<()>
     let config = args.settings.resolve()?;
     let mut estimates = Vec::with_capacity(cards.len());
     for card in cards {
-        eprintln!("recording a step for {}", card.name);
+        message(&format!("recording a step for {}", card.name));
         let recording = recorded(card, &config, device, &work)?;
         estimates.push(Estimate::new(card, &recording, &work.counters, &compiled));
     }
