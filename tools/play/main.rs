@@ -33,7 +33,6 @@ use ivv::internals::sound::hrtf::HrtfSet;
 use ivv::internals::sound::scene_file::SoundScene;
 use ivv::internals::vk;
 use std::borrow::Cow;
-use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
@@ -109,8 +108,8 @@ fn main() -> ExitCode {
         .with_target("sofar", LevelFilter::OFF)
         .with_target("winit", LevelFilter::ERROR);
     let log = tracing_subscriber::fmt::layer()
-        .with_writer(std::io::stderr)
-        .with_ansi(std::io::stderr().is_terminal())
+        .with_writer(|| ui::screen::Log)
+        .with_ansi(ui::screen::has_colours())
         .log_internal_errors(false)
         .with_filter(told);
     tracing_subscriber::registry().with(log).init();

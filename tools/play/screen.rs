@@ -1,6 +1,6 @@
 //! Messages on standard error, which never end the work where nobody reads them.
 
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
 
 static IS_QUIET: AtomicBool = AtomicBool::new(false);
@@ -30,4 +30,23 @@ pub fn message(text: &str) {
 
 pub fn warning(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
+}
+
+/// Standard error for the log. It takes all that is written, so that a full disk or a closed pipe ends nothing.
+pub struct Log;
+
+impl Write for Log {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        let _ = std::io::stderr().write_all(bytes);
+        Ok(bytes.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+/// True if standard error is a terminal.
+pub fn has_colours() -> bool {
+    std::io::stderr().is_terminal()
 }
