@@ -129,7 +129,7 @@ pub struct Written {
     pub sh_degree: u32,
     /// Length of the file.
     pub bytes: u64,
-    /// What the format has no place for, or changes: a sentence each, without the file's name.
+    /// The losses and changes of the format: a sentence each, without the file's name.
     pub notes: Vec<String>,
 }
 

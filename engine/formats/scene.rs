@@ -13,11 +13,11 @@ pub struct Scene {
     pub splats: Splats,
     /// When they are shown, from where, and how they are rendered.
     pub clip: Clip,
-    /// What the reader left out, guessed or converted: a sentence each, without the file's name.
+    /// The reader's notes on everything that it left out, guessed or converted: a sentence each, without the file's name.
     pub notes: Vec<String>,
 }
 
-/// What a scene is beside its Gaussians. A `.4dgs` holds all of it, other formats parts.
+/// A scene's data beside its Gaussians. A `.4dgs` holds all of it, other formats parts.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
     /// Length and frame rate, where known: normalised time 0 to 1 is `clock.seconds()`.

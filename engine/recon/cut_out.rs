@@ -26,7 +26,7 @@ pub(super) fn are(capture: &Capture) -> bool {
     !some.is_empty() && 2 * cut_out.iter().filter(|is| **is).count() >= some.len()
 }
 
-/// True if the alpha of its pictures says what moves in `capture`: in the clip of a rig whatever was cut out may.
+/// True if the alpha of its pictures marks the moving objects of `capture`: in the clip of a rig, the cut-out may move.
 pub(super) fn tells_what_moves(capture: &Capture) -> bool {
     capture.is_rig_clip() && are(capture)
 }

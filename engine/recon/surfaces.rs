@@ -68,7 +68,7 @@ impl Views<'_> {
                 let Some(shown) = shown(self.capture, camera, frame, is_reference) else { return Ok((None, None)) };
                 let seen = Seen::read(self.capture, camera, shown, self.cut_out)?;
                 let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
-                // A camera without a mask at this frame does not know what moves.
+                // A camera without a mask at this frame does not mark moving objects.
                 let carves = has_hull && shown == frame && seen.has_foreground();
                 Ok((eye(is_reference, SWEEP_SIDE), eye(carves || is_reference && self.cut_out, HULL_SIDE)))
             };

@@ -33,7 +33,7 @@ struct ViewParams {
     float unused2;
 };
 
-// What a frame reports. `failed` holds FAILED_* bits; the numbers are what was needed, also where it did not fit.
+// The report of a frame. `failed` holds FAILED_* bits; the numbers are the need, even if it did not fit.
 struct Status {
     uint failed;
     uint n_active;

@@ -25,12 +25,12 @@ pub fn ivv(arguments: &[&str]) -> Output {
     command(arguments).output().unwrap()
 }
 
-/// What a run said on standard error.
+/// The standard error of a run.
 pub fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
-/// What a run that must succeed prints on standard output.
+/// The standard output of a run, which must succeed.
 #[track_caller]
 pub fn works(arguments: &[&str]) -> String {
     done(&mut command(arguments))
@@ -44,7 +44,7 @@ pub fn done(command: &mut Command) -> String {
     String::from_utf8(output.stdout).unwrap()
 }
 
-/// What a run says on standard error that must end with `code`.
+/// The standard error of a run, which must end with `code`.
 #[track_caller]
 pub fn fails(arguments: &[&str], code: i32) -> String {
     let output = ivv(arguments);

@@ -92,7 +92,7 @@ const WITHOUT_REFERENCE: [(&str, &str); 2] = [
     ("probe_dispatch", "it counts dispatches: kernel::probe reads the count"),
 ];
 
-/// What a test's file says besides its list of references, with the fixtures of `tests/conformance` that it runs its cases by.
+/// A test's file without its list of references, and the fixtures of `tests/conformance` that run its cases.
 fn of_test(file: &str) -> String {
     let own = text(file);
     let (before, rest) = own.split_once("tested! {").unwrap_or_else(|| panic!("{file}: no list of references"));

@@ -43,7 +43,7 @@ impl Speech {
     }
 }
 
-/// What a microphone without a direction of its own records.
+/// The signal of an omnidirectional microphone.
 pub fn recording(emitter: &Emitter, microphone: &PoseTrack, n: usize) -> Vec<f32> {
     let sample = |i: usize| {
         let t = i as f64 / f64::from(FS);
@@ -55,11 +55,11 @@ pub fn recording(emitter: &Emitter, microphone: &PoseTrack, n: usize) -> Vec<f32
 /// A scene with its truth.
 pub struct Simulated {
     pub scene: SoundScene,
-    /// What the microphone recorded.
+    /// The signal of the microphone.
     pub recording: Vec<f32>,
     /// The way of the head.
     pub head: PoseTrack,
-    /// What its ears hear.
+    /// The signals at its ears.
     pub truth: Vec<[f32; 2]>,
 }
 

@@ -30,7 +30,7 @@ pub struct Drift {
     pub number: &'static str,
     /// In the table, and now.
     pub values: [Option<f64>; 2],
-    /// Whether it got worse: fewer waves, or more of anything else.
+    /// True if it got worse: fewer waves, or more of anything else.
     pub is_worse: bool,
 }
 

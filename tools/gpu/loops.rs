@@ -42,7 +42,7 @@ struct Body {
     around: usize,
     /// Rounds, where the program itself says how many.
     times: Option<f64>,
-    /// Whether it is written out as often as it goes round.
+    /// True if it is written out as often as it goes round.
     is_unrolled: bool,
     /// Of the loops around it, those whose rounds the data decide.
     depth: usize,

@@ -165,7 +165,7 @@ impl Static {
     }
 }
 
-/// Whether a GPU with subgroups of `lanes` would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs
+/// True if a GPU with subgroups of `lanes` would run the kernel in a frame or a step: `Blend` takes eight pixels a lane on CPUs
 /// alone, `Sort` the scatter on subgroups below 32, `Grids` teams of lanes on CPUs, `Lpips` the convolution of their width, and
 /// probes only measure the device.
 pub(super) fn gpu_runs(kernel: &str, lanes: u32) -> bool {
@@ -201,7 +201,7 @@ pub(super) fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
 /// SPIR-V's number of the capability.
 const INT64_ATOMICS: u32 = 12;
 
-/// Whether a module declares a capability.
+/// True if a module declares a capability.
 fn declares(spirv: &[u8], capability: u32) -> bool {
     instructions(spirv).iter().any(|one| one == &[17, capability])
 }

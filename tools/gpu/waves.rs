@@ -17,7 +17,7 @@ pub struct Chip {
     reserved: u32,
     /// Most workgroups on these; 0 where only the subgroups are bounded.
     groups: u32,
-    /// Whether subgroups are told per multiprocessor, and not per SIMD.
+    /// True if subgroups are told per multiprocessor, and not per SIMD.
     per_processor: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What keys do: one table, for the window and for `ivv-play --help`.
+//! The table of keys, for the window and for `ivv-play --help`.
 
 use crate::window::{OUTPUTS, Player};
 use ivv::internals::profile::Lately;

@@ -83,7 +83,7 @@ pub struct State {
     button: Option<MouseButton>,
     pointer: DVec2,
     is_scrubbing: bool,
-    /// Whether what is shown is up to date.
+    /// True if what is shown is up to date.
     is_shown: bool,
     /// When the window, which took no picture, is given one again.
     retry: Option<Instant>,

@@ -115,7 +115,7 @@ impl CaptureArgs {
         words
     }
 
-    /// Whether no option is given.
+    /// True if no option is given.
     pub fn are_default(&self) -> bool {
         self.settings() == CaptureSettings::default()
     }

@@ -14,7 +14,7 @@ pub struct Figure {
 /// A graphics card.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Card {
-    /// What options call it.
+    /// Its name in options.
     pub name: &'static str,
     /// The chip of the table of budgets whose compiler's counts are taken for it, and what that is to the card.
     pub compiled: (&'static str, &'static str),

@@ -23,11 +23,11 @@ pub struct Setting {
     pub start: f64,
     /// Views to start from.
     pub views: Vec<View>,
-    /// What is heard.
+    /// The sound of the clip.
     pub sounds: Sounds,
     /// How it is rendered.
     pub constants: Constants,
-    /// What it was made over.
+    /// The background that it was made over.
     pub background: [f32; 3],
 }
 

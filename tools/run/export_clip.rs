@@ -51,7 +51,7 @@ pub struct ClipArgs {
     /// levels of 255.
     #[arg(long)]
     clamp_colors: bool,
-    /// Whether nothing is said of what is stored, and it is stored quickly, since nobody asked for this file.
+    /// True for a file that nobody asked for: it is stored quickly, and without messages.
     #[arg(skip)]
     is_silent: bool,
     #[command(flatten)]
@@ -64,7 +64,7 @@ impl ClipArgs {
         ClipArgs { is_silent: true, ..self.clone() }
     }
 
-    /// Whether `source` is a `.4dgs` of which nothing is asked to be changed.
+    /// True if `source` is a `.4dgs` and no option changes it.
     ///
     /// # Errors
     /// Those of options that cannot be; those of a file that no player shows as it is.
@@ -127,7 +127,7 @@ impl ClipArgs {
             Subject { path, splats: &splats, encoded: &encoded, contents: &contents, constants, views: &views };
         let mut progress = Progress::passing("files", 0);
         let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
-            progress.reach(n, most, "looked at");
+            progress.reach(n, most, "tried");
         })?;
         say!(
             "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
@@ -151,7 +151,7 @@ impl ClipArgs {
         Ok(Some(written))
     }
 
-    /// What a `.4dgs` of the scene of `source` holds beside its Gaussians.
+    /// The data of a `.4dgs` of the scene of `source` beside its Gaussians.
     pub fn clip(&self, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
         let Setting { clock, start, views, mut sounds, constants, background } =
             setting(source, self.seconds, self.cameras.as_deref())?;

@@ -6,7 +6,7 @@ use ivv::internals::scene::{Similarity, Splats};
 use ivv::internals::train::Run;
 use std::path::Path;
 
-/// Whether `path` is the folder of a run.
+/// True if `path` is the folder of a run.
 pub fn is_run(path: &Path) -> bool {
     Run::file(path).is_file()
 }

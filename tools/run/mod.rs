@@ -1,4 +1,4 @@
-//! What the verbs share about scenes, captures and training runs.
+//! Code that verbs share: scenes, captures and training runs.
 
 pub mod appearance;
 pub mod axes;

@@ -13,7 +13,7 @@ const SCORES: [&str; 2] = ["eval.json", "report.html"];
 /// Least digits of a frame or a step in the name of a picture.
 const DIGITS: usize = 5;
 
-/// Whether `folder` contains checkpoints or results of a run.
+/// True if `folder` contains checkpoints or results of a run.
 pub fn contains_run(folder: &Path) -> ivv::Result<bool> {
     let has_checkpoints = Checkpoint::any_in(&folder.join("checkpoints"))?;
     Ok(has_checkpoints || RESULTS.iter().any(|name| folder.join(name).exists()))
@@ -55,7 +55,7 @@ fn remove_renders(folder: &Path, cameras: &[String]) -> ivv::Result<()> {
     Ok(())
 }
 
-/// Whether `file` is a picture named after a frame or a step.
+/// True if `file` is a picture named after a frame or a step.
 fn is_numbered(file: &Path) -> bool {
     let stem = file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     let is_number = stem.len() >= DIGITS && stem.bytes().all(|byte| byte.is_ascii_digit());

@@ -55,12 +55,12 @@ impl Team {
         launcher_number(&LOCAL_SIZES).unwrap_or(usize::MAX).clamp(1, self.size())
     }
 
-    /// Whether this process writes the run folder.
+    /// True if this process writes the run folder.
     pub fn leads(&self) -> bool {
         self.0.as_ref().is_none_or(|ranks| ranks.rank() == 0)
     }
 
-    /// Whether `own` is true for any process.
+    /// True if `own` is true for any process.
     pub fn any(&self, own: bool) -> ivv::Result<bool> {
         any(self.0.as_deref(), own)
     }

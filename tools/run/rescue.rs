@@ -1,4 +1,4 @@
-//! What is left of a training that failed, and how to continue it.
+//! The message after a training that failed: what it kept, and how to continue.
 
 use ivv::internals::train::Checkpoint;
 use std::path::Path;

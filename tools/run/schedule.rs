@@ -23,7 +23,7 @@ pub struct ScheduleArgs {
     pub fit_offsets: bool,
 }
 
-/// What is due after each step.
+/// The work that is due after each step.
 pub struct Schedule<'a> {
     total: u64,
     eval_every: u64,

@@ -36,7 +36,7 @@ impl Gaussians {
         }
     }
 
-    /// Whether all of them are static.
+    /// True if all of them are static.
     pub fn are_static(&self) -> bool {
         match self {
             Gaussians::Whole(splats) => splats.motion.is_empty(),

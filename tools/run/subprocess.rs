@@ -21,7 +21,7 @@ pub struct TrainingProcess<'a> {
     pub summaries: &'a [CaptureSummary; 2],
     /// As `ivv train` takes it.
     pub device: Option<&'a str>,
-    /// Whether other trainings run at the same time.
+    /// True if other trainings run at the same time.
     pub is_concurrent: bool,
 }
 

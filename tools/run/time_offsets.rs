@@ -22,7 +22,7 @@ pub struct OffsetRow {
     pub offset: f64,
     /// How far off the offset may be, frames; none where the pictures do not say.
     pub standard_error: Option<f64>,
-    /// Whether the fit ended at the edge of the search, 2 frames: the true offset may be larger.
+    /// True if the fit ended at the edge of the search, 2 frames: the true offset may be larger.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub at_bound: bool,
     /// Frames, relative to the mean of the learnt cameras, which cannot be observed; if the capture has the truth.
@@ -106,7 +106,7 @@ pub fn agreement(rows: &[OffsetRow]) -> Option<Agreement> {
     Agreement::of(&pairs)
 }
 
-/// What to do about offsets that reached the bound.
+/// The warning about offsets that reached the bound.
 fn warning(rows: &[OffsetRow]) -> Option<String> {
     let at_bound: Vec<&str> = rows.iter().filter(|row| row.at_bound).map(|row| row.camera.as_str()).collect();
     let names = at_bound.join(", ");

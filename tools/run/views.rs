@@ -47,7 +47,7 @@ pub fn clip_time(text: &str) -> Result<f64, String> {
 }
 
 impl ViewArgs {
-    /// Whether an option chooses views.
+    /// True if an option chooses views.
     pub fn choose(&self) -> bool {
         !self.names.is_empty() || self.frames.is_some()
     }

@@ -6,7 +6,7 @@ use clap::error::ErrorKind;
 use ivv::internals::words::count;
 use serde_json::{Value, json};
 
-/// What a verb returns for a capture with faults, which it has printed.
+/// The error of a capture with faults that are printed already.
 #[derive(Debug)]
 pub struct FaultyCapture {
     n_faults: u64,

@@ -36,7 +36,7 @@ impl Stop {
         Ok(Stop(asked))
     }
 
-    /// Whether Ctrl-C or SIGTERM came.
+    /// True if Ctrl-C or SIGTERM came.
     pub fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

@@ -18,7 +18,7 @@ const LEAST_RATED: f64 = 0.2;
 struct Pace {
     start: Instant,
     last: Option<Instant>,
-    /// Whether the bar is erased at the end, because another one continues.
+    /// True if the bar is erased at the end, because another one continues.
     passes: bool,
 }
 
@@ -27,7 +27,7 @@ impl Pace {
         Pace { start: Instant::now(), last: None, passes: false }
     }
 
-    /// Whether a line is due. Where there is no terminal, after a twentieth of the time so far: some 75 lines an hour.
+    /// True if a line is due. Where there is no terminal, after a twentieth of the time so far: some 75 lines an hour.
     fn is_due(&self) -> bool {
         let since = self.last.unwrap_or(self.start).elapsed();
         match self.last {
@@ -38,7 +38,7 @@ impl Pace {
         }
     }
 
-    /// Whether the end of the work has a line. Short work has one only on a terminal.
+    /// True if the end of the work has a line. Short work has one only on a terminal.
     fn ends_with_a_line(&self) -> bool {
         screen::is_terminal() || self.last.is_some() || self.start.elapsed() >= LONG
     }

@@ -64,7 +64,7 @@ pub fn be_quiet() {
     screen().is_quiet = true;
 }
 
-/// Whether messages are shown.
+/// True if messages are shown.
 pub fn has_messages() -> bool {
     !screen().is_quiet
 }
@@ -96,7 +96,7 @@ pub fn print_table(heads: &[&str], rows: impl IntoIterator<Item = Vec<String>>) 
     result(Table::new(heads, rows).plain().trim_end());
 }
 
-/// Whether a line of results was written.
+/// True if a line of results was written.
 pub fn has_results() -> bool {
     screen().has_results
 }
@@ -148,7 +148,7 @@ pub fn leave_bar() {
     }
 }
 
-/// Whether standard error is a terminal that can rewrite a line.
+/// True if standard error is a terminal that can rewrite a line.
 pub fn is_terminal() -> bool {
     static IS_TERMINAL: OnceLock<bool> = OnceLock::new();
     *IS_TERMINAL

@@ -17,7 +17,7 @@ const PATIENCE: Duration = Duration::from_secs(2);
 struct Queue {
     waiting: VecDeque<String>,
     bytes: usize,
-    /// Whether the thread is writing, and for so long that nobody waits for it.
+    /// True if the thread is writing, and for so long that nobody waits for it.
     is_writing: bool,
     is_stuck: bool,
     /// Texts that were written, or could not be.

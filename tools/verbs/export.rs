@@ -105,7 +105,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What a file of `source` holds beside its Gaussians.
+/// The data of a file of `source` beside its Gaussians.
 fn clip(args: &Args, format: Format, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
     if format.has_clip() {
         return args.clip.clip(source, is_still);

@@ -328,7 +328,7 @@ impl<'a> Jobs<'a> {
     }
 }
 
-/// Whether an option sets the bytes of images that are decoded ahead.
+/// True if an option sets the bytes of images that are decoded ahead.
 fn is_cache(option: &OsString) -> bool {
     option.to_str().is_some_and(|option| option.starts_with("--cache-bytes"))
 }
@@ -341,7 +341,7 @@ fn without_viewpoints(options: &mut Vec<OsString>) {
     }
 }
 
-/// Whether the run in `folder` has ended and written its scene.
+/// True if the run in `folder` has ended and written its scene.
 fn has_ended(folder: &Path) -> ivv::Result<bool> {
     if !folder.join("scene.ply").is_file() || !folder.join("train.json").is_file() {
         return Ok(false);

@@ -155,7 +155,7 @@ impl FourDgs {
         World::of(&self.scene, self.own())
     }
 
-    /// What is heard.
+    /// The sound of the clip.
     pub fn sounds(&self) -> Sounds {
         Sounds::of(&self.scene, self.ears.clone())
     }

@@ -30,7 +30,7 @@ pub struct Contents<'a> {
     pub views: &'a [View],
     /// How the scene is rendered, by name.
     pub own: BTreeMap<String, String>,
-    /// What is heard.
+    /// The sound of the clip.
     pub sounds: &'a Sounds,
     /// Which way is up, and how large it is, where that is known.
     pub world: Option<World>,

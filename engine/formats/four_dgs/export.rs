@@ -57,7 +57,7 @@ impl FourDgs {
 }
 
 impl<'a> Contents<'a> {
-    /// What a file of `clip` holds; `is_still` where its Gaussians are all static.
+    /// The contents of a file of `clip`; `is_still` if its Gaussians are all static.
     ///
     /// # Errors
     /// [`Error::Data`] naming `path` when Gaussians move and the clip has no clock.
@@ -87,7 +87,7 @@ fn encode(path: &Path, splats: &Splats, clip: &Clip, options: &WriteOptions) -> 
 }
 
 impl Encoded {
-    /// What a file of it cannot hold, as `views` see it.
+    /// The losses of a file of it, as `views` see it.
     pub fn losses(&self, views: &[View]) -> Losses {
         let mut losses = Losses::default();
         losses.count(self, views);

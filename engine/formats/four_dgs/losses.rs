@@ -1,4 +1,4 @@
-//! What a `.4dgs` cannot hold of its Gaussians' colours.
+//! Colours of Gaussians that a `.4dgs` cannot hold.
 
 use super::encode::Encoded;
 use crate::error::{Error, Result};

@@ -81,7 +81,7 @@ pub struct PruneLimits {
 }
 const _: () = assert!(size_of::<PruneLimits>() == 12);
 
-/// What a frame reports. `failed` holds FAILED_* bits; the numbers are what was needed, also where it did not fit.
+/// The report of a frame. `failed` holds FAILED_* bits; the numbers are the need, even if it did not fit.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 pub struct Status {

@@ -352,7 +352,7 @@ impl Planner<'_> {
 
 struct Recorded {
     size: (u32, u32),
-    /// Of images, by the last of their numbers.
+    /// For images, the highest number plus one.
     n_frames: u32,
     video: Option<Video>,
 }

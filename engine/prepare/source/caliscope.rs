@@ -1,5 +1,5 @@
-//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4` and `timestamps.csv` with the arrival of each frame, of which
-//! `tools/board_clocks.py` makes the time of each.
+//! caliscope: `camera_array.toml`, the videos `cam_<id>.mp4`, and `timestamps.csv` with the arrival of each frame, from which
+//! `tools/board_clocks.py` derives the time of each.
 
 use std::collections::BTreeMap;
 use std::path::Path;

@@ -30,7 +30,7 @@ const LEAST_PLACED: usize = 3;
 const MATCHED: Matched = Matched { all: 12, neighbours: 8 };
 
 struct Tracked {
-    /// Of its video, without ending.
+    /// The name of its video, without ending.
     name: String,
     video: Video,
     lens: Lens,

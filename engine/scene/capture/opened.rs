@@ -45,7 +45,7 @@ pub struct Capture {
     /// Corrections of poses and times that an earlier run learnt, by name of the camera. Empty unless
     /// set.
     pub calibration: BTreeMap<String, Calibration>,
-    /// What the reader dropped, guessed or converted: a sentence each.
+    /// The reader's notes on everything that it dropped, guessed or converted: a sentence each.
     pub notes: Vec<String>,
     pub(super) frame_points: Option<FramePoints>,
     pub(super) settings: CaptureSettings,

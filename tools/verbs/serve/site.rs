@@ -27,7 +27,7 @@ pub struct Site {
     content: Content,
     /// Names and addresses that a request may be for, without ports.
     hosts: Vec<String>,
-    /// Whether it listens at every address of this machine, so that a request may be for any address.
+    /// True if it listens at every address of this machine, so that a request may be for any address.
     is_everywhere: bool,
 }
 
@@ -178,7 +178,7 @@ fn of_report(live: &LiveRun) -> Response<Full<Bytes>> {
     answer
 }
 
-/// What a `Range` header asks for.
+/// The bytes that a `Range` header requests.
 #[derive(Debug, PartialEq)]
 enum ByteRange {
     /// Everything: the header is not understood, or asks for several parts.

@@ -34,7 +34,7 @@ pub struct TrainingSetup {
     pub checkpoints: PathBuf,
     /// The checkpoint to start from.
     pub resumed: Option<Checkpoint>,
-    /// Whether the folder contains another run until [`TrainingSetup::replace`].
+    /// True if the folder contains another run until [`TrainingSetup::replace`].
     replaces: bool,
 }
 
