@@ -21,6 +21,8 @@ const POSES_FROM: f64 = 0.1;
 const POSES_JUDGED: f64 = 0.3;
 /// Learning rate of the colour maps, that of the authors of bilateral grids (SPEC 6). It does not follow the length of a run.
 const GRID_RATE: f64 = 2e-3;
+/// Learning rate of the time offsets, frames.
+const OFFSET_RATE: f64 = 1e-3;
 /// Longest shift of a camera, scene extents.
 const MOST_SHIFT: f64 = 0.1;
 
@@ -362,7 +364,7 @@ impl Cameras {
         let at = TimeOffsetStep {
             camera: camera as u32,
             dt: self.dt,
-            rate: lr.offset.at(done) * pace,
+            rate: OFFSET_RATE * pace,
             regulariser: loss.offset,
             step: image,
         };

@@ -201,18 +201,10 @@ settings! {
         stop: f64 = 0.5, "of the run", Range::SHARE;
         /// Steps between two rounds, at most. Short runs have ten rounds that add, but at least eight steps apart.
         every: u64 = 100, "steps", Range::Whole(1, u64::MAX);
-        /// adc: share of the Gaussians that one round may add.
+        /// Share of the Gaussians that one round may add.
         growth: f64 = 0.05, "of the Gaussians", Range::SHARE;
         /// adc: steps between two resets of the opacities; 0 never resets.
         reset_every: u64 = 3000, "steps", Range::Whole(0, u64::MAX);
-        /// mcmc: share of the Gaussians that one round adds, up to max_gaussians.
-        mcmc_growth: f64 = 0.05, "of the Gaussians", Range::SHARE;
-        /// mcmc: size of the random movement of faint Gaussians.
-        mcmc_noise: f64 = 5e5, "position rates", Range::NOT_NEGATIVE;
-        /// mcmc: weight of the mean opacity in the loss.
-        opacity_reg: f64 = 0.01, "", Range::NOT_NEGATIVE;
-        /// mcmc: weight of the mean size in the loss.
-        scale_reg: f64 = 0.01, "per scene unit", Range::NOT_NEGATIVE;
     }
 }
 
@@ -318,8 +310,6 @@ settings! {
         t_center: Rate = Rate::constant(1e-5), "clips", Range::Rate;
         /// Learning rate of how long Gaussians are visible, as logarithms.
         t_scale: Rate = Rate::constant(3e-2), "", Range::Rate;
-        /// Learning rate of the cameras' time offsets.
-        offset: Rate = Rate::constant(1e-3), "frames", Range::Rate;
     } with {
         /// How much larger they are in a shorter run.
         pace: Pace,

@@ -32,6 +32,12 @@ const PRUNE_VEIL: f32 = 0.33;
 const RESET_TO: f32 = 0.05;
 /// Part of the steps between two resets of the opacities in which the scene recovers from one.
 const RECOVERY: f64 = 1.0 / 3.0;
+/// Size of the random movement of faint Gaussians under 3DGS-MCMC, position rates. This and the two below are those of its authors.
+const MCMC_NOISE: f64 = 5e5;
+/// Weight of the mean opacity in its loss.
+const MCMC_OPACITY: f64 = 0.01;
+/// Weight of the mean size in its loss, per scene unit.
+const MCMC_SCALE: f64 = 0.01;
 
 /// The round of density control of `n` Gaussians, of which `n_trained` are trained, that is due after step `step` (from 1) of
 /// `total`; `None` where none is. `origin` is that of the scene on the device.
@@ -67,7 +73,7 @@ pub fn density_round(
             let least = (LEAST_GROWTH / f64::from(n.max(1))).min(most);
             (pulled, (density.growth * most).max(least))
         }
-        Strategy::Mcmc if grows => (Choice::Drawn, density.mcmc_growth),
+        Strategy::Mcmc if grows => (Choice::Drawn, density.growth),
         // Drawn copies need steps to come apart: late in the run the dead only go.
         Strategy::Mcmc => (pulled, 0.0),
     };
@@ -127,16 +133,16 @@ pub(super) fn recovered_from(config: &Config, step: u64, total: u64) -> u64 {
 
 /// Rate and key of the noise of 3DGS-MCMC in step `step` (from 1) of `total` for a scene of `extent`; `None` without MCMC.
 pub fn noise(config: &Config, step: u64, total: u64, extent: f64) -> Option<(f32, u32)> {
-    let rate = rates(config, step, total, extent).position * config.density.mcmc_noise;
+    let rate = rates(config, step, total, extent).position * MCMC_NOISE;
     (config.density.strategy == Strategy::Mcmc).then(|| (rate as f32, key(config, step, NOISE)))
 }
 
 /// What 3DGS-MCMC adds to the loss, so that Gaussians that are not needed fade and shrink.
 pub fn regularisers(config: &Config) -> StepSettings {
-    let Density { strategy, opacity_reg, scale_reg, .. } = config.density;
-    match strategy {
-        Strategy::Adc => StepSettings { images: config.batch, ..StepSettings::default() },
-        Strategy::Mcmc => StepSettings { images: config.batch, opacity_reg, scale_reg, ..StepSettings::default() },
+    let plain = StepSettings { images: config.batch, ..StepSettings::default() };
+    match config.density.strategy {
+        Strategy::Adc => plain,
+        Strategy::Mcmc => StepSettings { opacity_reg: MCMC_OPACITY, scale_reg: MCMC_SCALE, ..plain },
     }
 }
 

@@ -10,8 +10,7 @@ use ivv::internals::train::{Base, Checkpoint, Config, Run};
 use std::collections::BTreeMap;
 use std::path::Path;
 
-const SHORT: [&str; 8] =
-    ["--sh-degree", "1", "--set", "init_points=200", "--set", "lr.offset=0.05", "--eval-every", "0"];
+const SHORT: [&str; 6] = ["--sh-degree", "1", "--set", "init_points=200", "--eval-every", "0"];
 
 /// Bits of the static Gaussians of a scene file, in any order.
 fn at_rest(scene: &Splats) -> Vec<Vec<u32>> {

@@ -7,8 +7,8 @@ use ivv::internals::scene::Splats;
 use ivv::internals::scene::capture::{Capture, Extent, PriorPlan};
 use ivv::internals::stage::{AdamMode, Choice, PruneLimits};
 use ivv::internals::train::{
-    Checkpoint, Config, Density, Event, GridKind, Init, LearningRates, Pace, PoseKind, Rate, Required, Round, Session,
-    SessionOptions, Setup, StepReport, Strategy, Trainer, density_round, from_points, noise, regularisers,
+    Checkpoint, Config, Density, Event, GridKind, Init, Pace, PoseKind, Required, Round, Session, SessionOptions,
+    Setup, StepReport, Strategy, Trainer, density_round, from_points, noise, regularisers,
 };
 
 #[test]
@@ -201,7 +201,7 @@ fn static_gaussians_stay_as_they_began_where_only_the_others_are_trained() {
     }
     // Nothing but the clocks is learnt: what rests says nothing of them, trained or not, to the bit.
     let offsets = |holds_static: bool| {
-        let lr = LearningRates { offset: Rate::constant(0.02), ..nothing_moves(Pace::default()) };
+        let lr = nothing_moves(Pace::default());
         let config = Config {
             holds_static,
             lr,

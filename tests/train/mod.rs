@@ -75,7 +75,6 @@ fn nothing_moves(pace: Pace) -> LearningRates {
         velocity: still,
         t_center: still,
         t_scale: still,
-        offset: still,
         pace,
     }
 }

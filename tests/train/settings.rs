@@ -72,8 +72,6 @@ fn settings_out_of_range_are_told_with_what_was_found_and_expected() {
         ("density.growth", "-5.0", "a number from 0 to 1"),
         ("density.stop", "-1.0", "a number from 0 to 1"),
         ("density.every", "0", "a whole number, 1 or more"),
-        ("density.mcmc_noise", "-1.0", "a number, 0 or more"),
-        ("density.mcmc_growth", "2.0", "a number from 0 to 1"),
         ("init_points", "0", "a whole number from 1 to 50000000"),
         ("max_gaussians", "0", "a whole number from 1 to 4294967295"),
         ("background", "[9.0,9.0,9.0]", "three numbers from 0 to 1"),

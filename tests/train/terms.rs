@@ -9,8 +9,8 @@ use ivv::internals::scene::capture::{Capture, Extent, Picture, PriorPlan};
 use ivv::internals::scene::{Motion, Splats, View};
 use ivv::internals::stage::{Outputs, Renderer};
 use ivv::internals::train::{
-    Agreement, Config, Event, GridKind, LearningRates, Loss, Pace, PoseKind, Rate, Required, Session, SessionOptions,
-    Setup, TermData, Trainer, fit_offset, from_points, logged,
+    Agreement, Config, Event, GridKind, Loss, Pace, PoseKind, Required, Session, SessionOptions, Setup, TermData,
+    Trainer, fit_offset, from_points, logged,
 };
 use ivv_conformance::fixtures::lpips::{TRUNKS, narrow, save};
 use std::collections::BTreeSet;
@@ -179,14 +179,14 @@ fn moving_scene(offsets: [f64; 2]) -> (Splats, Vec<(usize, View, Picture)>) {
 #[test]
 fn offsets_are_learnt_where_everything_else_is_known() {
     let _device = gpu();
+    const STEPS: u64 = 240;
     let truth = [0.4, -0.4];
     let (splats, pictures) = moving_scene(truth);
-    let lr = LearningRates { offset: Rate { start: 2e-2, end: 1e-3 }, ..nothing_moves(Pace::default()) };
-    let config = Config { lr, sh_degree: 0, ..Config::default() };
+    let config = Config { lr: nothing_moves(Pace::default()), sh_degree: 0, ..Config::default() };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };
     let setup = Setup { learns_offset: vec![true, true], ..Setup::plain(extent, 1.0 / 8.0) };
-    let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, 10_000, setup).unwrap();
-    for step in 0..240 {
+    let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, STEPS, setup).unwrap();
+    for step in 0..STEPS as usize {
         let (camera, view, picture) = &pictures[step % pictures.len()];
         trainer.train(*camera, view, picture).unwrap();
     }
