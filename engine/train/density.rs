@@ -2,7 +2,7 @@
 //! ([`DensityRound`]).
 
 use super::average::Average;
-use super::config::{Config, Density, Round, Strategy};
+use super::config::{Config, Round, Strategy};
 use super::schedule::rates;
 use crate::random::Keyed;
 use crate::scene::capture::Extent;
