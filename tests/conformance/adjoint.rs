@@ -50,22 +50,18 @@ pub fn flat(d: &Gradients, name: &str) -> Vec<f64> {
     }
 }
 
-/// All numbers of `d` as bits.
 pub fn bits(d: &Gradients) -> Vec<u64> {
     GROUPS.iter().flat_map(|name| flat(d, name)).map(f64::to_bits).collect()
 }
 
-/// Whether every number is finite.
 pub fn is_finite(d: &Gradients) -> bool {
     bits(d).into_iter().all(|x| f64::from_bits(x).is_finite())
 }
 
-/// Sum of products.
 pub fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// <cotangent, derivative>.
 fn along(cotangents: &Frame, d: &Outputs<f64>) -> f64 {
     let part = |a: &[f32], b: &[f64]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * b).sum::<f64>();
     part(cotangents.color.as_flattened(), d.color.as_flattened())
@@ -108,10 +104,7 @@ pub fn group_error(found: &Gradients, name: &str, splats: &Splats, view: &View, 
     worst
 }
 
-/// Checks every group; `least` says how many of them must have a gradient. Gives the largest error.
-///
-/// # Errors
-/// How far off each group is, where one is further than `allowed`.
+/// Checks every group, and that `least` of them have a gradient; gives the largest error.
 pub fn check_adjoint(
     bench: &Bench,
     splats: &Splats,
@@ -132,10 +125,7 @@ pub fn check_adjoint(
     Ok(errors.iter().fold(0.0, |worst, (_, error)| f64::max(worst, *error)))
 }
 
-/// The numbers of one parameter group of `params`, flat, under its name in [`GROUPS`], or `background`.
-///
-/// # Panics
-/// On any other name.
+/// The numbers of one group of [`GROUPS`], flat, or the `background`.
 pub fn group<'a>(params: &'a mut Params<f64>, name: &str) -> Vec<&'a mut f64> {
     let motion =
         |f: fn(&mut Temporal<f64>) -> &mut f64, params: &'a mut Params<f64>| params.motion.iter_mut().map(f).collect();

@@ -1,14 +1,8 @@
 //! A scene and a view beside what the reference makes of them.
 
-use super::frames::{Tolerance, compare};
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
-use ivv::Constants;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::{Frame, Splats, View};
+use super::prelude::*;
 use ivv::internals::stage::FrameReport;
 
-/// A scene, a view, and what to expect.
 pub(super) struct Case<'a> {
     pub name: String,
     pub splats: Splats,
@@ -19,15 +13,13 @@ pub(super) struct Case<'a> {
     pub tolerance: Tolerance,
     /// Gaussians that must be counted as bad.
     pub n_bad: u64,
-    /// Whatever else must hold.
     pub check: Check<'a>,
 }
 
-/// A check of its own on a frame.
 type Check<'a> = Box<dyn Fn(&Frame, &FrameReport) -> Result<()> + 'a>;
 
 impl<'a> Case<'a> {
-    /// A case that must look like the truth, with the default constants and tolerance.
+    /// It must look like the truth, with the default constants and tolerance.
     pub fn new(name: impl Into<String>, splats: Splats, view: View) -> Case<'a> {
         Case {
             name: name.into(),
@@ -41,14 +33,22 @@ impl<'a> Case<'a> {
         }
     }
 
-    pub fn run(&self, bench: &Bench, tally: &mut Tally) {
+    pub fn tolerance(self, tolerance: Tolerance) -> Self {
+        Case { tolerance, ..self }
+    }
+
+    /// Whatever else must hold.
+    pub fn check(self, check: impl Fn(&Frame, &FrameReport) -> Result<()> + 'a) -> Self {
+        Case { check: Box::new(check), ..self }
+    }
+
+    pub fn run(self, bench: &Bench, tally: &mut Tally) {
         tally.case(&self.name, |tally| {
             let (frame, report) = bench.render_with(&self.splats, &self.view, self.constants)?;
             let truth = render_f64(self.truth.as_ref().unwrap_or(&self.splats), &self.view, &self.constants);
             ensure!(truth.alpha.iter().any(|alpha| *alpha > 0.0), "the truth shows nothing");
             ensure!(report.bad_gaussians == self.n_bad, "{} bad Gaussians, not {}", report.bad_gaussians, self.n_bad);
-            let worst = compare(&frame, &truth, &self.tolerance)?;
-            tally.within("a frame", worst.error, worst.allowed)?;
+            tally.frame(&frame, &truth, &self.tolerance)?;
             (self.check)(&frame, &report)
         });
     }

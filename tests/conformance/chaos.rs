@@ -1,16 +1,10 @@
 //! N28: scenes of which any number may be poisoned, drawn, differentiated and trained.
 
-use super::adjoint::{GROUPS, cotangents, flat, is_finite};
-use super::frames::check_finite;
-use super::random::{Random, noise, poison, scene, small_view, view};
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
-use ivv::Constants;
+use super::adjoint::{GROUPS, flat};
+use super::prelude::*;
+use super::random::poison;
 use ivv::internals::reference::{Camera, Params, Rules, project};
-use ivv::internals::scene::capture::Extent;
-use ivv::internals::scene::{Splats, View};
 use ivv::internals::train::{Config, Setup, StepReport, Strategy, Trainer};
-use std::sync::Arc;
 
 pub(super) fn poisoned_scenes(bench: &Bench, tally: &mut Tally) -> Result<()> {
     let (mut n_poisoned, mut n_gradients, mut n_undrawn, mut n_left) = (0, 0, 0, 0);

@@ -1,9 +1,7 @@
 //! N27: the cameras' time offsets.
 
 use super::fixtures::clocks::on_device;
-use super::random::Random;
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
+use super::prelude::*;
 use ivv::internals::reference::{Clock, ClockRule};
 use ivv::internals::stage::{BETA1, BETA2, OFFSET_BOUND};
 

@@ -1,15 +1,11 @@
 //! N26: frames that need more room than there is, and counts up to the last of 32 bits.
 
-use super::frames::bits;
-use super::random::{scene, view};
-use super::row::{Bench, Tally};
-use anyhow::{Result, anyhow, ensure};
-use ivv::Constants;
+use super::prelude::*;
+use anyhow::anyhow;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::gpu::{Grid, Recording};
 use ivv::internals::reference::exclusive_scan;
 use ivv::internals::stage::{Outputs, PairGrids, Renderer, Scan};
-use std::sync::Arc;
 
 pub(super) fn counts(bench: &Bench, tally: &mut Tally) -> Result<()> {
     let splats = scene(51, 300, 1);
@@ -77,7 +73,6 @@ fn decided(bench: &Bench, n: u32, capacity: u32, failed: u32) -> Result<()> {
     Ok(())
 }
 
-/// The total that the device's prefix sum finds.
 fn summed(bench: &Bench, values: &[u32]) -> Result<u32> {
     let gpu = bench.gpu();
     let scan = Scan::new(&gpu, values.len())?;

@@ -1,13 +1,6 @@
 //! N7 and N19: opacities and colours.
 
-use super::adjoint::{check_adjoint, cotangents, is_finite};
-use super::case::Case;
-use super::frames::Tolerance;
-use super::one::{One, ball, camera, logit, scene_of};
-use super::random::Random;
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
-use ivv::internals::scene::View;
+use super::prelude::*;
 
 /// `x` moved by `n` units in the last place.
 fn moved(x: f32, n: i32) -> f32 {
@@ -24,26 +17,20 @@ pub(super) fn opacities(bench: &Bench, tally: &mut Tally) -> Result<()> {
     }
     // At alpha_min either side is right, and nothing between: 1/255 of the light before the backdrop, or none.
     for n in ULPS {
-        let case = Case {
-            check: Box::new(|frame, _| {
-                let right = |alpha: f32| [0.5, 0.5 + 0.5 / 255.0].iter().any(|x| (alpha - x).abs() < 1e-6);
-                ensure!(frame.alpha.iter().all(|a| right(*a)), "alpha {:?}", frame.alpha);
-                Ok(())
-            }),
-            ..exposed(moved(logit(1.0 / 255.0), n), 0.01)
+        let is_either = |alpha: f32| [0.5, 0.5 + 0.5 / 255.0].iter().any(|x| (alpha - x).abs() < 1e-6);
+        let check = move |frame: &Frame, _: &_| {
+            ensure!(frame.alpha.iter().all(|a| is_either(*a)), "alpha {:?}", frame.alpha);
+            Ok(())
         };
-        case.run(bench, tally);
+        exposed(moved(logit(1.0 / 255.0), n), 0.01).check(check).run(bench, tally);
         both_passes_agree(bench, tally, moved(logit(1.0 / 255.0), n));
     }
     for (n, is_added) in [(-1000, false), (1000, true)] {
-        let case = Case {
-            check: Box::new(move |frame, _| {
-                ensure!((frame.alpha[0] > 0.501) == is_added, "alpha {:?}", frame.alpha);
-                Ok(())
-            }),
-            ..exposed(moved(logit(1.0 / 255.0), n), 1e-5)
+        let check = move |frame: &Frame, _: &_| {
+            ensure!((frame.alpha[0] > 0.501) == is_added, "alpha {:?}", frame.alpha);
+            Ok(())
         };
-        case.run(bench, tally);
+        exposed(moved(logit(1.0 / 255.0), n), 1e-5).check(check).run(bench, tally);
     }
     clamped(bench, tally)
 }
@@ -55,10 +42,8 @@ fn before_another(opacity: f32) -> [One; 2] {
 }
 
 fn exposed(opacity: f32, band: f64) -> Case<'static> {
-    Case {
-        tolerance: Tolerance { band, n_band: 1.0, ..Tolerance::default() },
-        ..Case::new(format!("opacity {opacity}"), scene_of(&before_another(opacity)), camera(5, 3))
-    }
+    let tolerance = Tolerance { band, n_band: 1.0, ..Tolerance::default() };
+    Case::new(format!("opacity {opacity}"), scene_of(&before_another(opacity)), camera(5, 3)).tolerance(tolerance)
 }
 
 /// In a picture of one pixel, what the forward pass adds has a gradient and what it does not has none.
@@ -109,22 +94,19 @@ pub(super) fn colors(bench: &Bench, tally: &mut Tally) -> Result<()> {
     for sh_degree in 0..=3usize {
         for size in [1.0, 1e3] {
             let mut random = Random::new(sh_degree as u64);
-            let all: Vec<One> = (0..30)
-                .map(|_| {
-                    let [x, y] = random.vector(-1.0, 1.0);
-                    let mut one = ball([x, y, random.uniform(3.0, 5.0) as f32], 0.1, 0.6, [0.0; 3]);
-                    one.sh = (0..(sh_degree + 1).pow(2)).map(|_| random.vector(-size, size)).collect();
-                    one
-                })
-                .collect();
-            let case = Case {
-                check: Box::new(|frame, _| {
-                    ensure!(frame.color.as_flattened().iter().all(|c| *c >= 0.0), "a negative colour");
-                    Ok(())
-                }),
-                ..Case::new(format!("degree {sh_degree}, coefficients to {size}"), scene_of(&all), camera(48, 32))
+            let all = (0..30).map(|_| {
+                let [x, y] = random.vector(-1.0, 1.0);
+                let mut one = ball([x, y, random.uniform(3.0, 5.0) as f32], 0.1, 0.6, [0.0; 3]);
+                one.sh = (0..(sh_degree + 1).pow(2)).map(|_| random.vector(-size, size)).collect();
+                one
+            });
+            let scene = scene_of(&all.collect::<Vec<_>>());
+            let check = |frame: &Frame, _: &_| {
+                ensure!(frame.color.as_flattened().iter().all(|c| *c >= 0.0), "a negative colour");
+                Ok(())
             };
-            case.run(bench, tally);
+            let name = format!("degree {sh_degree}, coefficients to {size}");
+            Case::new(name, scene, camera(48, 32)).check(check).run(bench, tally);
         }
     }
     for value in [-1.8, -10.0, -1e3, -1e30] {
@@ -136,39 +118,33 @@ pub(super) fn colors(bench: &Bench, tally: &mut Tally) -> Result<()> {
     Ok(())
 }
 
-fn of_coefficient(value: f32) -> (Vec<One>, View) {
-    let one = One { sh: vec![[value; 3]], ..ball([0.0, 0.0, 4.0], 0.5, 0.9, [0.0; 3]) };
-    (vec![one], camera(48, 32))
+fn of_coefficient(value: f32) -> Splats {
+    scene_of(&[One { sh: vec![[value; 3]], ..ball([0.0, 0.0, 4.0], 0.5, 0.9, [0.0; 3]) }])
 }
 
 /// Below 0 in every channel: black, whatever the amount, and without a gradient of the colour.
 fn black(bench: &Bench, tally: &mut Tally, value: f32) {
-    let (all, view) = of_coefficient(value);
-    let background = view.background;
-    let splats = scene_of(&all);
-    let case = Case {
-        check: Box::new(|frame, _| {
-            let is_black = |(color, alpha): (&[f32; 3], &f32)| {
-                (0..3).all(|k| (color[k] - (1.0 - alpha) * background[k]).abs() <= 1e-6)
-            };
-            ensure!(frame.color.iter().zip(&frame.alpha).all(is_black), "not black");
-            let (found, _) = bench.vjp(&splats, &view, &cotangents(9, &view, |_| false))?;
-            ensure!(found.params.sh[0] == [0.0; 3], "a gradient of {:?}", found.params.sh[0]);
-            ensure!(found.params.opacity[0] != 0.0, "no gradient of its opacity");
-            Ok(())
-        }),
-        ..Case::new(format!("coefficient {value:e}"), splats.clone(), view.clone())
+    let (splats, view) = (of_coefficient(value), camera(48, 32));
+    let check = |frame: &Frame, _: &_| {
+        let is_black = |(color, alpha): (&[f32; 3], &f32)| {
+            (0..3).all(|k| (color[k] - (1.0 - alpha) * view.background[k]).abs() <= 1e-6)
+        };
+        ensure!(frame.color.iter().zip(&frame.alpha).all(is_black), "not black");
+        let (found, _) = bench.vjp(&splats, &view, &cotangents(9, &view, |_| false))?;
+        ensure!(found.params.sh[0] == [0.0; 3], "a gradient of {:?}", found.params.sh[0]);
+        ensure!(found.params.opacity[0] != 0.0, "no gradient of its opacity");
+        Ok(())
     };
-    case.run(bench, tally);
+    Case::new(format!("coefficient {value:e}"), splats.clone(), view.clone()).check(check).run(bench, tally);
 }
 
 /// Above 1 nothing is held: the gradient is that of any colour.
 fn bright(bench: &Bench, tally: &mut Tally, value: f32) {
-    let (all, view) = of_coefficient(value);
     tally.case(format!("the gradient of coefficient {value:e}"), |_| {
+        let view = camera(48, 32);
         let cotangents = cotangents(9, &view, |_| false);
-        let of = |all: &[One]| bench.vjp(&scene_of(all), &view, &cotangents).map(|(found, _)| found.params.sh[0]);
-        let (found, plain) = (of(&all)?, of(&of_coefficient(0.5).0)?);
+        let of = |value| bench.vjp(&of_coefficient(value), &view, &cotangents).map(|(found, _)| found.params.sh[0]);
+        let (found, plain) = (of(value)?, of(0.5)?);
         ensure!(found == plain && found != [0.0; 3], "{found:?}, and {plain:?} of a colour between 0 and 1");
         Ok(())
     });

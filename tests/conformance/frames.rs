@@ -4,7 +4,6 @@ use anyhow::{Result, bail, ensure};
 use ivv::internals::reference::Outputs as Truth;
 use ivv::internals::scene::Frame;
 
-/// The floats of pixel `i`: colour, alpha, depth, inverse depth, flow.
 fn pixel(frame: &Frame, i: usize) -> [f32; 8] {
     let ([r, g, b], [x, y]) = (frame.color[i], frame.flow[i]);
     [r, g, b, frame.alpha[i], frame.depth[i], frame.inverse_depth[i], x, y]
@@ -22,10 +21,6 @@ pub fn bits(frame: &Frame) -> Vec<[u32; 8]> {
     pixels(frame).into_iter().map(|p| p.map(f32::to_bits)).collect()
 }
 
-/// Says where a frame holds something that is not finite.
-///
-/// # Errors
-/// The first pixel that does.
 pub fn check_finite(frame: &Frame) -> Result<()> {
     match (0..frame.alpha.len()).map(|i| (i, pixel(frame, i))).find(|(_, p)| p.iter().any(|x| !x.is_finite())) {
         Some((i, pixel)) => bail!("pixel {i} is {pixel:?}"),
@@ -51,20 +46,15 @@ impl Default for Tolerance {
     }
 }
 
-/// An error beside what is allowed.
+/// An error, and the most that may be, in the same unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Compared {
-    /// The error.
     pub error: f64,
-    /// The most that may be, in the same unit.
     pub allowed: f64,
 }
 
 /// Compares every output of every pixel with the truth; a tensor that is zero everywhere must be exactly so. Gives the
 /// error that is nearest to what is allowed.
-///
-/// # Errors
-/// The first pixel that is not as it should be.
 pub fn compare(frame: &Frame, truth: &Truth<f64>, tolerance: &Tolerance) -> Result<Compared> {
     let n = truth.alpha.len();
     let expected = |i: usize| -> [f64; 8] {

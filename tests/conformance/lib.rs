@@ -5,6 +5,8 @@
 //! (`tests/extreme`, a test a row) and of the program `ivv-conformance`, which runs it on a user's own device. Rows are named after N1 to
 //! N30 of the project's study of numerics; each states the bound that it holds, and why where that is not the study's.
 
+#![allow(missing_docs, reason = "its users are the tests of this workspace")]
+
 pub mod adjoint;
 mod case;
 mod chaos;
@@ -20,6 +22,7 @@ pub mod one;
 mod optimiser;
 mod places;
 mod poison;
+mod prelude;
 pub mod random;
 mod row;
 mod shapes;

@@ -1,15 +1,9 @@
 //! N8 to N10: long lists, lists around the sizes at which something changes, and ties.
 
-use super::adjoint::{cotangents, group_error};
-use super::case::Case;
-use super::frames::{Tolerance, bits, compare};
-use super::one::{One, ball, camera, scene_of};
-use super::random::Random;
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
-use ivv::Constants;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::{Motion, Splats};
+use super::adjoint::group_error;
+use super::prelude::*;
+use super::random;
+use ivv::internals::stage::FrameReport;
 use ivv::internals::vk::DeviceKind;
 
 /// Entries that one round of blending walks, `SEGMENT` of the engine.
@@ -17,29 +11,21 @@ const SEGMENT: u64 = 32_768;
 
 /// `n` Gaussians of that opacity one behind the other, flat over the picture.
 fn chain(n: usize, opacity: f64) -> Splats {
-    let all: Vec<One> = (0..n)
-        .map(|i| {
-            let z = 2.0 + i as f32 / 65_536.0;
-            ball([0.0, 0.0, z], 100.0, opacity, [0.2, 0.9, i as f64 / n as f64])
-        })
-        .collect();
-    scene_of(&all)
+    let one = |i| ball([0.0, 0.0, 2.0 + i as f32 / 65_536.0], 100.0, opacity, [0.2, 0.9, i as f64 / n as f64]);
+    scene_of(&(0..n).map(one).collect::<Vec<_>>())
 }
 
 pub(super) fn chains(bench: &Bench, tally: &mut Tally) -> Result<()> {
     let view = camera(3, 3);
     let lengths = [(2300, 0.004), (100_000, 1.02 / 255.0), (9, 0.6), (2, 0.98), (40, 0.2), (5, 0.999), (700, 0.0125)];
     for (n, opacity) in lengths {
-        tally.case(format!("{n} x {opacity:.4}"), |tally| {
-            let splats = chain(n, opacity);
-            let (frame, report) = bench.render(&splats, &view)?;
-            ensure!(report.max_tile_list == n as u64, "a list of {}", report.max_tile_list);
-            let truth = render_f64(&splats, &view, &Constants::default());
-            ensure!(truth.n_contributing.iter().all(|n| *n > 0), "the truth shows nothing");
-            let tolerance = Tolerance { away: 1e-4, band: 1e-4, n_band: 1.0 };
-            let worst = compare(&frame, &truth, &tolerance)?;
-            tally.within("a frame", worst.error, worst.allowed)
-        });
+        Case::new(format!("{n} x {opacity:.4}"), chain(n, opacity), view.clone())
+            .tolerance(Tolerance { away: 1e-4, band: 1e-4, n_band: 1.0 })
+            .check(|_, report| {
+                ensure!(report.max_tile_list == n as u64, "a list of {}", report.max_tile_list);
+                Ok(())
+            })
+            .run(bench, tally);
     }
     // (1 - 0.99)^2 is the floor of the transmittance itself: either both are added or one, and both passes do the same.
     tally.case("2 x 0.99, at the floor", |_| {
@@ -102,22 +88,18 @@ pub(super) fn overlaps(bench: &Bench, tally: &mut Tally) -> Result<()> {
             let full = truth.alpha.iter().filter(|alpha| **alpha > 0.999).count();
             ensure!(full == 0, "{full} pixels are finished before the last entry");
             // A position's rounding decides whether such faint Gaussians contribute: 1/255 of the frame each.
-            let worst = compare(&frame, &truth, &Tolerance { band: 0.05, n_band: 0.3, ..Tolerance::default() })?;
-            tally.within("a frame", worst.error, worst.allowed)
+            tally.frame(&frame, &truth, &Tolerance { band: 0.05, n_band: 0.3, ..Tolerance::default() })
         });
     }
     nothing(bench, tally);
     for (name, velocity) in [("static", None), ("dynamic", Some([1.0, 0.0, 0.0]))] {
         let motion = velocity.map(|velocity| Motion { velocity, t_center: 0.5, t_scale: 0.0 });
         let splats = scene_of(&[One { motion, ..ball([0.0, 0.0, 3.0], 0.1, 0.9, [1.0, 0.5, 0.0]) }]);
-        let case = Case {
-            check: Box::new(|_, report| {
-                ensure!((report.active, report.visible) == (1, 1), "{report:?}");
-                Ok(())
-            }),
-            ..Case::new(format!("a single {name} Gaussian"), splats, camera(33, 17))
+        let check = |_: &_, report: &FrameReport| {
+            ensure!((report.active, report.visible) == (1, 1), "{report:?}");
+            Ok(())
         };
-        case.run(bench, tally);
+        Case::new(format!("a single {name} Gaussian"), splats, camera(33, 17)).check(check).run(bench, tally);
     }
     Ok(())
 }
@@ -140,7 +122,6 @@ fn nothing(bench: &Bench, tally: &mut Tally) {
     }
 }
 
-/// `items` in a random order.
 fn shuffled(mut items: Vec<One>, random: &mut Random) -> Vec<One> {
     for i in (1..items.len()).rev() {
         items.swap(i, random.bits() as usize % (i + 1));
@@ -164,19 +145,19 @@ pub(super) fn ties(bench: &Bench, tally: &mut Tally) -> Result<()> {
     for (name, all) in [("in order", all.clone()), ("shuffled", shuffled(all, &mut random))] {
         let splats = scene_of(&all);
         // Saturated pixels end where rounding says.
-        let tolerance = Tolerance { n_band: 0.3, ..Tolerance::default() };
-        Case { tolerance, ..Case::new(format!("1000 of one depth, {name}"), splats.clone(), view.clone()) }
+        Case::new(format!("1000 of one depth, {name}"), splats.clone(), view.clone())
+            .tolerance(Tolerance { n_band: 0.3, ..Tolerance::default() })
             .run(bench, tally);
         frames.push(bits(&bench.render(&splats, &view)?.0));
     }
     ensure!(frames[0] != frames[1], "the order of equal depths cannot be seen");
-    let splats = super::random::scene(41, 200, 1);
-    let view = super::random::view();
+    let splats = scene(41, 200, 1);
+    let view = random::view();
     let first = bits(&bench.render(&splats, &view)?.0);
     for turn in 0..3 {
         tally.case(format!("200 of different depths, shuffled for time {turn}"), |_| {
             // Static ones stay before dynamic ones; all depths of a random scene differ.
-            let other = scene_of(&shuffled(super::one::ones(&splats), &mut random));
+            let other = scene_of(&shuffled(ones(&splats), &mut random));
             ensure!(other.position != splats.position, "the order is the same");
             ensure!(bits(&bench.render(&other, &view)?.0) == first, "other bits");
             Ok(())

@@ -3,8 +3,7 @@
 use super::fixtures::lpips::{self, TRUNKS, narrow};
 use super::fixtures::photometric::{Pair, word};
 use super::fixtures::{grids, priors};
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
+use super::prelude::*;
 use ivv::internals::reference::BilateralGrid;
 use ivv::internals::stage::{DepthSpace, GRID_SIZE, GridState, GridStep, Grids};
 

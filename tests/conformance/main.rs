@@ -13,7 +13,6 @@ use std::process::ExitCode;
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Of the engine.
 const REVISION: &str = match option_env!("IVV_REVISION") {
     Some(revision) => revision,
     None => "of an unknown revision",
@@ -35,7 +34,7 @@ struct Args {
     /// Runs under Vulkan's validation layer; a message fails its row.
     #[arg(long)]
     validation: bool,
-    /// Also writes the report to this file, .md or .html.
+    /// Also writes the report to this Markdown file.
     #[arg(short, long)]
     output: Option<PathBuf>,
     /// Writes results, and errors too, as JSON on standard output.
@@ -43,29 +42,10 @@ struct Args {
     json: bool,
 }
 
-/// Rows failed: the device or its driver is not fit, which is exit code 4.
-#[derive(Debug)]
-struct Failed(usize);
-
-impl std::fmt::Display for Failed {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        write!(
-            f,
-            "{} failed on this device: report it with the output above, or choose another device with --device",
-            count(self.0, "row")
-        )
-    }
-}
-
-impl std::error::Error for Failed {}
-
-/// A row and what came of it.
 #[derive(serde::Serialize)]
 struct Done {
-    row: &'static str,
-    what: &'static str,
-    expected: &'static str,
-    bound: &'static str,
+    #[serde(flatten)]
+    row: Row,
     verdict: Verdict,
     seconds: f64,
     #[serde(flatten)]
@@ -73,11 +53,14 @@ struct Done {
 }
 
 fn main() -> ExitCode {
-    let args = Args::parse();
-    let Err(error) = run(&args) else { return ExitCode::SUCCESS };
-    eprintln!("ivv-conformance: {error:#}");
-    let failed = error.downcast_ref::<Failed>().map(|_| 4);
-    ExitCode::from(error.downcast_ref().map(ivv::Error::exit_code).or(failed).unwrap_or(2))
+    let (fault, code) = match run(&Args::parse()) {
+        Ok(None) => return ExitCode::SUCCESS,
+        // The device or its driver is not fit.
+        Ok(Some(failed)) => (failed, 4),
+        Err(error) => (format!("{error:#}"), error.downcast_ref().map_or(2, ivv::Error::exit_code)),
+    };
+    eprintln!("ivv-conformance: {fault}");
+    ExitCode::from(code)
 }
 
 /// Where Vulkan keeps compiled kernels: `$XDG_CACHE_HOME/ivv` or `~/.cache/ivv`.
@@ -86,14 +69,14 @@ fn cache_folder() -> Option<PathBuf> {
     cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache"))).map(|cache| cache.join("ivv"))
 }
 
-/// A line of results.
 fn out(line: &str) -> anyhow::Result<()> {
     writeln!(std::io::stdout(), "{line}").context("standard output cannot be written")
 }
 
-fn run(args: &Args) -> anyhow::Result<()> {
-    let format = args.output.as_ref().map(|path| path.extension().and_then(|e| e.to_str()).unwrap_or_default());
-    ensure!(matches!(format, None | Some("md" | "html")), "unsupported report type; use .md or .html");
+/// Says what failed, where rows did.
+fn run(args: &Args) -> anyhow::Result<Option<String>> {
+    let is_markdown = |path: &PathBuf| path.extension().is_some_and(|ending| ending == "md");
+    ensure!(args.output.as_ref().is_none_or(is_markdown), "unsupported report type; use .md");
     if let Some(name) = args.rows.iter().find(|name| !ROWS.iter().any(|row| row.name == name.as_str())) {
         bail!("unknown row `{name}`; choose from n01 to n{}", ROWS.len());
     }
@@ -114,7 +97,8 @@ fn run(args: &Args) -> anyhow::Result<()> {
     for row in ROWS.iter().filter(|row| args.rows.is_empty() || args.rows.iter().any(|name| name == row.name)) {
         let begun = Instant::now();
         let tally = row.run(&Bench { lend: &|| Box::new(&gpu), slow: args.slow });
-        let done = Done::new(row, tally, begun.elapsed().as_secs_f64());
+        let (verdict, seconds) = (tally.verdict(), begun.elapsed().as_secs_f64());
+        let done = Done { row: *row, verdict, seconds, tally };
         if !args.json {
             done.print()?;
         }
@@ -127,30 +111,27 @@ fn run(args: &Args) -> anyhow::Result<()> {
         all.push(done);
     }
     let n_failed = all.iter().filter(|done| done.verdict == Verdict::Failed).count();
-    let failed = (n_failed > 0).then(|| anyhow::Error::from(Failed(n_failed)));
+    let failed = (n_failed > 0).then(|| {
+        let rows = count(n_failed, "row");
+        format!("{rows} failed on this device: report it with the output above, or choose another device with --device")
+    });
     if args.json {
         let mut report = serde_json::json!({ "revision": REVISION, "device": caps, "slow": args.slow, "rows": all });
         if let Some(fault) = &failed {
-            report["error"] = serde_json::json!({ "kind": "failed_row", "exit_code": 4, "message": fault.to_string() });
+            report["error"] = serde_json::json!({ "kind": "failed_row", "exit_code": 4, "message": fault });
         }
         out(&serde_json::to_string_pretty(&report)?)?;
     } else {
         out(&format!("\n{}", total(&all)))?;
     }
     if let Some(path) = &args.output {
-        let lines = head(&caps, args);
-        let report = if format == Some("html") { page(&lines, &all) } else { markdown(&lines, &all) };
+        let report = markdown(&head(&caps, args), &all);
         write_atomic(path, |to| to.write_all(report.as_bytes()))?;
     }
-    failed.map_or(Ok(()), Err)
+    Ok(failed)
 }
 
 impl Done {
-    fn new(row: &Row, tally: Tally, seconds: f64) -> Done {
-        let Row { name, what, expected, bound, .. } = *row;
-        Done { row: name, what, expected, bound, verdict: tally.verdict(), seconds, tally }
-    }
-
     fn verdict(&self) -> &'static str {
         match self.verdict {
             Verdict::Passed => "passed",
@@ -164,7 +145,6 @@ impl Done {
         self.tally.worst.as_ref().map_or("-".into(), |worst| format!("{:.1e} of {:.1e}", worst.error, worst.bound))
     }
 
-    /// What failed and what was left out.
     fn notes(&self) -> impl Iterator<Item = String> {
         let faults = self.tally.faults.iter().map(|fault| format!("failed: {fault}"));
         faults.chain(self.tally.not_run.iter().map(|reason| format!("not run: {reason}")))
@@ -172,7 +152,10 @@ impl Done {
 
     fn print(&self) -> anyhow::Result<()> {
         let (cases, verdict, worst) = (self.tally.cases, self.verdict(), self.worst());
-        out(&format!("{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}", self.row, self.seconds, self.what))?;
+        out(&format!(
+            "{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}",
+            self.row.name, self.seconds, self.row.what
+        ))?;
         self.notes().try_for_each(|note| out(&format!("       {note}")))
     }
 }
@@ -184,7 +167,6 @@ fn total(all: &[Done]) -> String {
     format!("{} passed, {failed} failed, {not_run} did not run; {}", count(passed, "row"), count(cases, "case"))
 }
 
-/// The device, and how it was asked.
 fn head(caps: &Caps, args: &Args) -> Vec<String> {
     let yes = |b: bool| if b { "yes" } else { "no" };
     let pinned = if caps.subgroup_pinned { "pinned" } else { "fixed" };
@@ -218,11 +200,11 @@ fn markdown(head: &[String], all: &[Done]) -> String {
     lines.push(format!("| {} |", COLUMNS.join(" | ")));
     lines.push(format!("|{}", " --- |".repeat(COLUMNS.len())));
     for done in all {
-        let Done { row, what, expected, bound, tally, .. } = done;
-        let cells = format!("{row} | {what} | {expected} | {bound} | {} | {}", tally.cases, done.worst());
+        let Row { name, what, expected, bound, .. } = done.row;
+        let cells = format!("{name} | {what} | {expected} | {bound} | {} | {}", done.tally.cases, done.worst());
         lines.push(format!("| {cells} | {} |", done.verdict()));
     }
-    let notes = all.iter().flat_map(|done| done.notes().map(move |note| format!("- {}: {note}", done.row)));
+    let notes = all.iter().flat_map(|done| done.notes().map(move |note| format!("- {}: {note}", done.row.name)));
     let notes: Vec<String> = notes.collect();
     if !notes.is_empty() {
         lines.push(String::new());
@@ -230,28 +212,3 @@ fn markdown(head: &[String], all: &[Done]) -> String {
     }
     lines.join("\n") + "\n"
 }
-
-fn page(head: &[String], all: &[Done]) -> String {
-    let text = |text: &str| text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
-    let row = |done: &Done| {
-        let Done { row, what, expected, bound, tally, .. } = done;
-        let notes: String = done.notes().map(|note| format!("<p>{}</p>", text(&note))).collect();
-        let (verdict, worst) = (done.verdict(), done.worst());
-        let what = format!("{}{notes}", text(what));
-        let cells = [row.to_owned().into(), what, text(expected), text(bound), tally.cases.to_string(), worst];
-        let cells: String = cells.iter().map(|cell: &String| format!("<td>{cell}</td>")).collect();
-        format!("<tr>{cells}<td class=\"{}\">{verdict}</td></tr>\n", verdict.replace(' ', "-").to_lowercase())
-    };
-    let rows: String = all.iter().map(row).collect();
-    let head: String = head.iter().map(|line| format!("<li>{}</li>", text(line))).collect();
-    let names: String = COLUMNS.iter().map(|name| format!("<th>{name}</th>")).collect();
-    format!(
-        "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>Numerical extremes</title>\n<style>{STYLE}</style>\n\
-         <h1>Numerical extremes</h1>\n<ul>{head}</ul>\n<p><b>{}</b></p>\n<table><tr>{names}</tr>\n{rows}</table>\n</html>\n",
-        total(all)
-    )
-}
-
-const STYLE: &str = ":root{color-scheme:light dark}body{font:15px/1.5 system-ui,sans-serif;max-width:80rem;margin:auto;padding:1rem}\
-table{border-collapse:collapse}td,th{padding:.25rem .5rem;text-align:left;vertical-align:top;border-bottom:1px solid #8884}\
-td p{margin:.25rem 0;font-size:.85em;opacity:.75}.failed{color:#d22;font-weight:700}.not-run{opacity:.6}";

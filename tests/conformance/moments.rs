@@ -1,9 +1,7 @@
 //! N25: Adam's moments in 16 bits.
 
 use super::fixtures::adam::{Scene, rates};
-use super::random::scene;
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
+use super::prelude::*;
 use ivv::internals::stage::{StepSettings, adam_params, moment_word, moments_of};
 use std::num::FpCategory;
 

@@ -5,7 +5,6 @@ use ivv::internals::scene::{FlowModel, Intrinsics, Motion, Pose, SH_C0, Splats, 
 /// One Gaussian in raw parameters (SPEC 2).
 #[derive(Clone, Debug)]
 pub struct One {
-    /// Centre, scene units.
     pub position: [f32; 3],
     /// Quaternion, w first, of any length.
     pub rotation: [f32; 4],
@@ -36,7 +35,6 @@ pub fn backdrop() -> One {
     ball([0.3, 0.1, 6.0], 0.6, 0.7, [0.9, 0.3, 0.1])
 }
 
-/// The logit of `opacity`.
 pub fn logit(opacity: f64) -> f32 {
     (opacity / (1.0 - opacity)).ln() as f32
 }
@@ -64,7 +62,6 @@ pub fn scene_of(all: &[One]) -> Splats {
     splats
 }
 
-/// The Gaussians of `splats`.
 pub fn ones(splats: &Splats) -> Vec<One> {
     let k = splats.n_coefficients();
     (0..splats.len())
@@ -101,7 +98,6 @@ pub fn camera(width: u32, height: u32) -> View {
     }
 }
 
-/// `view` with other numbers of its pinhole.
 pub fn with(mut view: View, change: impl FnOnce(&mut Intrinsics)) -> View {
     change(&mut view.intrinsics);
     view

@@ -1,11 +1,8 @@
 //! N24: gradients of any size, rates of 0, late steps.
 
 use super::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
-use super::random::{scene, view};
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
+use super::prelude::*;
 use ivv::internals::reference::{batch_gradient, batch_sum};
-use ivv::internals::scene::Splats;
 use ivv::internals::stage::Rates;
 use std::collections::BTreeSet;
 
@@ -57,7 +54,6 @@ pub(super) fn gradients_of_any_size(bench: &Bench, tally: &mut Tally) -> Result<
     Ok(())
 }
 
-/// Compares a step with the reference's, number by number.
 fn compare(tally: &mut Tally, start: &Scene, found: &Scene, gradient: &Splats, step: &Step) -> Result<()> {
     let gradient = numbers(gradient, &start.params.scale, &step.rates);
     for ((reference, found), (g, rate, name, i)) in

@@ -1,20 +1,13 @@
 //! N1: every number of a Gaussian and of a camera in turn takes every value that has ever hurt a renderer.
 
-use super::frames::{Tolerance, bits, check_finite, compare};
-use super::one::{One, camera, ones, scene_of};
-use super::random::scene;
-use super::row::{Bench, Tally};
-use anyhow::{Result, bail, ensure};
-use ivv::Constants;
-use ivv::internals::reference::{Camera, Params, Rules, project, render_f64};
-use ivv::internals::scene::{Frame, Motion, Splats, View};
+use super::prelude::*;
+use ivv::internals::reference::{Camera, Params, Rules, project};
 
 const NOT_FINITE: [f32; 3] = [f32::NAN, f32::INFINITY, f32::NEG_INFINITY];
 /// Zeros, the least and the greatest denormal, 1e38 and half of the greatest number, both signs.
 const EXTREME: [f32; 10] =
     [0.0, -0.0, 1e-45, -1e-45, 1.175_494_2e-38, -1.175_494_2e-38, 1e38, -1e38, f32::MAX / 2.0, f32::MIN / 2.0];
 
-/// A name, and how the number that it stands for is set.
 type Slot = (&'static str, fn(&mut One, f32));
 
 const SLOTS: [Slot; 15] = [
@@ -35,7 +28,6 @@ const SLOTS: [Slot; 15] = [
     ("sh 3", |one, x| one.sh[12][0] = x),
 ];
 
-/// Sets a number of the motion of a dynamic Gaussian.
 fn moving(one: &mut One, set: impl FnOnce(&mut Motion)) {
     if let Some(motion) = &mut one.motion {
         set(motion);
@@ -93,13 +85,11 @@ fn check(
     let drawn = touched.iter().any(|touched| *touched);
     if drawn {
         let tolerance = Tolerance { away: 1e-4, n_band: 0.2, ..Tolerance::default() };
-        let worst = compare(&frame, &render_f64(&splats, &view, &Constants::default()), &tolerance)?;
-        tally.within("a frame", worst.error, worst.allowed)?;
+        tally.frame(&frame, &render_f64(&splats, &view, &Constants::default()), &tolerance)?;
     }
     Ok(drawn)
 }
 
-/// Poisons the slots of Gaussian `index`.
 fn poison(bench: &Bench, tally: &mut Tally, population: &str, index: usize, slots: &[Slot]) -> Result<()> {
     let mut base = scene(61, 12, 3);
     // Brought together, so that the poisoned one lies among the others and all are seen.

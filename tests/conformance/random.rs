@@ -28,7 +28,6 @@ pub fn small_view() -> View {
     View { intrinsics, ..view() }
 }
 
-/// A picture of noise as large as `view`.
 pub fn noise(seed: u64, view: &View) -> Picture {
     let mut random = Random::new(seed);
     let pixels =

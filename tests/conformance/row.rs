@@ -1,8 +1,10 @@
 //! A row of the table, where it runs, and what comes of it.
 
+use super::frames::{Tolerance, compare};
 use anyhow::{Result, ensure};
 use ivv::Constants;
 use ivv::internals::gpu::Gpu;
+use ivv::internals::reference::Outputs as Truth;
 use ivv::internals::scene::{Frame, Splats, View};
 use ivv::internals::stage::{FrameReport, Gradients, Outputs, Renderer};
 use std::fmt::Display;
@@ -10,10 +12,8 @@ use std::ops::Deref;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
-/// The device, for as long as this lives.
 pub type Lent<'a> = Box<dyn Deref<Target = Arc<Gpu>> + 'a>;
 
-/// Where rows run.
 pub struct Bench<'a> {
     /// Gives the device. Cases take it for as short as they can: another thread may have it while this one works out the
     /// truth.
@@ -23,73 +23,49 @@ pub struct Bench<'a> {
 }
 
 impl Bench<'_> {
-    /// The device.
     pub fn gpu(&self) -> Lent<'_> {
         (self.lend)()
     }
 
-    /// All outputs of `splats` seen by `view`, by a fresh renderer with the default constants.
-    ///
-    /// # Errors
-    /// Those of [`Renderer::render`].
+    /// All outputs, by a fresh renderer with the default constants.
     pub fn render(&self, splats: &Splats, view: &View) -> ivv::Result<(Frame, FrameReport)> {
         self.render_with(splats, view, Constants::default())
     }
 
-    /// As [`Bench::render`], with other constants.
-    ///
-    /// # Errors
-    /// Those of [`Renderer::render`].
     pub fn render_with(&self, splats: &Splats, view: &View, constants: Constants) -> ivv::Result<(Frame, FrameReport)> {
         let gpu = self.gpu();
         Renderer::new(Arc::clone(&gpu), splats, constants)?.render(view, Outputs::All)
     }
 
-    /// Gradients of the sum of `cotangents` times outputs, by a fresh renderer with the default constants.
-    ///
-    /// # Errors
-    /// Those of [`Renderer::vjp`].
+    /// Gradients of the sum of `cotangents` times outputs.
     pub fn vjp(&self, splats: &Splats, view: &View, cotangents: &Frame) -> ivv::Result<(Gradients, FrameReport)> {
         let gpu = self.gpu();
         Renderer::new(Arc::clone(&gpu), splats, Constants::default())?.vjp(view, cotangents)
     }
 }
 
-/// The error of a case that is nearest to its bound.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Worst {
-    /// The case.
     pub case: String,
-    /// Its error.
     pub error: f64,
-    /// What is allowed, in the same unit.
     pub bound: f64,
 }
 
-/// What comes of a row.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Tally {
-    /// Cases that ran.
     pub cases: usize,
-    /// The worst error, of those that are measured and not only compared.
     pub worst: Option<Worst>,
-    /// What went wrong, each with its case.
     pub faults: Vec<String>,
-    /// What did not run, and why.
     pub not_run: Vec<String>,
     #[serde(skip)]
     case: String,
 }
 
-/// The judgement of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// All cases that ran are right.
     Passed,
-    /// One is not.
     Failed,
-    /// None ran.
     NotRun,
 }
 
@@ -104,9 +80,6 @@ impl Tally {
     }
 
     /// Notes an error of the case, which has to be within `bound`. NaN never is.
-    ///
-    /// # Errors
-    /// Where it is not.
     pub fn within(&mut self, what: &str, error: f64, bound: f64) -> Result<()> {
         let is_worse = |worst: &Worst| error * worst.bound > worst.error * bound;
         if self.worst.as_ref().is_none_or(is_worse) {
@@ -116,12 +89,15 @@ impl Tally {
         Ok(())
     }
 
-    /// Says what is left out, and why.
+    pub(super) fn frame(&mut self, frame: &Frame, truth: &Truth<f64>, tolerance: &Tolerance) -> Result<()> {
+        let worst = compare(frame, truth, tolerance)?;
+        self.within("a frame", worst.error, worst.allowed)
+    }
+
     pub fn leave_out(&mut self, what: impl Display) {
         self.not_run.push(what.to_string());
     }
 
-    /// The judgement.
     pub fn verdict(&self) -> Verdict {
         match (self.faults.is_empty(), self.cases) {
             (false, _) => Verdict::Failed,
@@ -131,18 +107,17 @@ impl Tally {
     }
 }
 
-/// A row of the table.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, serde::Serialize)]
 pub struct Row {
     /// `n` and its number, two digits.
+    #[serde(rename = "row")]
     pub name: &'static str,
-    /// What takes extreme values, and which.
     pub what: &'static str,
-    /// What must hold.
     pub expected: &'static str,
     /// The bounds, and why where they are not the study's.
     pub bound: &'static str,
     /// Runs the cases. An error is a fault of the row as a whole.
+    #[serde(skip)]
     pub(super) cases: fn(&Bench, &mut Tally) -> Result<()>,
 }
 

@@ -1,12 +1,7 @@
 //! N2 to N4: sizes, needles and quaternions.
 
-use super::adjoint::{cotangents, dot, is_finite};
-use super::case::Case;
-use super::frames::Tolerance;
-use super::one::{One, at_pixel, backdrop, ball, camera, scene_of};
-use super::random::Random;
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
+use super::adjoint::dot;
+use super::prelude::*;
 
 /// Pixels per scene unit at depth 4 of `one::camera`.
 const PIXELS: f64 = 16.0;
@@ -39,8 +34,7 @@ pub(super) fn needles(bench: &Bench, tally: &mut Tally) -> Result<()> {
         // Along a needle of any length its line is as straight as f32 angles: 1e-7 of the distance from the centre.
         let away = if major < 1e3 { 1e-5 } else { 5e-5 };
         let tolerance = Tolerance { away, ..Tolerance::default() };
-        let case = Case { tolerance, ..Case::new(format!("{major} px"), scene_of(&all), view.clone()) };
-        case.run(bench, tally);
+        Case::new(format!("{major} px"), scene_of(&all), view.clone()).tolerance(tolerance).run(bench, tally);
     }
     Ok(())
 }

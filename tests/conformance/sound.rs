@@ -1,7 +1,7 @@
 //! N29: what a head hears where places meet, of silence, and of files of a sample. All of it is worked out on the CPU.
 
-use super::row::{Bench, Tally};
-use anyhow::{Context, Result, bail, ensure};
+use super::prelude::*;
+use anyhow::Context;
 use glam::{DQuat, DVec3};
 use ivv::Error;
 use ivv::internals::sound::geometry::{Mode, SoundPlane, bearing};
@@ -35,7 +35,6 @@ fn scene(p: DVec3) -> SoundScene {
     }
 }
 
-/// A head that looks along y.
 fn head(p: DVec3) -> PoseTrack {
     PoseTrack::still(p, DQuat::from_rotation_z(PI / 2.0))
 }

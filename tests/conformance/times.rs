@@ -1,17 +1,9 @@
 //! N11 to N14: time, fading and motion.
 
-use super::adjoint::{self, check_adjoint, cotangents, flat, is_finite};
-use super::case::Case;
-use super::frames::{Tolerance, bits, rms};
-use super::one::{One, backdrop, ball, camera, scene_of};
-use super::random::{self, Random, noise};
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
-use ivv::Constants;
-use ivv::internals::scene::capture::Extent;
-use ivv::internals::scene::{Frame, Motion, Splats, View};
+use super::adjoint::{self, flat};
+use super::prelude::*;
+use super::random;
 use ivv::internals::train::{Config, LearningRates, Setup, Trainer};
-use std::sync::Arc;
 
 /// A Gaussian of base opacity 0.99, visible for u = |t - t_center| / tau up to 2.352.
 fn fading(t_center: f32, t_scale: f32) -> One {
@@ -36,21 +28,16 @@ pub(super) fn distances(bench: &Bench, tally: &mut Tally) -> Result<()> {
             let view = View { time: u * f64::from(t_scale).exp(), ..camera(48, 32) };
             let gone = u > 2.355;
             let shown = view.clone();
-            let case = Case {
+            let scene = scene_of(&[fading(0.0, t_scale), backdrop()]);
+            Case::new(format!("u = {u:e}, log tau = {t_scale}"), scene, view)
                 // exp is good to 3 + 2|x| ULP (A.1): of log tau, and of u^2, which doubles the error of u.
-                tolerance: Tolerance { away: 3e-5, ..Tolerance::default() },
-                check: Box::new(move |frame, _| {
+                .tolerance(Tolerance { away: 3e-5, ..Tolerance::default() })
+                .check(|frame, _| {
                     let same = bits(frame) == bits(&bench.render(&scene_of(&[backdrop()]), &shown)?.0);
                     ensure!(same == gone, "gone: {same}, but {gone} is right");
                     Ok(())
-                }),
-                ..Case::new(
-                    format!("u = {u:e}, log tau = {t_scale}"),
-                    scene_of(&[fading(0.0, t_scale), backdrop()]),
-                    view,
-                )
-            };
-            case.run(bench, tally);
+                })
+                .run(bench, tally);
         }
         for u in times.map(|u| if u == 2.35 { 2.3 } else { u }) {
             tally.case(format!("the gradient at u = {u:e}, log tau = {t_scale}"), |tally| {
@@ -106,7 +93,7 @@ pub(super) fn time_scales(bench: &Bench, tally: &mut Tally) -> Result<()> {
         let all = [One { motion: Some(motion), ..ball([0.0, 0.0, 4.0], 0.3, 0.9, [0.5; 3]) }];
         let tolerance = Tolerance { n_band: 0.5, ..Tolerance::default() };
         let name = format!("log tau = {t_scale}, at its own time");
-        Case { tolerance, ..Case::new(name, scene_of(&all), camera(24, 16)) }.run(bench, tally);
+        Case::new(name, scene_of(&all), camera(24, 16)).tolerance(tolerance).run(bench, tally);
     }
     static_is_a_special_case_of_dynamic(bench, tally)?;
 
@@ -179,16 +166,14 @@ pub(super) fn origins(bench: &Bench, tally: &mut Tally) -> Result<()> {
     ensure!(gradient.iter().filter(|x| f64::from_bits(**x) != 0.0).count() > 300, "few numbers have a gradient");
     for origin in [0.0, 300.0, 18_000.0, 1e5] {
         let (splats, view) = clip(origin);
-        let case = Case {
-            tolerance: Tolerance { n_band: 0.2, ..Tolerance::default() },
-            check: Box::new(|found, _| {
+        Case::new(format!("time {origin}"), splats, view)
+            .tolerance(Tolerance { n_band: 0.2, ..Tolerance::default() })
+            .check(|found, _| {
                 ensure!(bits(found) == frame, "not the bits of the clip at time 0");
                 ensure!(gradients(origin)? == gradient, "not the gradient's bits of the clip at time 0");
                 Ok(())
-            }),
-            ..Case::new(format!("time {origin}"), splats, view)
-        };
-        case.run(bench, tally);
+            })
+            .run(bench, tally);
     }
     for n_frames in [10.0, 300.0, 18_000.0] {
         tally.case(format!("100 steps in a clip of {n_frames} frames"), |_| {

@@ -1,14 +1,7 @@
 //! N15 and N16: where the world's origin is, and how long its unit.
 
-use super::case::Case;
-use super::frames::{Tolerance, rms};
-use super::one::{One, ball, camera, ones, scene_of};
-use super::random::{scene, view};
-use super::row::{Bench, Tally};
-use anyhow::{Result, ensure};
+use super::prelude::*;
 use glam::{DMat3, DVec3};
-use ivv::Constants;
-use ivv::internals::scene::{Splats, View};
 
 /// Largest RMS against the same scene at the origin or in its own unit: a PSNR of 80 dB.
 const LARGEST_RMS: f64 = 1e-4;
@@ -40,18 +33,16 @@ pub(super) fn offsets(bench: &Bench, tally: &mut Tally) -> Result<()> {
         for one in &mut all {
             one.position = std::array::from_fn(|k| one.position[k] + offset[k] as f32);
         }
-        let case = Case {
+        Case::new(format!("offset {offset:?}"), scene_of(&all), moved_view(offset))
             // At 60 units nothing is recentred yet, and the camera's centre is rounded to 4e-6.
             // The reference's band knows nothing of recentring: far away it is everywhere, and must be as exact as the rest.
-            tolerance: Tolerance { away: if distance == 60.0 { 1e-4 } else { 1e-5 }, band: 1e-4, n_band: 1.0 },
-            check: Box::new(|frame, _| {
+            .tolerance(Tolerance { away: if distance == 60.0 { 1e-4 } else { 1e-5 }, band: 1e-4, n_band: 1.0 })
+            .check(|frame, _| {
                 let off = rms(frame, &at_origin);
                 ensure!(off <= LARGEST_RMS, "off by {off:.1e} against the origin");
                 Ok(())
-            }),
-            ..Case::new(format!("offset {offset:?}"), scene_of(&all), moved_view(offset))
-        };
-        case.run(bench, tally);
+            })
+            .run(bench, tally);
     }
     Ok(())
 }
@@ -69,23 +60,17 @@ fn resized(k: f64) -> (Splats, View) {
 }
 
 pub(super) fn sizes(bench: &Bench, tally: &mut Tally) -> Result<()> {
-    let in_its_own = {
-        let (splats, view) = resized(1.0);
-        bench.render(&splats, &view)?.0
-    };
+    let (splats, view) = resized(1.0);
+    let in_its_own = bench.render(&splats, &view)?.0;
     for k in [1e-4, 1e-2, 1.0, 1e2, 1e4] {
         let (splats, view) = resized(k);
         let near = (f64::from(Constants::default().near) * k) as f32;
-        let case = Case {
-            constants: Constants { near, ..Constants::default() },
-            check: Box::new(|frame, _| {
-                let off = rms(frame, &in_its_own);
-                ensure!(off <= LARGEST_RMS, "off by {off:.1e} against its own unit");
-                Ok(())
-            }),
-            ..Case::new(format!("unit / {k:e}"), splats, view)
-        };
-        case.run(bench, tally);
+        let case = Case::new(format!("unit / {k:e}"), splats, view).check(|frame, _| {
+            let off = rms(frame, &in_its_own);
+            ensure!(off <= LARGEST_RMS, "off by {off:.1e} against its own unit");
+            Ok(())
+        });
+        Case { constants: Constants { near, ..Constants::default() }, ..case }.run(bench, tally);
     }
     // |mu - centre|^2 overflows past 1.8e19: every band but the first vanishes. Further out 1 / z is denormal, which
     // drivers may flush.
@@ -93,8 +78,9 @@ pub(super) fn sizes(bench: &Bench, tally: &mut Tally) -> Result<()> {
         let mut one = ball([0.0, 0.0, z], f64::from(z) * 0.1, 0.9, [0.5; 3]);
         one.sh = vec![[0.2; 3], [0.1; 3], [0.4, -0.3, 0.2], [0.1; 3]];
         let tolerance = Tolerance { n_band: 0.5, ..Tolerance::default() };
-        let case = Case::new(format!("a colour of degree 1 at z = {z:e}"), scene_of(&[one]), camera(24, 16));
-        Case { tolerance, ..case }.run(bench, tally);
+        Case::new(format!("a colour of degree 1 at z = {z:e}"), scene_of(&[one]), camera(24, 16))
+            .tolerance(tolerance)
+            .run(bench, tally);
     }
     Ok(())
 }
