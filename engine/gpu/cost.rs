@@ -5,7 +5,6 @@ use super::table::Cost;
 use serde::{Serialize, Serializer};
 
 impl Cost {
-    /// Adds `n` times `other`.
     pub fn add(&mut self, other: &Cost, n: f64) {
         self.bytes += n * other.bytes;
         self.copied += n * other.copied;

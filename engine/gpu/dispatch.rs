@@ -5,27 +5,19 @@ use super::record::{Grid, Recording, Work};
 use super::run::{Gpu, fold};
 use crate::error::Result;
 
-/// A dispatch with everything that it needs to run again.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Dispatch {
-    /// Name of its kernel.
     pub kernel: String,
-    /// Its push constants.
     pub push: Vec<u8>,
-    /// Its workgroups.
     pub groups: [u32; 3],
-    /// Its bindings, in order.
     pub bindings: Vec<Bound>,
 }
 
-/// A binding of a dispatch.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Bound {
-    /// The place's name.
     pub name: String,
-    /// An earlier place that has the same bytes bound, which stand there alone.
+    /// An earlier place that binds the same bytes, which are given there alone.
     pub same_as: Option<usize>,
-    /// The bytes before the dispatch.
     pub before: Vec<u8>,
     /// The bytes after it, where the kernel may write; else none.
     pub after: Option<Vec<u8>>,
@@ -33,9 +25,6 @@ pub struct Bound {
 
 impl Gpu {
     /// Runs `recording` and waits; gives back its first dispatch of a kernel called `kernel`, if there is one.
-    ///
-    /// # Errors
-    /// As [`Gpu::run`].
     pub(crate) fn run_dumping(&self, mut recording: Recording, kernel: &str) -> Result<Option<Dispatch>> {
         let Some(at) = recording.passes().iter().position(|pass| pass.kernel() == Some(kernel)) else {
             self.run(&recording)?;
@@ -76,7 +65,6 @@ impl Gpu {
     }
 }
 
-/// The kernel of that name.
 pub fn kernel(name: &str) -> Option<&'static KernelInfo> {
     super::generated::ALL.iter().copied().find(|kernel| kernel.name == name)
 }

@@ -1,7 +1,7 @@
 //! The parts of generated bindings: typed buffers, and kernels as values.
 
 pub use crate::vk::BindingKind;
-use crate::vk::{Binding, Buffer};
+use crate::vk::{Binding, Buffer, PipelineDesc};
 pub use bytemuck::{Pod, Zeroable};
 use std::marker::PhantomData;
 use std::sync::Arc;
@@ -9,49 +9,44 @@ use std::sync::Arc;
 /// How a kernel touches a binding; the barriers follow from it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Access {
-    /// Loads only.
     Read,
-    /// Stores only.
     Write,
-    /// Loads, stores or atomics.
     ReadWrite,
 }
 
 impl Access {
-    /// True if the kernel may store.
     pub fn writes(self) -> bool {
         self != Access::Read
     }
 }
 
-/// One binding of a kernel.
 #[derive(Debug, PartialEq)]
 pub struct BindingInfo {
-    /// The block's name in snake case.
     pub name: &'static str,
-    /// Storage or uniform.
     pub kind: BindingKind,
-    /// From the shader's qualifiers.
     pub access: Access,
 }
 
-/// A kernel as the device sees it.
 #[derive(Debug)]
 pub struct KernelInfo {
-    /// Stem of the shader, the table row, the label.
+    /// Stem of the shader.
     pub name: &'static str,
-    /// Threads per workgroup.
     pub local: u32,
-    /// True if it uses subgroup operations.
     pub subgroups: bool,
-    /// Bytes of push constants.
     pub push_bytes: u32,
-    /// The committed SPIR-V.
     pub spirv: &'static [u8],
     /// Set 0, in order.
     pub bindings: &'static [BindingInfo],
     /// A bit for each binding whose elements are floats.
     pub floats: u32,
+}
+
+impl KernelInfo {
+    /// With `bindings` of these kinds.
+    pub fn pipeline<'a>(&self, bindings: &'a [BindingKind]) -> PipelineDesc<'a> {
+        let KernelInfo { name, spirv, push_bytes, subgroups, .. } = *self;
+        PipelineDesc { name, spirv, bindings, push_bytes, subgroups }
+    }
 }
 
 /// The module of a kernel that is a variant of another of its shader: of the same `Args` and `Push`.
@@ -77,11 +72,8 @@ pub(super) use variant;
 
 /// The arguments of a kernel; implemented by the generated `Args`.
 pub trait Kernel {
-    /// Push constants.
     type Push: Pod;
-    /// The kernel.
     const INFO: &'static KernelInfo;
-    /// The buffers, in the order of [`KernelInfo::bindings`].
     fn slices(&self) -> Vec<Slice>;
 }
 
@@ -94,31 +86,26 @@ pub struct Slice {
 }
 
 impl Slice {
-    /// Bytes.
     pub fn size(&self) -> u64 {
         self.size
     }
 
-    /// Bytes of its buffer before it.
     pub fn offset(&self) -> u64 {
         self.offset
     }
 
-    /// True if the two share a byte.
+    fn end(&self) -> u64 {
+        self.offset + self.size
+    }
+
     pub(super) fn overlaps(&self, other: &Slice) -> bool {
-        Arc::ptr_eq(&self.buffer, &other.buffer)
-            && self.offset < other.offset + other.size
-            && other.offset < self.offset + self.size
+        Arc::ptr_eq(&self.buffer, &other.buffer) && self.offset < other.end() && other.offset < self.end()
     }
 
-    /// True if it is a part of `other`, or all of it.
     pub(super) fn is_within(&self, other: &Slice) -> bool {
-        Arc::ptr_eq(&self.buffer, &other.buffer)
-            && self.offset >= other.offset
-            && self.offset + self.size <= other.offset + other.size
+        Arc::ptr_eq(&self.buffer, &other.buffer) && self.offset >= other.offset && self.end() <= other.end()
     }
 
-    /// True if the two are the same range of the same buffer.
     pub(super) fn is(&self, other: &Slice) -> bool {
         Arc::ptr_eq(&self.buffer, &other.buffer) && (self.offset, self.size) == (other.offset, other.size)
     }
@@ -128,7 +115,6 @@ impl Slice {
         self.bytes().cast()
     }
 
-    /// The range as a buffer of bytes.
     pub fn bytes(&self) -> Buf<u8> {
         Buf { slice: self.clone(), item: PhantomData }
     }
@@ -142,15 +128,10 @@ impl Slice {
 pub struct PlaneSlices {
     /// Position and opacity; rotation; scale and t_scale.
     pub geometry: Slice,
-    /// The constant band.
     pub sh0: Slice,
-    /// Velocity and t_center.
     pub motion: Slice,
-    /// Band 1.
     pub sh1: Slice,
-    /// Band 2.
     pub sh2: Slice,
-    /// Band 3.
     pub sh3: Slice,
 }
 
@@ -172,7 +153,6 @@ impl<T: Pod> Buf<T> {
         Buf { slice: Slice { buffer, offset: 0, size }, item: PhantomData }
     }
 
-    /// The bytes.
     pub fn slice(&self) -> Slice {
         self.slice.clone()
     }
@@ -182,7 +162,7 @@ impl<T: Pod> Buf<T> {
         self.slice.size as usize / size_of::<T>()
     }
 
-    /// Never: see [`Buf::len`].
+    /// As [`Buf::len`] says.
     pub fn is_empty(&self) -> bool {
         false
     }

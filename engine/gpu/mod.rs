@@ -24,8 +24,8 @@ use std::collections::BTreeMap;
 #[cfg(feature = "window")]
 pub use window::Window;
 
-/// Hashes of the kernels' SPIR-V as it is committed, by kernel: what a measurement was made with. Kernels that only fill a
-/// window or probe the device are left out, and an edit of a source that leaves the SPIR-V as it was changes none.
+/// By kernel, the hash of its committed SPIR-V: what a measurement was made with. Kernels that only fill a window or probe the
+/// device are left out.
 pub fn spirv_hashes() -> BTreeMap<String, String> {
     let is_measured = |name: &str| {
         let of = |row: &&table::Spec| row.name == name;
@@ -39,7 +39,6 @@ pub fn spirv_hashes() -> BTreeMap<String, String> {
     hashes.filter(|(name, _)| is_measured(name)).collect()
 }
 
-/// A hash of [`spirv_hashes`], 16 digits.
 pub fn shaders_hash() -> String {
     use sha2::{Digest, Sha256};
     let add = |hash: Sha256, (name, spirv): (String, String)| hash.chain_update(format!("{name} {spirv}\n"));

@@ -1,54 +1,35 @@
 //! Work as data: a list of passes, and the windows between barriers that their accesses allow.
 
-use super::kernel::{Access, Kernel, KernelInfo, Slice};
+use super::kernel::{Kernel, KernelInfo, Slice};
 use super::table::{self, Count};
 use crate::vk::Buffer;
 use std::collections::HashMap;
 use std::hash::{BuildHasherDefault, Hasher};
 use std::sync::Arc;
 
-/// How many workgroups a pass has.
 #[derive(Clone)]
 pub enum Grid {
     /// At least this many threads.
     Threads(u32),
-    /// This many workgroups.
     Groups(u32),
-    /// As three words on the device say when it gets there.
+    /// Of as many workgroups as three words on the device say.
     Indirect(Slice),
 }
 
-/// The work of a pass.
 pub enum Work {
-    /// Runs a kernel.
-    Dispatch {
-        /// The kernel.
-        kernel: &'static KernelInfo,
-        /// Its buffers.
-        slices: Vec<Slice>,
-        /// Its push constants.
-        push: Vec<u8>,
-        /// Its workgroups.
-        grid: Grid,
-    },
-    /// Copies the first slice to the second.
+    Dispatch { kernel: &'static KernelInfo, slices: Vec<Slice>, push: Vec<u8>, grid: Grid },
     Copy(Slice, Slice),
-    /// Sets every word of the slice.
     Fill(Slice, u32),
 }
 
-/// One pass.
 pub struct Pass {
-    /// Section and kernel, the label that tools show.
+    /// Section and kernel.
     pub label: String,
-    /// The count that the pass's time grows with.
     pub count: Count,
-    /// Its units per counted one: below 1 where several passes share the work, and the number of units where nothing
-    /// counts them ([`Count::Recorded`]).
+    /// Units per counted one: below 1 where several passes share the work; the number of units for [`Count::Recorded`].
     pub scale: f64,
     /// The group of Gaussians it works on, where it is not all of them.
     pub group: Option<usize>,
-    /// The work.
     pub work: Work,
 }
 
@@ -61,73 +42,58 @@ pub struct Recording {
 }
 
 impl Recording {
-    /// An empty recording.
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Names the section that the passes from here on belong to.
     pub fn section(&mut self, name: &'static str) {
         self.section = name;
     }
 
-    /// The passes from here on work on one group of Gaussians, or on all of them again.
     pub fn group(&mut self, group: Option<usize>) {
         self.group = group;
     }
 
-    /// Appends a kernel.
     pub fn pass<K: Kernel>(&mut self, args: K, push: K::Push, grid: Grid) {
         self.pass_variant(K::INFO, args, push, grid);
     }
 
-    /// Appends `kernel`, a variant with the interface of `args`' own.
+    /// `kernel` has the interface of `args`' own.
     pub(crate) fn pass_variant<K: Kernel>(&mut self, kernel: &'static KernelInfo, args: K, push: K::Push, grid: Grid) {
         assert_eq!(kernel.bindings, K::INFO.bindings, "{} is no variant of {}", kernel.name, K::INFO.name);
         self.pass_untyped(kernel, args.slices(), bytemuck::bytes_of(&push).to_vec(), grid);
     }
 
-    /// Appends `kernel` with what is known only at run time: as many slices as it has bindings, as many bytes of push
-    /// constants as it takes.
+    /// As many slices as the kernel has bindings, as many bytes of push constants as it takes.
     pub fn pass_untyped(&mut self, kernel: &'static KernelInfo, slices: Vec<Slice>, push: Vec<u8>, grid: Grid) {
         assert_eq!((slices.len(), push.len()), (kernel.bindings.len(), kernel.push_bytes as usize), "{}", kernel.name);
-        let row = table::kernel(kernel.name);
-        self.passes.push(Pass {
-            label: format!("{}/{}", self.section, kernel.name),
-            count: row.map_or(Count::Dispatches, |row| row.count),
-            scale: 1.0,
-            group: self.group,
-            work: Work::Dispatch { kernel, slices, push, grid },
-        });
+        let count = table::kernel(kernel.name).map_or(Count::Dispatches, |row| row.count);
+        self.push(kernel.name, count, Work::Dispatch { kernel, slices, push, grid });
     }
 
-    /// Appends a copy between slices of equal size.
     pub fn copy(&mut self, from: Slice, to: Slice) {
         assert_eq!(from.size, to.size, "a copy keeps its size");
-        self.push_plain("copy", Work::Copy(from, to));
+        self.push("copy", Count::Dispatches, Work::Copy(from, to));
     }
 
-    /// Appends a fill of whole words.
     pub fn fill(&mut self, slice: Slice, value: u32) {
-        self.push_plain("fill", Work::Fill(slice, value));
+        self.push("fill", Count::Dispatches, Work::Fill(slice, value));
     }
 
-    fn push_plain(&mut self, name: &str, work: Work) {
+    fn push(&mut self, name: &str, count: Count, work: Work) {
         let label = format!("{}/{name}", self.section);
-        self.passes.push(Pass { label, count: Count::Dispatches, scale: 1.0, group: self.group, work });
+        self.passes.push(Pass { label, count, scale: 1.0, group: self.group, work });
     }
 
-    /// Takes the passes from `at` on out into a recording of their own.
     pub fn split_off(&mut self, at: usize) -> Recording {
         Recording { passes: self.passes.split_off(at), section: self.section, group: self.group }
     }
 
-    /// The passes.
     pub fn passes(&self) -> &[Pass] {
         &self.passes
     }
 
-    /// Passes from `first` on grow with `count` instead of what the table says.
+    /// Passes from `first` on that grow with the active Gaussians grow with `count` instead.
     pub(crate) fn count_as(&mut self, first: usize, count: Count) {
         for pass in self.passes.iter_mut().skip(first) {
             if pass.count == Count::Active {
@@ -136,14 +102,13 @@ impl Recording {
         }
     }
 
-    /// The pass appended last grows with `count` instead of what the table says.
+    /// Overrides [`Pass::count`] of the last pass.
     pub fn count(&mut self, count: Count) {
         if let Some(pass) = self.passes.last_mut() {
             pass.count = count;
         }
     }
 
-    /// The pass appended last has `scale` units per counted one, see [`Pass::scale`].
     pub fn scale(&mut self, scale: f64) {
         if let Some(pass) = self.passes.last_mut() {
             pass.scale = scale;
@@ -182,7 +147,6 @@ impl Recording {
 }
 
 impl Pass {
-    /// The name of its kernel; none of a copy or a fill.
     pub fn kernel(&self) -> Option<&'static str> {
         match &self.work {
             Work::Dispatch { kernel, .. } => Some(kernel.name),
@@ -190,7 +154,6 @@ impl Pass {
         }
     }
 
-    /// Slices touched, and whether they are written.
     fn accesses(&self) -> Vec<(&Slice, bool)> {
         match &self.work {
             Work::Dispatch { kernel, slices, grid, .. } => {
@@ -198,7 +161,7 @@ impl Pass {
                 let args = if let Grid::Indirect(args) = grid { Some((args, false)) } else { None };
                 bound.chain(args).collect()
             }
-            Work::Copy(from, to) => vec![(from, false), (to, Access::Write.writes())],
+            Work::Copy(from, to) => vec![(from, false), (to, true)],
             Work::Fill(slice, _) => vec![(slice, true)],
         }
     }

@@ -4,7 +4,7 @@ use super::generated::ALL;
 use super::kernel::{BindingKind, Buf, KernelInfo, Pod, Slice};
 use super::record::{Grid, Pass, Recording, Work};
 use crate::error::{Error, Result};
-use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, DeviceKind, Location, Pipeline, PipelineDesc};
+use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, DeviceKind, Groups, Location, Pipeline, PipelineDesc};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
@@ -21,7 +21,6 @@ pub struct Options {
     /// Fill new buffers with 0xAB bytes, so that a read of something never written shows.
     #[doc(hidden)]
     pub poison: bool,
-    /// Other SPIR-V for the kernels.
     #[doc(hidden)]
     pub rewrite: Option<Rewrite>,
     /// Run the passes between two barriers last to first, where they are not timed: so a barrier that is missing shows.
@@ -30,66 +29,55 @@ pub struct Options {
     /// Bind a buffer of words behind the buffers of every kernel, which rewritten kernels count in: see [`Gpu::counted`].
     #[doc(hidden)]
     pub counts: bool,
-    /// Record as for another device. What was recorded so is looked at, and not run: kernels are those that suit the other.
+    /// Record as for another device; nothing may run.
     #[doc(hidden)]
     pub stands_in: Option<StandIn>,
 }
 
-/// The device that recordings are made for in place of the one that holds their buffers: a graphics card with bindings of 4 GiB.
+/// A graphics card with bindings of 4 GiB, for which recordings are made in place of the one that holds their buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StandIn {
-    /// Lanes of its subgroups.
     pub subgroup_size: u32,
 }
 
-/// Changes kernels before they are compiled: so a test runs them with subgroups that its device lacks, or with errors that Vulkan
-/// allows and its device does not make.
+/// Changes kernels before they are compiled: for tests with subgroups that the device lacks, or errors that Vulkan allows and it does
+/// not make.
 #[derive(Clone, Copy, Debug)]
 pub struct Rewrite {
-    /// Lanes of a subgroup after the change, where it replaces the subgroup operations of all kernels. The engine then takes
-    /// the device for a GPU, and so the kernels that it keeps for one.
+    /// Lanes of a subgroup after the change, where it replaces all subgroup operations. The engine then takes the device for a GPU.
     pub subgroup_size: Option<u32>,
-    /// The SPIR-V to compile in place of [`KernelInfo::spirv`].
     pub spirv: fn(&KernelInfo) -> Vec<u8>,
 }
 
-/// The name of the buffer that rewritten kernels count in.
 pub const COUNTS: &str = "counts of rewritten kernels";
 
-/// Time of one pass.
 #[derive(Clone, Debug)]
 pub struct PassTime {
-    /// The pass's label.
     pub label: String,
     /// Nanoseconds from the beginning of the recording's first pass to that of this one, by the device's clock.
     pub begin_ns: f64,
-    /// Nanoseconds on the device.
     pub ns: f64,
 }
 
 /// A recording that the device works on. Dropping it waits.
 pub struct Running {
     submission: crate::vk::Submission,
-    /// Of its passes, where they are timed: the place in the recording and the label, as they ran.
+    /// Of timed passes, as they ran: place in the recording and label.
     passes: Vec<(usize, String)>,
     barriers: usize,
 }
 
 impl Running {
-    /// Barriers in it: one before each window of passes, see [`Recording::windows`].
+    /// One barrier before each window of passes, see [`Recording::windows`].
     pub fn barriers(&self) -> usize {
         self.barriers
     }
 
-    /// Waits for its end and returns the time of each pass, in the order of the recording; none where they are not timed or the
-    /// device has no timestamps.
-    /// Where that fails with anything but a lost device, the work goes on, and it can be waited for again.
-    ///
-    /// # Errors
-    /// [`Error::DeviceLost`] with the last pass that began.
+    /// Waits for its end and returns the time of each pass, in the order of the recording; none where they are not timed or the device
+    /// has no timestamps. Unless the device is lost, it can be waited for again after an error.
     pub fn wait(&self) -> Result<Vec<PassTime>> {
-        let done = tracing::debug_span!("wait", what = %"device").in_scope(|| self.submission.wait())?;
-        let mut times: Vec<_> = self.passes.iter().zip(done.pass_ns).collect();
+        let ns = tracing::debug_span!("wait", what = %"device").in_scope(|| self.submission.wait())?;
+        let mut times: Vec<_> = self.passes.iter().zip(ns).collect();
         times.sort_by_key(|((at, _), _)| *at);
         let timed = |((_, label), [begin_ns, end]): (&(usize, String), [f64; 2])| PassTime {
             label: label.clone(),
@@ -136,21 +124,17 @@ impl Gpu {
         Ok(gpu)
     }
 
-    /// The counts of rewritten kernels since the last call, by kernel; nothing where they do not count. A kernel has the word of its
-    /// place among [`ALL`], others the last.
+    /// By kernel, the counts of rewritten kernels since the last call; a kernel has the word of its place in [`ALL`], others the last.
     #[doc(hidden)]
     pub fn counted(&self) -> Result<Vec<(&'static str, u32)>> {
         let Some(counts) = &self.counts else { return Ok(Vec::new()) };
         let words = self.read(counts)?;
         let names = ALL.iter().map(|kernel| kernel.name).chain(["another kernel"]);
-        let counted: Vec<_> = names.zip(words).filter(|(_, n)| *n > 0).collect();
-        if !counted.is_empty() {
-            self.write(counts, &vec![0; counts.len()])?;
-        }
-        Ok(counted)
+        self.write(counts, &vec![0; counts.len()])?;
+        Ok(names.zip(words).filter(|(_, n)| *n > 0).collect())
     }
 
-    /// Limits and features, with the kind and the width of subgroups that a rewrite says.
+    /// Limits and features, with the kind and the subgroups that a rewrite says.
     pub fn caps(&self) -> &Caps {
         &self.caps
     }
@@ -176,16 +160,12 @@ impl Gpu {
         let bindings: Vec<_> = kernel.bindings.iter().map(|b| b.kind).chain(counted).collect();
         let rewritten = self.rewrite.map(|rewrite| (rewrite.spirv)(kernel));
         let emulated = self.rewrite.is_some_and(|rewrite| rewrite.subgroup_size.is_some());
-        let pipeline = Arc::new(Pipeline::new(
-            &self.device,
-            &PipelineDesc {
-                name: kernel.name,
-                spirv: rewritten.as_deref().unwrap_or(kernel.spirv),
-                bindings: &bindings,
-                push_bytes: kernel.push_bytes,
-                subgroups: kernel.subgroups && !emulated,
-            },
-        )?);
+        let desc = PipelineDesc {
+            spirv: rewritten.as_deref().unwrap_or(kernel.spirv),
+            subgroups: kernel.subgroups && !emulated,
+            ..kernel.pipeline(&bindings)
+        };
+        let pipeline = Arc::new(Pipeline::new(&self.device, &desc)?);
         pipelines.insert(kernel.name, pipeline.clone());
         Ok(pipeline)
     }
@@ -203,7 +183,6 @@ impl Gpu {
         Ok(buf)
     }
 
-    /// A device buffer with `items` in it.
     #[doc(hidden)]
     pub fn upload<T: Pod>(&self, name: &str, items: &[T]) -> Result<Buf<T>> {
         let buf = self.alloc(name, items.len())?;
@@ -211,52 +190,41 @@ impl Gpu {
         Ok(buf)
     }
 
-    /// Overwrites the beginning of `buf` and waits until the device has it.
+    /// Overwrites the beginning of `buf` and waits.
     #[doc(hidden)]
     pub fn write<T: Pod>(&self, buf: &Buf<T>, items: &[T]) -> Result<()> {
         assert!(items.len() <= buf.len(), "{} items into a buffer of {}", items.len(), buf.len());
-        let bytes: &[u8] = bytemuck::cast_slice(items);
-        let mut offset = 0;
-        for chunk in bytes.chunks(STAGING_BYTES) {
-            let mut staging = Buffer::new(&self.device, "upload staging", chunk.len() as u64, Location::Upload)?;
-            let mapped = staging.bytes_mut().ok_or_else(|| unmapped("upload"))?;
-            mapped[..chunk.len()].copy_from_slice(chunk);
-            let size = chunk.len() as u64;
-            let from = Slice { buffer: Arc::new(staging), offset: 0, size };
-            let target = buf.slice();
-            let to = Slice { offset: target.offset + offset, size, ..target };
-            let mut rec = Recording::new();
-            rec.copy(from, to);
-            self.run(&rec)?;
-            offset += size;
+        let mut to = buf.slice();
+        for chunk in bytemuck::cast_slice::<T, u8>(items).chunks(STAGING_BYTES) {
+            let from = self.staged("upload staging", chunk)?;
+            to.size = from.size;
+            self.copy(from, to.clone())?;
+            to.offset += to.size;
         }
         Ok(())
     }
 
-    /// Reads all of `buf` back.
     #[doc(hidden)]
     pub fn read<T: Pod>(&self, buf: &Buf<T>) -> Result<Vec<T>> {
         let mut items = vec![T::zeroed(); buf.len()];
-        let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut items);
-        let mut offset = 0;
-        for chunk in bytes.chunks_mut(STAGING_BYTES) {
-            let size = chunk.len() as u64;
-            let staging = Arc::new(Buffer::new(&self.device, "readback staging", size, Location::Readback)?);
-            let source = buf.slice();
-            let mut rec = Recording::new();
-            rec.copy(
-                Slice { offset: source.offset + offset, size, ..source },
-                Slice { buffer: staging.clone(), offset: 0, size },
-            );
-            self.run(&rec)?;
-            let mapped = staging.bytes().ok_or_else(|| unmapped("readback"))?;
-            chunk.copy_from_slice(&mapped[..chunk.len()]);
-            offset += size;
+        let mut from = buf.slice();
+        for chunk in bytemuck::cast_slice_mut::<T, u8>(&mut items).chunks_mut(STAGING_BYTES) {
+            let to = self.readback::<u8>("readback staging", chunk.len())?;
+            from.size = to.size;
+            self.copy(from.clone(), to.clone())?;
+            chunk.copy_from_slice(mapped(&to)?);
+            from.offset += from.size;
         }
         Ok(items)
     }
 
-    /// Bytes that a recording may copy from: `items`, visible to the device at once.
+    fn copy(&self, from: Slice, to: Slice) -> Result<()> {
+        let mut rec = Recording::new();
+        rec.copy(from, to);
+        self.run(&rec)
+    }
+
+    /// Bytes that a recording may copy from.
     pub(crate) fn staged<T: Pod>(&self, name: &str, items: &[T]) -> Result<Slice> {
         let bytes: &[u8] = bytemuck::cast_slice(items);
         let mut buffer = Buffer::new(&self.device, name, bytes.len() as u64, Location::Upload)?;
@@ -276,8 +244,7 @@ impl Gpu {
     /// The items of a [`Gpu::readback`] slice, after the submission that wrote them has ended.
     #[doc(hidden)]
     pub fn peek<T: Pod>(&self, slice: &Slice) -> Result<Vec<T>> {
-        let bytes = slice.buffer.bytes().ok_or_else(|| unmapped(slice.buffer.name()))?;
-        Ok(bytemuck::pod_collect_to_vec(&bytes[slice.offset as usize..(slice.offset + slice.size) as usize]))
+        mapped(slice).map(bytemuck::pod_collect_to_vec)
     }
 
     /// Hands `recording` to the device and does not wait; it begins when all that was handed over before has ended.
@@ -286,7 +253,6 @@ impl Gpu {
         self.start_as(recording, false)
     }
 
-    /// As [`Gpu::start`], with the time of each pass taken.
     pub(crate) fn start_timed(&self, recording: &Recording) -> Result<Running> {
         self.start_as(recording, true)
     }
@@ -298,13 +264,12 @@ impl Gpu {
         Ok(Running { submission: self.submit(recording, &windows, timed)?, passes, barriers: windows.len() })
     }
 
-    /// Runs `recording` and waits for its end.
     #[doc(hidden)]
     pub fn run(&self, recording: &Recording) -> Result<()> {
         self.start(recording)?.wait().map(drop)
     }
 
-    /// Runs `recording`, waits, and returns the time of each pass; none where the device has no timestamps.
+    /// The time of each pass; none where the device has no timestamps.
     pub(crate) fn run_timed(&self, recording: &Recording) -> Result<Vec<PassTime>> {
         self.start_timed(recording)?.wait()
     }
@@ -312,19 +277,17 @@ impl Gpu {
     #[tracing::instrument(level = "debug", name = "submit", skip_all)]
     fn submit(&self, recording: &Recording, windows: &[Vec<usize>], timestamps: bool) -> Result<crate::vk::Submission> {
         let passes = recording.passes();
-        let n_bindings = passes
-            .iter()
-            .map(|pass| if let Work::Dispatch { slices, .. } = &pass.work { slices.len() + 1 } else { 0 })
-            .sum();
+        let n_bound = |pass: &Pass| if let Work::Dispatch { slices, .. } = &pass.work { slices.len() + 1 } else { 0 };
+        let n_bindings = passes.iter().map(n_bound).sum();
         let mut commands = Commands::new(&self.device, passes.len(), n_bindings, timestamps)?;
         for window in windows {
             // The first: an earlier recording may still be running.
             commands.barrier();
-            let is_reversed = self.reversed && !timestamps;
-            for place in 0..window.len() {
-                let at = window[if is_reversed { window.len() - 1 - place } else { place }];
-                self.submit_pass(&mut commands, &passes[at])?;
+            let mut window = window.clone();
+            if self.reversed && !timestamps {
+                window.reverse();
             }
+            window.iter().try_for_each(|at| self.submit_pass(&mut commands, &passes[*at]))?;
         }
         commands.submit()
     }
@@ -339,16 +302,12 @@ impl Gpu {
                 let pipeline = self.pipeline(kernel)?;
                 let counts = self.counts.iter().map(|counts| counts.slice().binding());
                 let bindings: Vec<_> = slices.iter().map(Slice::binding).chain(counts).collect();
-                match grid {
-                    Grid::Threads(n) => {
-                        let groups = fold(n.div_ceil(kernel.local));
-                        commands.dispatch(&pipeline, &bindings, push, groups)?;
-                    }
-                    Grid::Groups(n) => commands.dispatch(&pipeline, &bindings, push, fold(*n))?,
-                    Grid::Indirect(args) => {
-                        commands.dispatch_indirect(&pipeline, &bindings, push, &args.binding())?;
-                    }
-                }
+                let grid = match grid {
+                    Grid::Threads(n) => Groups::Known(fold(n.div_ceil(kernel.local))),
+                    Grid::Groups(n) => Groups::Known(fold(*n)),
+                    Grid::Indirect(args) => Groups::Indirect(args.binding()),
+                };
+                commands.dispatch(&pipeline, &bindings, push, &grid)?;
             }
         }
         commands.end_pass();
@@ -366,6 +325,11 @@ fn whole_words(slice: &Slice) -> Slice {
     Slice { size: slice.size.next_multiple_of(4), ..slice.clone() }
 }
 
-pub(super) fn unmapped(what: &str) -> Error {
-    Error::Vulkan { call: "mapping host memory", reason: format!("{what} staging is not visible to the host") }
+fn mapped(slice: &Slice) -> Result<&[u8]> {
+    let bytes = slice.buffer.bytes().ok_or_else(|| unmapped(slice.buffer.name()))?;
+    Ok(&bytes[slice.offset as usize..][..slice.size as usize])
+}
+
+pub(super) fn unmapped(name: &str) -> Error {
+    Error::Vulkan { call: "mapping host memory", reason: format!("`{name}` is not visible to the host") }
 }

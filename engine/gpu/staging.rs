@@ -6,24 +6,19 @@ use crate::error::Result;
 use crate::vk::{Buffer, Device, Location};
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Buffers that the host sees, by name. What is lent comes back by itself once neither a recording nor its submission holds it,
-/// so steps that follow each other need as many buffers of a name as there are steps at a time, and make none.
+/// Buffers that the host sees, by name. A lent one comes back once neither a recording nor its submission holds it, so steps that
+/// follow each other make none.
 pub struct Staging {
     device: Arc<Device>,
     kept: Mutex<Vec<(Location, Arc<Buffer>)>>,
 }
 
 impl Staging {
-    /// None yet.
     pub fn new(gpu: &Gpu) -> Self {
         Staging { device: gpu.device.clone(), kept: Mutex::default() }
     }
 
-    /// As [`Gpu::staged`]: `words` words that a recording may copy from, with bytes from these words on. What lies between is left as
-    /// it is.
-    ///
-    /// # Errors
-    /// [`crate::Error::OutOfMemory`].
+    /// As [`Gpu::staged`]: `words` words with `parts` from these words on; what lies between keeps its value.
     pub fn staged_words(&self, name: &str, words: usize, parts: &[(usize, &[u8])]) -> Result<Slice> {
         let size = 4 * words as u64;
         let mut buffer = self.take(name, Location::Upload, size)?;
@@ -34,17 +29,13 @@ impl Staging {
         Ok(self.lend(Location::Upload, buffer, size))
     }
 
-    /// As [`Gpu::readback`]: room for `len` items that a recording may copy to; read them with [`Gpu::peek`].
-    ///
-    /// # Errors
-    /// As [`Staging::staged_words`].
+    /// As [`Gpu::readback`].
     pub fn readback<T: Pod>(&self, name: &str, len: usize) -> Result<Slice> {
         let size = (len * size_of::<T>()) as u64;
-        let buffer = self.take(name, Location::Readback, size)?;
-        Ok(self.lend(Location::Readback, buffer, size))
+        Ok(self.lend(Location::Readback, self.take(name, Location::Readback, size)?, size))
     }
 
-    /// A buffer of at least `size` bytes that nobody else holds. One that is too small makes way for it.
+    /// A buffer of at least `size` bytes that nobody else holds; replaces one that is too small.
     fn take(&self, name: &str, location: Location, size: u64) -> Result<Arc<Buffer>> {
         let mut kept = self.kept.lock().unwrap_or_else(PoisonError::into_inner);
         let is_free = |(of, buffer): &(Location, Arc<Buffer>)| {

@@ -12,33 +12,21 @@ pub struct Window(Swapchain);
 
 impl Window {
     /// For pictures of `gpu` in `window`; with `is_synced` they wait for the display.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`](crate::Error::NoDevice) where the device cannot show pictures in it.
     pub fn new(gpu: &Gpu, window: Arc<dyn WindowHandle>, is_synced: bool) -> Result<Self> {
         Swapchain::new(&gpu.device, window, is_synced).map(Window)
     }
 
-    /// Makes it ready for a picture while its system's window has `size` pixels, and says how large the picture must be: width,
-    /// height. `None` while it has no area, as a minimised one.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`](crate::Error::NoDevice) where it takes no pictures of 8 bits a channel.
+    /// Fits it to a window of `size` pixels, and gives the size that the picture must have; `None` while it has no area.
     pub fn fit(&mut self, size: [u32; 2]) -> Result<Option<[u32; 2]>> {
         self.0.fit(size)
     }
 
-    /// True if bytes of pixels are blue, green, red, alpha; else red, green, blue, alpha. Of the picture that [`Window::fit`]
-    /// asked for.
+    /// True if pixels are blue, green, red, alpha; else red, green, blue, alpha.
     pub fn is_bgra(&self) -> bool {
         self.0.is_bgra()
     }
 
-    /// Shows `pixels`, row by row, of the size that [`Window::fit`] gave; `false` where the window did not take them: it has changed
-    /// since, or nobody sees it.
-    ///
-    /// # Errors
-    /// [`Error::DeviceLost`](crate::Error::DeviceLost).
+    /// Shows `pixels` row by row; `false` where the window did not take them.
     pub fn present(&mut self, pixels: &Buf<u32>) -> Result<bool> {
         self.0.present(&pixels.slice().binding())
     }

@@ -10,7 +10,6 @@ use gpu_allocator::vulkan::{Allocation, AllocationCreateDesc, AllocationScheme};
 use std::sync::Arc;
 use std::sync::atomic::Ordering;
 
-/// Where a buffer lives.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Location {
     /// Device memory; the host does not see it.
@@ -21,7 +20,6 @@ pub enum Location {
     Readback,
 }
 
-/// A storage, transfer and indirect buffer.
 pub struct Buffer {
     device: Arc<Device>,
     pub(super) raw: vk::Buffer,
@@ -31,10 +29,7 @@ pub struct Buffer {
 }
 
 impl Buffer {
-    /// Allocates `size` bytes (at least 16) under `name`. The contents are undefined.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] with the name, the size and the limit that binds.
+    /// Allocates `size` bytes (at least 16), with undefined contents.
     pub fn new(device: &Arc<Device>, name: &str, size: u64, location: Location) -> Result<Self> {
         let size = size.max(16).next_multiple_of(16);
         let limit = device.caps().max_allocation_bytes;
@@ -88,9 +83,8 @@ impl Buffer {
     }
 
     fn account(&self, add: bool) {
-        let (Ok(mut live), Ok(mut peak)) = (self.device.live_bytes.lock(), self.device.peak_bytes.lock()) else {
-            return;
-        };
+        let Ok(mut memory) = self.device.memory.lock() else { return };
+        let (live, peak) = &mut *memory;
         let entry = live.entry(self.name.clone()).or_default();
         *entry = if add { *entry + self.size } else { entry.saturating_sub(self.size) };
         if *entry == 0 {
@@ -99,12 +93,10 @@ impl Buffer {
         *peak = (*peak).max(live.values().sum());
     }
 
-    /// Bytes.
     pub fn size(&self) -> u64 {
         self.size
     }
 
-    /// The name given at creation.
     pub fn name(&self) -> &str {
         &self.name
     }

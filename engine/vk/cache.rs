@@ -8,14 +8,13 @@ use std::path::Path;
 
 const HASH_BYTES: usize = 32;
 
-/// The name of the file that keeps the pipelines of the device and driver of `uuid`: two devices never overwrite each other's.
+/// The file of a device and driver, so that two never overwrite each other's.
 pub(super) fn name(uuid: [u8; vk::UUID_SIZE]) -> String {
     let digits: String = uuid.iter().map(|byte| format!("{byte:02x}")).collect();
     format!("pipelines-{digits}.bin")
 }
 
-/// The pipelines in `file`; none where it cannot be read or is damaged. Vulkan lets a driver trust that it gets back what it
-/// once gave, and drivers check little more than the header.
+/// The pipelines in `file`; none where it cannot be read or is damaged, since drivers check little more than the header.
 pub(super) fn read(file: &Path) -> Vec<u8> {
     let mut bytes = read_file(file).unwrap_or_default();
     let split = bytes.split_last_chunk::<HASH_BYTES>();
@@ -24,7 +23,7 @@ pub(super) fn read(file: &Path) -> Vec<u8> {
     bytes
 }
 
-/// Writes `data`, which other processes may do at once: each has a file of its own until it is whole.
+/// Other processes may write it at once: each has a file of its own until it is whole.
 pub(super) fn write(file: &Path, data: &[u8]) -> Result<()> {
     if let Some(folder) = file.parent() {
         // Where it cannot be made, the file cannot be written, which is told.

@@ -4,6 +4,7 @@ use ash::vk;
 
 /// The kind of a device, in the order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize)]
+#[cfg_attr(test, derive(Default))]
 #[serde(rename_all = "snake_case")]
 pub enum DeviceKind {
     /// A graphics card.
@@ -15,11 +16,13 @@ pub enum DeviceKind {
     /// A software driver such as lavapipe.
     Cpu,
     /// Anything else.
+    #[cfg_attr(test, default)]
     Other,
 }
 
 /// Limits and features of one device, as far as the engine cares.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
+#[cfg_attr(test, derive(Default))]
 pub struct Caps {
     /// The device's name.
     pub name: String,

@@ -40,10 +40,7 @@ const WIDE: u32 = 32;
 /// Storage buffers of the kernel that may have most, as `shaders-glsl/README.md` says.
 const MOST_BUFFERS: u32 = 24;
 
-/// True if all kernels that run on subgroups of `lanes` lanes fit `limits`.
-///
-/// # Errors
-/// The first limit that is too small.
+/// Refuses `limits` that some kernel does not fit on subgroups of `lanes` lanes.
 pub(super) fn check_limits(limits: &vk::PhysicalDeviceLimits, lanes: u32) -> Result<(), String> {
     let threads = limits.max_compute_work_group_invocations.min(limits.max_compute_work_group_size[0]);
     let shared = if lanes < WIDE { SCATTER_SHARED_BYTES } else { MOST_SHARED_BYTES };
@@ -58,10 +55,6 @@ pub(super) fn check_limits(limits: &vk::PhysicalDeviceLimits, lanes: u32) -> Res
     }
 }
 
-/// True if kernels can run with `lanes` lanes on a device that takes `least` to `most`.
-///
-/// # Errors
-/// The expectation.
 pub(super) fn check_size(lanes: u32, least: u32, most: u32) -> Result<(), String> {
     if lanes.is_power_of_two() && (least.max(4)..=most.min(64)).contains(&lanes) {
         Ok(())

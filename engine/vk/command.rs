@@ -12,15 +12,11 @@ use std::sync::Arc;
 /// A range of a buffer as one binding of a dispatch.
 #[derive(Clone)]
 pub struct Binding {
-    /// The buffer.
     pub buffer: Arc<Buffer>,
-    /// First byte.
     pub offset: u64,
-    /// Bytes.
     pub size: u64,
 }
 
-/// A command stream being recorded.
 pub struct Commands {
     pub(super) device: Arc<Device>,
     pool: vk::CommandPool,
@@ -42,23 +38,28 @@ pub struct Commands {
 /// Work on its way through the device. Dropping it waits.
 pub struct Submission(Commands);
 
-/// The report of a finished submission.
-pub struct Done {
-    /// Beginning and end of each pass, nanoseconds since the first began; empty when timestamps were not asked for or do
-    /// not exist.
-    pub pass_ns: Vec<[f64; 2]>,
+/// The workgroups of a dispatch.
+pub enum Groups {
+    Known([u32; 3]),
+    /// As many as three words say when the device gets there.
+    Indirect(Binding),
 }
+
+/// The stages that kernels and copies run in, and their writes.
+const WORK: vk::PipelineStageFlags = vk::PipelineStageFlags::from_raw(
+    vk::PipelineStageFlags::COMPUTE_SHADER.as_raw() | vk::PipelineStageFlags::TRANSFER.as_raw(),
+);
+const WRITES: vk::AccessFlags =
+    vk::AccessFlags::from_raw(vk::AccessFlags::SHADER_WRITE.as_raw() | vk::AccessFlags::TRANSFER_WRITE.as_raw());
 
 impl Commands {
     /// Begins a stream of at most `n_passes` passes with at most `n_bindings` bindings in all.
     pub fn new(device: &Arc<Device>, n_passes: usize, n_bindings: usize, timestamps: bool) -> Result<Self> {
         let raw_device = &device.raw;
-        let mut markers = None;
-        if device.breadcrumbs {
-            let markers = markers.insert(Buffer::new(device, "markers", 4 * n_passes as u64, Location::Readback)?);
-            if let Some(bytes) = markers.bytes_mut() {
-                bytes.fill(0);
-            }
+        let new_markers = || Buffer::new(device, "markers", 4 * n_passes as u64, Location::Readback);
+        let mut markers = device.breadcrumbs.then(new_markers).transpose()?;
+        if let Some(bytes) = markers.as_mut().and_then(Buffer::bytes_mut) {
+            bytes.fill(0);
         }
         let retired = device.retired.lock().ok().and_then(|mut streams| streams.pop());
         let (pool, raw) = retired.map_or_else(|| new_stream(device), Ok)?;
@@ -105,7 +106,6 @@ impl Commands {
         Ok(commands)
     }
 
-    /// Begins a pass: label, breadcrumb, timestamp.
     pub fn begin_pass(&mut self, name: &str) {
         let index = self.passes.len();
         self.passes.push(name.to_owned());
@@ -122,7 +122,6 @@ impl Commands {
         }
     }
 
-    /// Ends the pass begun last.
     pub fn end_pass(&mut self) {
         let index = self.passes.len().saturating_sub(1);
         // SAFETY: as in `begin_pass`.
@@ -146,26 +145,19 @@ impl Commands {
     }
 
     /// Makes all earlier writes of kernels and copies visible to all later reads, indirect arguments included.
-    pub fn barrier(&mut self) {
-        let writes = vk::AccessFlags::SHADER_WRITE | vk::AccessFlags::TRANSFER_WRITE;
-        let reads = vk::AccessFlags::SHADER_READ
+    pub fn barrier(&self) {
+        let accesses = vk::AccessFlags::SHADER_READ
             | vk::AccessFlags::UNIFORM_READ
             | vk::AccessFlags::TRANSFER_READ
             | vk::AccessFlags::INDIRECT_COMMAND_READ;
-        let barrier = [vk::MemoryBarrier::default().src_access_mask(writes).dst_access_mask(reads | writes)];
-        let work = vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER;
+        self.barrier_before(WORK | vk::PipelineStageFlags::DRAW_INDIRECT, accesses | WRITES);
+    }
+
+    fn barrier_before(&self, stages: vk::PipelineStageFlags, accesses: vk::AccessFlags) {
+        let barrier = [vk::MemoryBarrier::default().src_access_mask(WRITES).dst_access_mask(accesses)];
+        let flags = vk::DependencyFlags::empty();
         // SAFETY: recording into a stream that is not submitted yet.
-        unsafe {
-            self.device.raw.cmd_pipeline_barrier(
-                self.raw,
-                work,
-                work | vk::PipelineStageFlags::DRAW_INDIRECT,
-                vk::DependencyFlags::empty(),
-                &barrier,
-                &[],
-                &[],
-            );
-        }
+        unsafe { self.device.raw.cmd_pipeline_barrier(self.raw, WORK, stages, flags, &barrier, &[], &[]) };
     }
 
     fn bind(&mut self, pipeline: &Arc<Pipeline>, bindings: &[Binding], push: &[u8]) -> Result<()> {
@@ -225,36 +217,28 @@ impl Commands {
         Ok(())
     }
 
-    /// Runs `pipeline` over `groups` workgroups.
     pub fn dispatch(
         &mut self,
         pipeline: &Arc<Pipeline>,
         bindings: &[Binding],
         push: &[u8],
-        groups: [u32; 3],
+        groups: &Groups,
     ) -> Result<()> {
         self.bind(pipeline, bindings, push)?;
-        // SAFETY: the caller folds `groups` to the device's limit; everything is bound.
-        unsafe { self.device.raw.cmd_dispatch(self.raw, groups[0], groups[1], groups[2]) };
+        // SAFETY: everything is bound; the caller folds the groups to the device's limit, or gives three words inside their
+        // buffer, which is kept alive.
+        unsafe {
+            match groups {
+                Groups::Known([x, y, z]) => self.device.raw.cmd_dispatch(self.raw, *x, *y, *z),
+                Groups::Indirect(args) => {
+                    self.device.raw.cmd_dispatch_indirect(self.raw, args.buffer.raw, args.offset);
+                    self.buffers.push(args.buffer.clone());
+                }
+            }
+        }
         Ok(())
     }
 
-    /// Runs `pipeline` over the workgroups that `args` (three words) holds when the device gets there.
-    pub(crate) fn dispatch_indirect(
-        &mut self,
-        pipeline: &Arc<Pipeline>,
-        bindings: &[Binding],
-        push: &[u8],
-        args: &Binding,
-    ) -> Result<()> {
-        self.bind(pipeline, bindings, push)?;
-        self.buffers.push(args.buffer.clone());
-        // SAFETY: the args are three words inside their buffer; everything is bound.
-        unsafe { self.device.raw.cmd_dispatch_indirect(self.raw, args.buffer.raw, args.offset) };
-        Ok(())
-    }
-
-    /// Copies `from` to `to`, ranges of equal size.
     pub fn copy(&mut self, from: &Binding, to: &Binding) {
         debug_assert_eq!(from.size, to.size);
         let region =
@@ -264,20 +248,16 @@ impl Commands {
         unsafe { self.device.raw.cmd_copy_buffer(self.raw, from.buffer.raw, to.buffer.raw, &region) };
     }
 
-    /// Sets every word of `range` to `value`.
     pub fn fill(&mut self, range: &Binding, value: u32) {
         self.buffers.push(range.buffer.clone());
         // SAFETY: the range lies inside its buffer, which is kept alive.
         unsafe { self.device.raw.cmd_fill_buffer(self.raw, range.buffer.raw, range.offset, range.size, value) };
     }
 
-    /// Ends recording and hands the stream to the queue.
     pub fn submit(mut self) -> Result<Submission> {
         let device = self.device.clone();
         // The host reads what copies wrote only after this.
-        let barrier = [vk::MemoryBarrier::default()
-            .src_access_mask(vk::AccessFlags::TRANSFER_WRITE | vk::AccessFlags::SHADER_WRITE)
-            .dst_access_mask(vk::AccessFlags::HOST_READ)];
+        self.barrier_before(vk::PipelineStageFlags::HOST, vk::AccessFlags::HOST_READ);
         let lost = || Error::DeviceLost { after_pass: "(before the first)".to_owned() };
         let (queue, mut submitted) =
             (device.queue.lock().map_err(|_| lost())?, device.submitted.lock().map_err(|_| lost())?);
@@ -292,15 +272,6 @@ impl Commands {
             .push_next(&mut timeline)];
         // SAFETY: the stream is complete, the queue is locked, and the timeline's values grow.
         unsafe {
-            device.raw.cmd_pipeline_barrier(
-                self.raw,
-                vk::PipelineStageFlags::COMPUTE_SHADER | vk::PipelineStageFlags::TRANSFER,
-                vk::PipelineStageFlags::HOST,
-                vk::DependencyFlags::empty(),
-                &barrier,
-                &[],
-                &[],
-            );
             device.raw.end_command_buffer(self.raw).map_err(vk_error("vkEndCommandBuffer"))?;
             device.raw.queue_submit(*queue, &info, vk::Fence::null()).map_err(vk_error("vkQueueSubmit"))?;
         }
@@ -319,17 +290,14 @@ impl Commands {
         unsafe { self.device.raw.wait_semaphores(&info, u64::MAX) }.map_err(|e| match e {
             vk::Result::ERROR_DEVICE_LOST => {
                 let words = self.markers.as_ref().and_then(Buffer::bytes);
-                Error::DeviceLost {
-                    after_pass: words.map_or_else(String::new, |words| last_begun(words, &self.passes)),
-                }
+                let after_pass = words.map_or_else(String::new, |words| last_begun(words, &self.passes));
+                Error::DeviceLost { after_pass }
             }
             other => vk_error("vkWaitSemaphores")(other),
         })
     }
 }
 
-/// A command pool and its one command buffer. They are kept and used again, never freed: it is cheaper, and Debian 12's
-/// validation layer crashes now and then in vkFreeCommandBuffers while another thread records.
 fn new_stream(device: &Device) -> Result<(vk::CommandPool, vk::CommandBuffer)> {
     let info = vk::CommandPoolCreateInfo::default()
         .flags(vk::CommandPoolCreateFlags::TRANSIENT)
@@ -358,27 +326,23 @@ fn last_begun(markers: &[u8], passes: &[String]) -> String {
 }
 
 impl Submission {
-    /// Waits for the end and reads the timestamps. Where that fails with anything but a lost device, the work continues, and
-    /// it can be waited for again.
+    /// Waits for the end; gives the beginning and end of each pass, nanoseconds since the first began, or nothing without
+    /// timestamps. Unless the device is lost, it can be waited for again after an error.
     ///
     /// # Errors
     /// [`Error::DeviceLost`] with the name of the last pass that began.
-    pub fn wait(&self) -> Result<Done> {
+    pub fn wait(&self) -> Result<Vec<[f64; 2]>> {
+        let Submission(Commands { device, passes, queries, .. }) = self;
         self.0.wait()?;
-        let Some(queries) = self.0.queries else { return Ok(Done { pass_ns: Vec::new() }) };
-        let mut ticks = vec![0u64; 2 * self.0.passes.len()];
-        if !ticks.is_empty() {
-            let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
-            // SAFETY: the submission has ended and wrote the first `ticks.len()` queries.
-            unsafe { self.0.device.raw.get_query_pool_results(queries, 0, &mut ticks, flags) }
-                .map_err(vk_error("vkGetQueryPoolResults"))?;
-        }
-        let ns = f64::from(self.0.device.caps().timestamp_ns);
-        let first = ticks.first().copied().unwrap_or(0);
-        let bits = self.0.device.caps().timestamp_bits;
-        let since = |tick: u64| ticks_since(first, tick, bits) as f64 * ns;
-        let pass_ns = ticks.chunks_exact(2).map(|t| [since(t[0]), since(t[1]).max(since(t[0]))]).collect();
-        Ok(Done { pass_ns })
+        let Some(queries) = queries.filter(|_| !passes.is_empty()) else { return Ok(Vec::new()) };
+        let mut ticks = vec![0u64; 2 * passes.len()];
+        let flags = vk::QueryResultFlags::TYPE_64 | vk::QueryResultFlags::WAIT;
+        // SAFETY: the submission has ended and wrote the first `ticks.len()` queries.
+        unsafe { device.raw.get_query_pool_results(queries, 0, &mut ticks, flags) }
+            .map_err(vk_error("vkGetQueryPoolResults"))?;
+        let (ns, bits) = (f64::from(device.caps().timestamp_ns), device.caps().timestamp_bits);
+        let since = |tick: u64| ticks_since(ticks[0], tick, bits) as f64 * ns;
+        Ok(ticks.chunks_exact(2).map(|t| [since(t[0]), since(t[1]).max(since(t[0]))]).collect())
     }
 }
 

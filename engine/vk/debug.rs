@@ -4,7 +4,6 @@ use ash::{ext, vk};
 use std::ffi::{CStr, c_void};
 use std::sync::Mutex;
 
-/// The task of the validation layer, and its messages.
 #[derive(Debug, Default)]
 pub struct Validation {
     messages: Mutex<Vec<String>>,
@@ -49,7 +48,6 @@ unsafe extern "system" fn on_message(
     vk::FALSE
 }
 
-/// Gives a Vulkan object a name that tools and messages show.
 pub(super) fn name_object<T: vk::Handle>(debug: Option<&ext::debug_utils::Device>, object: T, name: &str) {
     let Some(debug) = debug else { return };
     let Ok(name) = std::ffi::CString::new(name) else { return };

@@ -13,7 +13,6 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
 
-/// A Vulkan device with its queue and its allocator.
 pub struct Device {
     pub(super) raw: ash::Device,
     pub(super) queue: Mutex<vk::Queue>,
@@ -21,8 +20,8 @@ pub struct Device {
     pub(super) push_descriptor: Option<khr::push_descriptor::Device>,
     pub(super) debug: Option<ext::debug_utils::Device>,
     pub(super) allocator: Mutex<Option<Allocator>>,
-    pub(super) live_bytes: Mutex<BTreeMap<String, u64>>,
-    pub(super) peak_bytes: Mutex<u64>,
+    /// Bytes in buffers by name, and the most that were in all.
+    pub(super) memory: Mutex<(BTreeMap<String, u64>, u64)>,
     pub(super) n_buffers_made: AtomicU64,
     pub(super) pipeline_cache: vk::PipelineCache,
     pub(super) timeline: vk::Semaphore,
@@ -36,14 +35,11 @@ pub struct Device {
     pub(super) instance: Arc<Instance>,
 }
 
-/// The use that a device is opened for.
 #[derive(Clone, Copy, PartialEq)]
 pub(super) enum Purpose {
-    /// To run kernels.
     Running,
-    /// To run kernels and to show pictures in windows.
     Showing,
-    /// To compile kernels and to say what became of them. Drivers without their hardware refuse timeline semaphores.
+    /// To compile kernels for statistics. Drivers without their hardware refuse timeline semaphores.
     Compiling,
 }
 
@@ -113,10 +109,7 @@ fn create_allocator(instance: &Instance, device: &ash::Device, physical: vk::Phy
 }
 
 impl Device {
-    /// Opens the device that `choice` picks. Returns it with the reason of the choice.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] when there is no loader, no usable device or none that matches.
+    /// Opens the device that `choice` picks, and says why.
     pub fn open(choice: &DeviceChoice) -> Result<(Arc<Self>, String)> {
         let instance = Instance::new(choice)?;
         let (found, why) = instance.pick(choice)?;
@@ -148,8 +141,7 @@ impl Device {
             push_descriptor,
             debug,
             allocator: Mutex::new(Some(allocator)),
-            live_bytes: Mutex::default(),
-            peak_bytes: Mutex::default(),
+            memory: Mutex::default(),
             n_buffers_made: AtomicU64::new(0),
             pipeline_cache,
             timeline,
@@ -166,7 +158,6 @@ impl Device {
         Ok((Arc::new(device), why))
     }
 
-    /// Limits and features.
     pub fn caps(&self) -> &Caps {
         &self.caps
     }
@@ -176,19 +167,16 @@ impl Device {
         &self.instance.validation
     }
 
-    /// Bytes in buffers now, by buffer name, and the peak since the device was opened.
+    /// Bytes in buffers now by name, and the peak.
     pub fn memory(&self) -> (BTreeMap<String, u64>, u64) {
-        let live = self.live_bytes.lock().map(|m| m.clone()).unwrap_or_default();
-        let peak = self.peak_bytes.lock().map(|p| *p).unwrap_or_default();
-        (live, peak)
+        self.memory.lock().map(|memory| memory.clone()).unwrap_or_default()
     }
 
-    /// Buffers made since the device was opened.
     pub fn n_buffers_made(&self) -> u64 {
         self.n_buffers_made.load(Ordering::Relaxed)
     }
 
-    /// Writes the pipeline cache to its file in the folder given at opening; a failure costs time, not results, and is logged.
+    /// A failure costs time, not results, and is logged.
     pub(crate) fn save_pipeline_cache(&self) {
         let Some(file) = &self.cache_file else { return };
         // SAFETY: the cache belongs to this device.

@@ -2,7 +2,7 @@
 
 use super::caps::{Caps, DeviceKind};
 use super::debug::{Validation, messenger_info};
-use super::probe::Answers;
+use super::probe::probe;
 use super::vk_error;
 use crate::error::{Error, Result};
 use ash::{Entry, ext, khr, vk};
@@ -149,39 +149,19 @@ impl Instance {
             reason: format!("vkEnumeratePhysicalDevices: {e:?}"),
             remedy: "install a Vulkan driver (Debian: mesa-vulkan-drivers)".to_owned(),
         })?;
-        Ok(all.into_iter().map(|physical| Found::probe(&self.raw, physical, subgroup_size)).collect())
+        Ok(all.into_iter().map(|physical| probe(&self.raw, physical, subgroup_size)).collect())
     }
 
-    /// The device that `choice` picks, and why.
     pub(super) fn pick(&self, choice: &DeviceChoice) -> Result<(Found, String)> {
         pick(self.devices(choice.subgroup_size)?, choice.device.as_deref(), choice.nth)
     }
 }
 
-/// A device that can run the engine.
 pub(super) struct Found {
     pub(super) physical: vk::PhysicalDevice,
     pub(super) queue_family: u32,
     pub(super) caps: Caps,
-    /// Of the device and its driver.
     pub(super) pipeline_cache_uuid: [u8; vk::UUID_SIZE],
-}
-
-impl Found {
-    /// `physical`, or the reason why it cannot run the engine.
-    fn probe(
-        instance: &ash::Instance,
-        physical: vk::PhysicalDevice,
-        subgroup_size: Option<u32>,
-    ) -> std::result::Result<Self, String> {
-        let answers = Answers::of(instance, physical)?;
-        Ok(Found {
-            physical,
-            queue_family: answers.usable_family(subgroup_size)?,
-            caps: answers.caps(subgroup_size)?,
-            pipeline_cache_uuid: answers.pipeline_cache_uuid(),
-        })
-    }
 }
 
 /// The devices of this machine: capabilities, or the reason why one cannot run the engine.
@@ -234,44 +214,16 @@ mod tests {
     use super::*;
 
     fn caps(name: &str, kind: DeviceKind) -> Caps {
-        Caps {
-            name: name.to_owned(),
-            driver: String::new(),
-            api: "1.2.0".to_owned(),
-            kind,
-            subgroup_size: 8,
-            subgroup_min: 8,
-            subgroup_max: 8,
-            subgroup_pinned: true,
-            max_workgroup: 256,
-            max_groups: 65535,
-            max_shared_bytes: 32768,
-            max_binding_bytes: 1 << 27,
-            max_allocation_bytes: 1 << 31,
-            heap_bytes: 1 << 31,
-            budget_bytes: 1 << 31,
-            storage_alignment: 16,
-            timestamp_ns: 1.0,
-            timestamp_bits: 64,
-            push_descriptors: true,
-            int64_atomics: false,
-            float16: false,
-            is_portability_subset: false,
-        }
+        Caps { name: name.to_owned(), kind, ..Caps::default() }
     }
 
     /// Devices with these capabilities, the second unusable.
     fn devices(caps: [&Caps; 2]) -> Vec<std::result::Result<Found, String>> {
-        let found = |caps: &Caps| Found {
-            physical: vk::PhysicalDevice::null(),
-            queue_family: 0,
-            caps: caps.clone(),
-            pipeline_cache_uuid: [0; vk::UUID_SIZE],
-        };
+        let (physical, queue_family, pipeline_cache_uuid) = (vk::PhysicalDevice::null(), 0, [0; vk::UUID_SIZE]);
+        let found = |caps: &Caps| Found { physical, queue_family, caps: caps.clone(), pipeline_cache_uuid };
         vec![Ok(found(caps[0])), Err("old".to_owned()), Ok(found(caps[1]))]
     }
 
-    /// Name of the device that is picked of them.
     fn name_of(devices: Vec<std::result::Result<Found, String>>, wanted: Option<&str>) -> String {
         pick(devices, wanted, 0).map(|(found, _)| found.caps.name).unwrap()
     }

@@ -23,7 +23,7 @@ mod swapchain;
 pub use buffer::{Buffer, Location};
 pub use caps::{Caps, DeviceKind};
 pub(crate) use command::Submission;
-pub use command::{Binding, Commands, Done};
+pub use command::{Binding, Commands, Groups};
 pub use device::Device;
 pub use instance::{DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};

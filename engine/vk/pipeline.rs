@@ -8,30 +8,23 @@ use crate::error::Result;
 use ash::vk;
 use std::sync::Arc;
 
-/// How a kernel sees a binding.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum BindingKind {
-    /// A storage buffer.
     Storage,
-    /// A uniform buffer.
     Uniform,
 }
 
-/// The description of a pipeline.
 pub struct PipelineDesc<'a> {
-    /// Shown in messages and by tools.
     pub name: &'a str,
     /// SPIR-V, little endian.
     pub spirv: &'a [u8],
     /// The bindings of set 0, in order.
     pub bindings: &'a [BindingKind],
-    /// Bytes of push constants.
     pub push_bytes: u32,
     /// True if the kernel uses subgroup operations and needs whole subgroups of the pinned size.
     pub subgroups: bool,
 }
 
-/// A compute pipeline with its layout.
 pub struct Pipeline {
     device: Arc<Device>,
     pub(super) parts: Parts,
@@ -57,7 +50,7 @@ impl BindingKind {
 }
 
 impl Parts {
-    /// Compiles `desc` for the device `raw` of `caps`. What exists when a later call fails is left to [`Parts::destroy`].
+    /// What exists when a call fails is left to [`Parts::destroy`].
     pub fn compile(
         &mut self,
         raw: &ash::Device,
@@ -131,7 +124,6 @@ impl Parts {
 }
 
 impl Pipeline {
-    /// Compiles `desc` for `device`.
     pub fn new(device: &Arc<Device>, desc: &PipelineDesc<'_>) -> Result<Self> {
         let kinds = desc.bindings.to_vec();
         let mut pipeline =

@@ -2,20 +2,24 @@
 
 use super::caps::{Caps, kind_of};
 use super::choose;
+use super::instance::Found;
 use ash::{ext, khr, vk};
 use std::ffi::{CStr, FromBytesUntilNulError};
 
-/// Operations of subgroups that kernels use.
-const SUBGROUP_OPERATIONS: vk::SubgroupFeatureFlags = vk::SubgroupFeatureFlags::from_raw(
-    vk::SubgroupFeatureFlags::BASIC.as_raw()
-        | vk::SubgroupFeatureFlags::VOTE.as_raw()
-        | vk::SubgroupFeatureFlags::ARITHMETIC.as_raw()
-        | vk::SubgroupFeatureFlags::BALLOT.as_raw()
-        | vk::SubgroupFeatureFlags::SHUFFLE.as_raw(),
-);
+/// `physical`, or the reason why it cannot run the engine, with subgroups of `wanted` lanes where they are asked for.
+pub(super) fn probe(
+    instance: &ash::Instance,
+    physical: vk::PhysicalDevice,
+    wanted: Option<u32>,
+) -> Result<Found, String> {
+    let answers = Answers::of(instance, physical)?;
+    let (queue_family, caps) = (answers.usable_family(wanted)?, answers.caps(wanted)?);
+    Ok(Found { physical, queue_family, caps, pipeline_cache_uuid: answers.core.pipeline_cache_uuid })
+}
 
 /// Answers of a device to all that the engine asks. What belongs to an extension that it lacks is zero.
-pub(super) struct Answers {
+#[derive(Default)]
+struct Answers {
     name: String,
     extensions: Vec<vk::ExtensionProperties>,
     core: vk::PhysicalDeviceProperties,
@@ -34,7 +38,7 @@ pub(super) struct Answers {
 
 impl Answers {
     /// Asks `physical`; the reason where it is too old to answer.
-    pub(super) fn of(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Self, String> {
+    fn of(instance: &ash::Instance, physical: vk::PhysicalDevice) -> Result<Self, String> {
         // SAFETY: plain queries.
         let (extensions, core) = unsafe {
             (
@@ -42,26 +46,11 @@ impl Answers {
                 instance.get_physical_device_properties(physical),
             )
         };
-        let name = core.device_name_as_c_str().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let name = text(core.device_name_as_c_str());
         if core.api_version < vk::API_VERSION_1_2 {
             return Err(format!("{name}: Vulkan 1.2 is needed"));
         }
-        let mut answers = Answers {
-            name,
-            extensions,
-            core,
-            subgroup: Default::default(),
-            sizes: Default::default(),
-            driver: Default::default(),
-            maintenance3: Default::default(),
-            v12: Default::default(),
-            size_control: Default::default(),
-            has_int64: false,
-            memory: Default::default(),
-            budget: Default::default(),
-            queue_family: None,
-            timestamp_bits: 0,
-        };
+        let mut answers = Answers { name, extensions, core, ..Answers::default() };
         let (has_size_control, has_budget) = (answers.has_size_control(), answers.has_budget());
         let mut properties = vk::PhysicalDeviceProperties2::default()
             .push_next(&mut answers.subgroup)
@@ -106,13 +95,11 @@ impl Answers {
         self.has(ext::memory_budget::NAME)
     }
 
-    /// Smallest and largest subgroup that the device takes.
     fn sizes(&self) -> [u32; 2] {
         let own = self.subgroup.subgroup_size;
         if self.pins_subgroups() { [self.sizes.min_subgroup_size, self.sizes.max_subgroup_size] } else { [own; 2] }
     }
 
-    /// Lanes of the subgroups that kernels run with: those asked for, or what suits the hardware.
     fn subgroup_size(&self, wanted: Option<u32>) -> Result<u32, String> {
         let [least, most] = self.sizes();
         match wanted {
@@ -124,7 +111,6 @@ impl Answers {
         }
     }
 
-    /// True if subgroups of one size can be asked for.
     fn pins_subgroups(&self) -> bool {
         self.has_size_control()
             && self.size_control.subgroup_size_control == vk::TRUE
@@ -134,10 +120,12 @@ impl Answers {
 
     /// The family of queues that compute; the first reason why the engine cannot run, with subgroups of `wanted` lanes where they are
     /// asked for.
-    pub(super) fn usable_family(&self, wanted: Option<u32>) -> Result<u32, String> {
+    fn usable_family(&self, wanted: Option<u32>) -> Result<u32, String> {
         let Answers { name, subgroup, sizes, v12, .. } = self;
         let family = self.queue_family.ok_or_else(|| format!("{name}: no compute queue"))?;
-        if !subgroup.supported_operations.contains(SUBGROUP_OPERATIONS)
+        use vk::SubgroupFeatureFlags as Feature;
+        let operations = Feature::BASIC | Feature::VOTE | Feature::ARITHMETIC | Feature::BALLOT | Feature::SHUFFLE;
+        if !subgroup.supported_operations.contains(operations)
             || !subgroup.supported_stages.contains(vk::ShaderStageFlags::COMPUTE)
         {
             return Err(format!("{name}: subgroup vote, arithmetic, ballot and shuffle are needed in compute"));
@@ -156,28 +144,18 @@ impl Answers {
         Ok(family as u32)
     }
 
-    /// The part that the engine cares about, with subgroups of `wanted` lanes where they are asked for.
-    ///
-    /// # Errors
-    /// The device does not take that many.
-    pub(super) fn caps(&self, wanted: Option<u32>) -> Result<Caps, String> {
+    fn caps(&self, wanted: Option<u32>) -> Result<Caps, String> {
         let Answers { core, subgroup, sizes, driver, v12, .. } = self;
         let (limits, api) = (&core.limits, core.api_version);
-        let text = |name: Result<&CStr, FromBytesUntilNulError>| {
-            name.map(|n| n.to_string_lossy().into_owned()).unwrap_or_default()
-        };
         let (has_timestamps, has_size_control) = (self.timestamp_bits > 0, self.has_size_control());
         let budgets = self.has_budget().then_some(&self.budget.heap_budget[..]);
         let (heap_bytes, budget_bytes) = choose::device_memory(self.memory.memory_heaps_as_slice(), budgets);
         Ok(Caps {
             name: self.name.clone(),
             driver: format!("{} {}", text(driver.driver_name_as_c_str()), text(driver.driver_info_as_c_str())),
-            api: format!(
-                "{}.{}.{}",
-                vk::api_version_major(api),
-                vk::api_version_minor(api),
-                vk::api_version_patch(api)
-            ),
+            api: [vk::api_version_major(api), vk::api_version_minor(api), vk::api_version_patch(api)]
+                .map(|part| part.to_string())
+                .join("."),
             kind: kind_of(core.device_type),
             subgroup_size: self.subgroup_size(wanted)?,
             subgroup_min: if has_size_control { sizes.min_subgroup_size } else { subgroup.subgroup_size },
@@ -202,9 +180,8 @@ impl Answers {
             is_portability_subset: self.has(khr::portability_subset::NAME),
         })
     }
+}
 
-    /// The identity of pipelines of this device and driver.
-    pub(super) fn pipeline_cache_uuid(&self) -> [u8; vk::UUID_SIZE] {
-        self.core.pipeline_cache_uuid
-    }
+pub(super) fn text(name: Result<&CStr, FromBytesUntilNulError>) -> String {
+    name.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }

@@ -3,13 +3,12 @@
 use super::device::{Purpose, create_device};
 use super::instance::{DeviceChoice, Found, Instance};
 use super::pipeline::{Parts, PipelineDesc};
+use super::probe::text;
 use super::{Caps, vk_error};
 use crate::error::{Error, Result};
 use ash::{khr, vk};
-use std::ffi::CStr;
 use std::sync::Arc;
 
-/// One program that the driver made of a pipeline.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Executable {
     /// Lanes of its subgroups; 0 where the driver does not say.
@@ -28,14 +27,9 @@ pub struct Compiler {
 }
 
 impl Compiler {
-    /// Opens the device that `choice` picks.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] when there is no such device, or its driver has no statistics.
     pub fn open(choice: &DeviceChoice) -> Result<Self> {
         let instance = Instance::new(choice)?;
         let (Found { physical, queue_family, caps, .. }, _) = instance.pick(choice)?;
-        let fault = |reason: String, remedy: &str| Error::NoDevice { reason, remedy: remedy.to_owned() };
         // SAFETY: plain queries into structs that live in this function.
         let tells = unsafe {
             let all = instance.raw.enumerate_device_extension_properties(physical);
@@ -50,9 +44,10 @@ impl Compiler {
             is_there && feature.pipeline_executable_info == vk::TRUE
         };
         if !tells {
-            let reason = format!("the driver of {} has no VK_KHR_pipeline_executable_properties", caps.name);
-            let remedy = "choose another with --device, or a driver that `tools/gpu/drivers.sh` unpacks";
-            return Err(fault(reason, remedy));
+            return Err(Error::NoDevice {
+                reason: format!("the driver of {} has no VK_KHR_pipeline_executable_properties", caps.name),
+                remedy: "choose another with --device, or a driver that `tools/gpu/drivers.sh` unpacks".to_owned(),
+            });
         }
         let raw = create_device(&instance, physical, queue_family, &caps, Purpose::Compiling)?;
         let told = khr::pipeline_executable_properties::Device::new(&instance.raw, &raw);
@@ -64,10 +59,6 @@ impl Compiler {
         &self.caps
     }
 
-    /// Compiles `desc` and reads what the driver tells of each program in it.
-    ///
-    /// # Errors
-    /// [`Error::Vulkan`] or [`Error::DriverOutOfMemory`] when the driver refuses.
     pub fn statistics(&self, desc: &PipelineDesc<'_>) -> Result<Vec<Executable>> {
         let mut parts = Parts::default();
         let flags = vk::PipelineCreateFlags::CAPTURE_STATISTICS_KHR;
@@ -97,10 +88,6 @@ impl Compiler {
         }
         Ok(found)
     }
-}
-
-fn text(name: std::result::Result<&CStr, std::ffi::FromBytesUntilNulError>) -> String {
-    name.map(|name| name.to_string_lossy().into_owned()).unwrap_or_default()
 }
 
 fn value(one: &vk::PipelineExecutableStatisticKHR<'_>) -> f64 {

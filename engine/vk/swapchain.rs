@@ -12,14 +12,10 @@ use std::sync::Arc;
 /// The longest that a picture waits for a place, nanoseconds. A window that nobody sees may give none.
 const PATIENCE_NS: u64 = 200_000_000;
 
-/// A window of the system.
 pub trait WindowHandle: HasDisplayHandle + HasWindowHandle {}
 impl<T: HasDisplayHandle + HasWindowHandle> WindowHandle for T {}
 
 /// The instance extensions that surfaces of windows on `display` need; for [`DeviceChoice::surface`](super::DeviceChoice).
-///
-/// # Errors
-/// [`Error::NoDevice`] where Vulkan knows no surfaces of such windows.
 pub fn surface_extensions(display: &dyn HasDisplayHandle) -> Result<Vec<&'static CStr>> {
     let handle = display.display_handle().map_err(no_handle)?;
     let names = ash_window::enumerate_required_extensions(handle.as_raw())
@@ -36,7 +32,6 @@ fn no_handle(fault: HandleError) -> Error {
     no_window(format!("the window has no handle: {fault}"))
 }
 
-/// The buffers of pictures on their way to a window.
 pub struct Swapchain {
     device: Arc<Device>,
     surfaces: khr::surface::Instance,
@@ -49,7 +44,7 @@ pub struct Swapchain {
     window: Arc<dyn WindowHandle>,
 }
 
-/// A swapchain for one size of the window.
+/// For one size of the window.
 struct Chain {
     raw: vk::SwapchainKHR,
     images: Vec<vk::Image>,
@@ -57,15 +52,11 @@ struct Chain {
     copied: Vec<vk::Semaphore>,
     format: vk::Format,
     extent: vk::Extent2D,
-    /// The size that was asked for when it was made.
     asked: [u32; 2],
 }
 
 impl Swapchain {
-    /// For pictures in `window`; with `is_synced` they wait for the display, else they come as they are.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] where the device cannot show pictures in this window.
+    /// With `is_synced` pictures wait for the display.
     pub fn new(device: &Arc<Device>, window: Arc<dyn WindowHandle>, is_synced: bool) -> Result<Self> {
         let surfaces = khr::surface::Instance::new(&device.instance.entry, &device.instance.raw);
         let chains = khr::swapchain::Device::new(&device.instance.raw, &device.raw);
@@ -96,11 +87,7 @@ impl Swapchain {
         Ok(())
     }
 
-    /// Makes the swapchain fit a window of `size` pixels, and says how large pictures must be; `None` while it has no area, as a
-    /// minimised window.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] where the surface takes no pictures of 8 bits; [`Error::DeviceLost`].
+    /// Fits a window of `size` pixels, and gives the size that pictures must have; `None` while it has no area, as when minimised.
     pub fn fit(&mut self, size: [u32; 2]) -> Result<Option<[u32; 2]>> {
         let is_fit = |chain: &Chain| chain.asked == size;
         if !self.chain.as_ref().is_some_and(is_fit) {
@@ -125,7 +112,7 @@ impl Swapchain {
         Ok(self.chain.as_ref().map(|chain| [chain.extent.width, chain.extent.height]))
     }
 
-    /// True if a pixel's bytes are blue, green, red, alpha; else red, green, blue, alpha.
+    /// True if pixels are blue, green, red, alpha; else red, green, blue, alpha.
     pub fn is_bgra(&self) -> bool {
         self.chain.as_ref().is_some_and(|chain| is_bgra(chain.format))
     }
@@ -202,11 +189,8 @@ impl Swapchain {
         Ok(())
     }
 
-    /// Shows `pixels`, words of the picture row by row, in the size that [`Swapchain::fit`] gave last. `false` where the window
-    /// did not take them: it has changed, or nobody sees it.
-    ///
-    /// # Errors
-    /// [`Error::DeviceLost`].
+    /// Shows `pixels`, row by row in the size that [`Swapchain::fit`] gave last; `false` where the window did not take them: it has
+    /// changed, or nobody sees it.
     pub fn present(&mut self, pixels: &Binding) -> Result<bool> {
         let Some(chain) = &self.chain else { return Ok(false) };
         let device = self.device.clone();

@@ -5,7 +5,7 @@ use crate::common::random::Random;
 use ivv::internals::gpu::generated::gather;
 use ivv::internals::gpu::kernel::{Access, BindingInfo, KernelInfo};
 use ivv::internals::gpu::{Buf, Grid, Kernel, Recording, Slice};
-use ivv::internals::vk::{Binding, BindingKind, Buffer, Commands, Device, Location, Pipeline, PipelineDesc};
+use ivv::internals::vk::{Binding, BindingKind, Buffer, Commands, Device, Groups, Location, Pipeline, PipelineDesc};
 use std::sync::Arc;
 
 const BYTES: usize = 32;
@@ -213,7 +213,7 @@ fn dispatch_twice(barrier: bool) -> Vec<String> {
     for (from, to) in [(&a, &b), (&b, &c)] {
         commands.begin_pass("gather");
         let bindings = [count.clone(), index.clone(), from.clone(), to.clone()];
-        commands.dispatch(&pipeline, &bindings, &[], [1, 1, 1]).unwrap();
+        commands.dispatch(&pipeline, &bindings, &[], &Groups::Known([1; 3])).unwrap();
         commands.end_pass();
         if barrier {
             commands.barrier();
