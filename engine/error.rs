@@ -73,7 +73,6 @@ pub enum Error {
     },
 }
 
-/// The remedy for faults of devices and drivers.
 const AGAIN: &str = "run again, with --device to choose another device if it persists";
 
 impl Error {

@@ -4,7 +4,6 @@ use crate::error::Result;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::mpsc;
 
-/// As many as there are cores.
 pub fn threads() -> usize {
     std::thread::available_parallelism().map_or(1, std::num::NonZero::get)
 }
@@ -22,11 +21,8 @@ pub fn memory() -> u64 {
     limits.chain(total).min().unwrap_or(4 << 30)
 }
 
-/// Does `n` pieces of work on `threads` threads and returns what they give, in their order. `done` is called on this
-/// thread after each, with the number finished so far. After a fault no new piece is begun.
-///
-/// # Errors
-/// That of the first piece, in their order, that has one.
+/// Does `n` pieces of work on `threads` threads and returns what they give, in their order. `done` is called on this thread after
+/// each, with the number finished. After a fault no new piece is begun; the first fault in order is returned.
 pub fn in_parallel<T: Send>(
     n: usize,
     threads: usize,

@@ -3,14 +3,12 @@
 /// 2^64 over the golden ratio, by which the generator steps.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
-/// The generator's finaliser.
 fn mix(mut z: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
     z ^ (z >> 31)
 }
 
-/// A hash of several numbers.
 pub fn hash(parts: &[u64]) -> u64 {
     parts.iter().fold(0, |state: u64, part| mix(state.wrapping_add(STEP) ^ mix(*part)))
 }
@@ -20,8 +18,7 @@ pub fn unit(bits: u64) -> f64 {
     (bits >> 11) as f64 / (1u64 << 53) as f64
 }
 
-/// Random numbers of one purpose, each a function of its key and its number alone: no order of evaluation and no resumed run
-/// changes any.
+/// Random numbers, each a function of its key and number alone, whatever the order of evaluation.
 #[derive(Clone, Copy, Debug)]
 pub struct Keyed(u64);
 
@@ -31,7 +28,6 @@ impl Keyed {
         Keyed(hash(key))
     }
 
-    /// Bits of number `i`.
     pub fn bits(&self, i: u64) -> u64 {
         mix(self.0.wrapping_add(i.wrapping_add(1).wrapping_mul(STEP)))
     }
@@ -58,7 +54,6 @@ pub fn permutation(n: usize, key: &[u64]) -> Vec<usize> {
     order
 }
 
-/// Random numbers that are drawn one after the other.
 #[derive(Clone, Debug)]
 pub struct Random {
     numbers: Keyed,
@@ -66,17 +61,14 @@ pub struct Random {
 }
 
 impl Random {
-    /// The numbers of a seed.
     pub fn new(seed: u64) -> Self {
         Random { numbers: Keyed(seed), drawn: 0 }
     }
 
-    /// The numbers of `key`, whatever is drawn for other keys.
     pub fn of_key(key: &[u64]) -> Self {
         Random::new(hash(key))
     }
 
-    /// 64 random bits.
     pub fn bits(&mut self) -> u64 {
         self.drawn += 1;
         self.numbers.bits(self.drawn - 1)
@@ -97,8 +89,8 @@ impl Random {
         choices[(self.bits() % choices.len() as u64) as usize]
     }
 
-    /// Nearly normal with mean 0 and standard deviation 1: four uniform numbers summed, so never beyond [`NORMAL_BOUND`], and
-    /// without a function that machines round differently.
+    /// Nearly normal, mean 0 and deviation 1: four uniform numbers summed, never beyond [`NORMAL_BOUND`], without a function that
+    /// machines round differently.
     pub fn nearly_normal(&mut self) -> f64 {
         let bits = self.bits();
         let sum: u64 = (0..4).map(|i| bits >> (16 * i) & 0xffff).sum();

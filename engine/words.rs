@@ -6,7 +6,6 @@ pub fn count(n: impl TryInto<u64>, thing: &str) -> String {
     format!("{n} {thing}{}", if n == 1 { "" } else { "s" })
 }
 
-/// Names that a message shows of a list.
 const SHOWN: usize = 8;
 
 /// The names of a list, a long one's first: `a, b` or `a, b and 3 more`.

@@ -19,7 +19,7 @@ impl Archive {
         Ok(Archive(archive.map_err(damaged)?))
     }
 
-    /// The first file `name`, of `most` bytes at most; its size and checksum are those that the archive says.
+    /// The first file `name`, of `most` bytes at most; its size and checksum are checked.
     pub(crate) fn read(&self, name: &str, most: u64) -> Result<Vec<u8>, String> {
         let damaged = |cause| format!("cannot be read: {cause}");
         let mut entries = self.0.entries();

@@ -10,41 +10,31 @@ use crate::error::{Error, Result};
 /// Distinguishes the temporary files of threads that write to the same folder at once.
 static NEXT_TEMPORARY: AtomicU64 = AtomicU64::new(0);
 
-/// Writes a file so that `path` holds either its old content or all of the new one, whatever happens in between.
-///
-/// `write` fills a temporary file in the folder of `path`; that file is flushed, synchronised with the disk and renamed
-/// to `path`, and the folder is synchronised. On failure the temporary file is removed.
-///
-/// # Errors
-/// [`Error::Data`] naming `path` when the folder does not exist or cannot be written, or when `write` fails.
+/// Writes a file so that `path` holds either its old content or all of the new one: `write` fills a temporary file beside it,
+/// which is synchronised and renamed.
 pub fn write_atomic(path: &Path, write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> Result<()> {
-    let mut temporary = Temporary::beside(path, "")?;
-    let fill = |file: &mut File| {
-        let mut buffered = BufWriter::new(file);
-        write(&mut buffered)?;
-        buffered.flush()
-    };
-    fill(&mut temporary.file).map_err(|fault| cannot_write(path, &fault))?;
-    temporary.keep()
+    write_whole(path, |to| write(to).map_err(|fault| cannot_write(path, &fault)))
 }
 
-/// As [`write_atomic`], for bytes that `make` hands over while it makes them; its own errors are passed on.
+/// As [`write_atomic`], for bytes that `make` hands over; its own errors are passed on.
 pub(crate) fn write_made(
     path: &Path,
     make: impl FnOnce(&mut dyn FnMut(&[u8]) -> Result<()>) -> Result<()>,
 ) -> Result<()> {
+    write_whole(path, |to| make(&mut |bytes| to.write_all(bytes).map_err(|fault| cannot_write(path, &fault))))
+}
+
+fn write_whole(path: &Path, write: impl FnOnce(&mut dyn Write) -> Result<()>) -> Result<()> {
     let mut temporary = Temporary::beside(path, "")?;
     let mut buffered = BufWriter::new(&mut temporary.file);
-    make(&mut |bytes| buffered.write_all(bytes).map_err(|fault| cannot_write(path, &fault)))?;
+    write(&mut buffered)?;
     buffered.flush().map_err(|fault| cannot_write(path, &fault))?;
     drop(buffered);
     temporary.keep()
 }
 
-/// A file that is being written, under a name of its own beside the one that it will have. One that is dropped before
-/// [`Temporary::keep`] is removed.
-///
-/// It is locked as long as it is being written, so that [`remove_temporaries`] tells it from what a killed process left.
+/// A file that is being written, beside `path` under a name of its own. Dropped before [`Temporary::keep`], it is removed. It is
+/// locked until then, so that [`remove_temporaries`] tells it from what a killed process left.
 #[derive(Debug)]
 pub struct Temporary {
     at: PathBuf,
@@ -53,11 +43,8 @@ pub struct Temporary {
 }
 
 impl Temporary {
-    /// An empty file that will be `path`. Its name ends in `ending`, which is empty or begins with a dot.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming `path` when it names no file, or something that is no file, such as a device or a pipe, whose name would
-    /// be taken away from it; or when its folder cannot be written.
+    /// An empty file that will be `path`. Its name ends in `ending`, which is empty or begins with a dot. Anything but a regular file
+    /// at `path`, such as a device or a pipe, is an error: its name would be taken away from it.
     pub fn beside(path: &Path, ending: &str) -> Result<Self> {
         let Some(name) = path.file_name() else {
             return Err(Error::data(path, "", "this names no file", "give a path that ends in a file name"));
@@ -90,12 +77,10 @@ impl Temporary {
         }
     }
 
-    /// Where the file is.
     pub fn path(&self) -> &Path {
         &self.at
     }
 
-    /// The open file.
     pub fn file(&self) -> &File {
         &self.file
     }
@@ -116,21 +101,19 @@ impl Drop for Temporary {
 
 /// True if `name` is that of a [`Temporary`]: `.NAME.PID-SERIAL.tmp`, with or without an ending.
 fn is_temporary(name: &str) -> bool {
+    let is_number = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
     let parts = || {
         let (head, ending) = name.strip_prefix('.')?.rsplit_once(".tmp")?;
         let (pid, serial) = head.rsplit_once('.')?.1.split_once('-')?;
-        let is_number = |part: &str| !part.is_empty() && part.bytes().all(|b| b.is_ascii_digit());
-        let is_ending = ending.is_empty() || (ending.starts_with('.') && ending.len() > 1);
-        Some(is_number(pid) && is_number(serial) && is_ending)
+        Some((pid, serial, ending))
     };
-    parts().unwrap_or(false)
+    parts().is_some_and(|(pid, serial, ending)| {
+        is_number(pid) && is_number(serial) && (ending.is_empty() || ending.starts_with('.') && ending.len() > 1)
+    })
 }
 
-/// Removes what killed processes left in `folder`, and `depth` folders below it, of files that they were writing. What a
-/// process is writing now stays, and so does what cannot be removed: it does no harm.
-///
-/// # Errors
-/// [`Error::Data`] naming a folder that cannot be listed.
+/// Removes what killed processes left in `folder`, and `depth` folders below it. What a process is writing now stays, and so does
+/// what cannot be removed.
 pub fn remove_temporaries(folder: &Path, depth: usize) -> Result<()> {
     for entry in fs::read_dir(folder).map_err(|fault| cannot_list(folder, &fault))?.flatten() {
         let Ok(kind) = entry.file_type() else { continue };
@@ -143,7 +126,7 @@ pub fn remove_temporaries(folder: &Path, depth: usize) -> Result<()> {
     Ok(())
 }
 
-/// Removes a temporary file that no process has locked. One of which that cannot be told stays.
+/// Removes a temporary file that no process has locked, if that can be told.
 fn remove_abandoned(path: &Path) {
     // Network file systems lock nothing that is open for reading alone.
     if let Ok(file) = File::options().write(true).open(path)
@@ -153,21 +136,16 @@ fn remove_abandoned(path: &Path) {
     }
 }
 
-/// True if a temporary file belongs to nobody, by the outcome of an attempt to lock it. Where files are not locked while they
-/// are written, or cannot be locked at all, that attempt says nothing.
+/// Where files are not locked while they are written, or cannot be locked at all, an attempt says nothing.
 fn is_abandoned(lock: &std::result::Result<(), fs::TryLockError>) -> bool {
     cfg!(unix) && lock.is_ok()
 }
 
 /// Makes the rename itself durable. Only Unix lets a folder be opened for that.
 fn sync_folder(path: &Path) -> io::Result<()> {
-    if !cfg!(unix) {
-        return Ok(());
-    }
-    where_possible(File::open(folder_of(path))?.sync_all())
+    if cfg!(unix) { where_possible(File::open(folder_of(path))?.sync_all()) } else { Ok(()) }
 }
 
-/// The folder that a file is in.
 pub fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(parent) if !parent.as_os_str().is_empty() => parent,
@@ -175,7 +153,7 @@ pub fn folder_of(path: &Path) -> &Path {
     }
 }
 
-/// The outcome of synchronising a folder. Some file systems do not offer that; what was renamed there is complete all the same.
+/// Some file systems cannot synchronise a folder; what was renamed there is complete all the same.
 fn where_possible(synced: io::Result<()>) -> io::Result<()> {
     synced.or_else(|fault| match fault.kind() {
         io::ErrorKind::InvalidInput | io::ErrorKind::Unsupported => Ok(()),
@@ -183,36 +161,26 @@ fn where_possible(synced: io::Result<()>) -> io::Result<()> {
     })
 }
 
-fn cannot_write(path: &Path, fault: &io::Error) -> Error {
-    Error::data(
-        path,
-        "",
-        format!("cannot be written: {fault}"),
-        "check that the folder exists, is writable and not full",
-    )
+pub(crate) fn cannot_write(path: &Path, fault: &io::Error) -> Error {
+    let remedy = "check that the folder exists, is writable and not full";
+    Error::data(path, "", format!("cannot be written: {fault}"), remedy)
 }
 
-/// Makes a folder that is absent.
 pub(crate) fn make_folder(path: &Path) -> Result<()> {
     let remedy = "choose another folder with -o";
     fs::create_dir_all(path).map_err(|fault| Error::data(path, "", format!("cannot be made: {fault}"), remedy))
 }
 
-/// The error of a folder that cannot be listed.
 pub(crate) fn cannot_list(path: &Path, fault: &io::Error) -> Error {
     Error::data(path, "", format!("cannot be listed: {fault}"), "check the path and its permissions")
 }
 
-/// A path for a reader: JSON is text, and not every name of a file is.
+/// For serde: JSON is text, and not every path is.
 pub(crate) fn as_text<S: serde::Serializer>(path: &Path, to: S) -> std::result::Result<S::Ok, S::Error> {
     to.collect_str(&path.display())
 }
 
-/// Opens a file for reading. Only regular files are opened: a pipe would wait for a writer that may never come, and a
-/// device may never end.
-///
-/// # Errors
-/// Those of the system; [`io::ErrorKind::InvalidInput`], naming what is there, for anything but a regular file.
+/// Only regular files are opened: a pipe would wait for a writer that may never come, and a device may never end.
 pub fn open_file(path: &Path) -> io::Result<File> {
     let kind = fs::metadata(path)?.file_type();
     if kind.is_file() {
@@ -239,20 +207,17 @@ fn kind_of(kind: &fs::FileType) -> &'static str {
     if kind.is_dir() { "a folder" } else { "something else" }
 }
 
-/// The bytes of a whole file, as [`open_file`] opens it.
 pub fn read_file(path: &Path) -> io::Result<Vec<u8>> {
-    let mut file = open_file(path)?;
     let mut bytes = Vec::new();
-    file.read_to_end(&mut bytes)?;
+    open_file(path)?.read_to_end(&mut bytes)?;
     Ok(bytes)
 }
 
-/// The text of a whole file; [`io::ErrorKind::InvalidData`] where it is not UTF-8.
+/// [`io::ErrorKind::InvalidData`] where it is not UTF-8.
 pub fn read_text(path: &Path) -> io::Result<String> {
     String::from_utf8(read_file(path)?).map_err(|_| io::Error::new(io::ErrorKind::InvalidData, "it is not UTF-8"))
 }
 
-/// A whole file in memory.
 pub(crate) fn read_bytes(path: &Path) -> Result<Vec<u8>> {
     read_file(path).map_err(|fault| cannot_read(path, &fault))
 }
@@ -275,7 +240,6 @@ pub(crate) fn parse_json<T: serde::de::DeserializeOwned>(
     })
 }
 
-/// The error of a file that cannot be opened or read.
 pub fn cannot_read(path: &Path, fault: &io::Error) -> Error {
     Error::data(path, "", format!("cannot be read: {fault}"), "check the path and its permissions")
 }

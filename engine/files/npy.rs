@@ -14,7 +14,6 @@ const MAX_HEADER_BYTES: usize = 1 << 16;
 const MAX_ARRAY_BYTES: u64 = 1 << 31;
 const REMEDY: &str = "save the array again with numpy.savez";
 
-/// The type of an array's entries.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Float {
     F16,
@@ -23,7 +22,6 @@ pub(crate) enum Float {
 }
 
 impl Float {
-    /// Bytes of an entry.
     pub fn size(self) -> usize {
         match self {
             Float::F16 => 2,
@@ -46,13 +44,11 @@ fn fixed<const N: usize>(bytes: &[u8]) -> [u8; N] {
     std::array::from_fn(|i| bytes[i])
 }
 
-/// The header before the entries.
 #[derive(Debug)]
 pub(crate) struct Header {
     /// Extent along each axis, the slowest first.
     pub shape: Vec<usize>,
     pub float: Float,
-    /// Bytes before the first entry.
     pub size: u64,
 }
 

@@ -7,10 +7,9 @@ use std::path::Path;
 use super::file::cannot_read;
 use crate::error::{Error, Result};
 
-/// Longest header that is read. A 3DGS header has about 1.5 KB; some writers add comments.
+/// Of a header; those of 3DGS have about 1.5 KB, and some writers add comments.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 
-/// How the rows are encoded.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Encoding {
     Ascii,
@@ -18,7 +17,6 @@ pub(crate) enum Encoding {
     BigEndian,
 }
 
-/// The scalar types of PLY.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Scalar {
     I8,
@@ -46,7 +44,6 @@ impl Scalar {
         })
     }
 
-    /// Bytes in the binary encodings.
     pub fn size(self) -> usize {
         match self {
             Scalar::I8 | Scalar::U8 => 1,
@@ -57,7 +54,6 @@ impl Scalar {
     }
 }
 
-/// One property of an element.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Property {
     pub name: String,
@@ -67,7 +63,6 @@ pub(crate) struct Property {
     pub list_length: Option<Scalar>,
 }
 
-/// One element: a table of `count` rows.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Element {
     pub name: String,
@@ -82,19 +77,17 @@ impl Element {
     }
 }
 
-/// A parsed header.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Header {
     pub encoding: Encoding,
     pub elements: Vec<Element>,
-    /// The text of the `comment` lines, single spaces between words; those that are not UTF-8 are left out.
+    /// The `comment` lines that are UTF-8, single spaces between words.
     pub comments: Vec<String>,
     /// Bytes up to and including the line break after `end_header`.
     pub size: u64,
 }
 
 impl Header {
-    /// The element called `name`, if the file has it.
     pub fn element(&self, name: &str) -> Option<&Element> {
         self.elements.iter().find(|e| e.name == name)
     }
@@ -140,7 +133,6 @@ impl Header {
     }
 }
 
-/// The header's lines, split into words and counted for error messages.
 struct Lines<'a, R> {
     path: &'a Path,
     source: R,

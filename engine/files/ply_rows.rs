@@ -33,7 +33,6 @@ impl Column {
         None
     }
 
-    /// True if the column holds values of type `scalar`.
     pub fn is(&self, scalar: Scalar) -> bool {
         self.scalar == scalar
     }
@@ -46,7 +45,6 @@ impl Column {
         }
     }
 
-    /// The value in `row`; every type fits.
     pub fn f64(&self, row: &[u8]) -> f64 {
         match self.scalar {
             Scalar::I8 => i8::from_le_bytes(self.bytes(row)).into(),
@@ -83,7 +81,6 @@ pub(crate) struct Rows {
 }
 
 impl Rows {
-    /// Opens a file, reads its header and compares what that promises with the file's length.
     pub fn open(path: &Path) -> Result<(Header, Self)> {
         let file = open_file(path).map_err(|fault| cannot_read(path, &fault))?;
         let length = file.metadata().map_err(|fault| cannot_read(path, &fault))?.len();
@@ -129,7 +126,7 @@ impl Rows {
         Ok(())
     }
 
-    /// Goes to row `first` of the file's first element, all of whose rows have `row_size` bytes.
+    /// Goes to row `first` of the first element; all its rows have `row_size` bytes.
     pub fn seek(&mut self, header: &Header, row_size: usize, first: u64) -> Result<()> {
         let to = SeekFrom::Start(header.size + first * row_size as u64);
         self.source.seek(to).map(drop).map_err(|fault| cannot_read(&self.path, &fault))
@@ -167,7 +164,6 @@ impl Rows {
         Ok(())
     }
 
-    /// Passes over `element`, the next in the file; it may have lists.
     pub fn skip(&mut self, element: &Element) -> Result<()> {
         if element.row_size().is_some() {
             return self.read(element, |_, _| {});

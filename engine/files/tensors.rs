@@ -9,7 +9,6 @@ use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use super::file::{read_bytes, write_atomic};
 use crate::error::{Error, Result};
 
-/// A tensor read from a file, widened to f64.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Tensor {
     /// Extent along each axis, the slowest first.
@@ -43,15 +42,10 @@ pub fn write_tensors(path: &Path, tensors: &[(&str, &[usize], &[f32])]) -> Resul
     let mut views = Vec::new();
     let bytes: Vec<Vec<u8>> = tensors.iter().map(|t| t.2.iter().flat_map(|v| v.to_le_bytes()).collect()).collect();
     for ((name, shape, _), bytes) in tensors.iter().zip(&bytes) {
-        let view = TensorView::new(Dtype::F32, shape.to_vec(), bytes);
         let remedy = "this is a fault of the program that made the tensor";
-        views.push((
-            *name,
-            view.map_err(|fault| Error::data(path, format!("tensor `{name}`"), fault.to_string(), remedy))?,
-        ));
+        let view = TensorView::new(Dtype::F32, shape.to_vec(), bytes)
+            .map_err(|fault| Error::data(path, format!("tensor `{name}`"), fault.to_string(), remedy))?;
+        views.push((*name, view));
     }
-    write_atomic(path, |to| {
-        let encoded = safetensors::serialize(views, None).map_err(io::Error::other)?;
-        to.write_all(&encoded)
-    })
+    write_atomic(path, |to| to.write_all(&safetensors::serialize(views, None).map_err(io::Error::other)?))
 }

@@ -47,9 +47,7 @@ settings! {
 /// Culls that change no picture, for tests that compare frames with and without them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Culls {
-    /// The tiles that a Gaussian is listed for.
     pub tile_bound: TileBound,
-    /// True if blocks of pixels skip the Gaussians that miss them.
     pub block_cull: bool,
     /// True if culling drops the Gaussians that are invisible at a frame's time. Without it `temporal_cut` leaves out nothing.
     pub time_cull: bool,
@@ -68,8 +66,7 @@ pub enum TileBound {
     Ellipse,
     /// Those of its bounding box.
     Rectangle,
-    /// Those of 3DGS: of a square about the widest axis, whatever the opacity; wide enough to lose nothing (3DGS cuts at three
-    /// standard deviations).
+    /// Those of 3DGS: of a square about the widest axis, whatever the opacity, wide enough to lose nothing.
     Square,
 }
 
@@ -81,10 +78,6 @@ impl Knobs {
         Constants { alpha_min, knobs: self, ..constants }
     }
 
-    /// The first knob that cannot be.
-    ///
-    /// # Errors
-    /// Its name and what is wrong.
     #[doc(hidden)]
     pub fn check(&self) -> Result<(), String> {
         let group = serde_json::json!({ "frame": as_written(self)? });

@@ -39,9 +39,8 @@ pub enum Range {
     Path,
 }
 
-/// Declares a group of settings, a `struct` whose field is all that there is to write of a setting: its comment is the
-/// meaning that the manual and `ivv train --list-settings` show, and then come type, default, unit and range. It gives `Default` and
-/// `SETTINGS`, the rows. Groups within a group follow `with`. The name of a setting is `in` and the field's name.
+/// Declares a group of settings, a `struct`: a field's comment is the meaning that the manual and `ivv train --list-settings` show, then
+/// come type, default, unit and range. Gives `Default` and `SETTINGS`. Groups within a group follow `with`.
 macro_rules! settings {
     (
         $(#[$attribute:meta])*
@@ -65,7 +64,6 @@ macro_rules! settings {
         }
 
         impl $group {
-            /// The settings of this group, without those of groups within it.
             pub const SETTINGS: &[$crate::settings::Setting] = &[$($crate::settings::Setting {
                 name: concat!($prefix, stringify!($name)),
                 unit: $unit,
@@ -78,14 +76,12 @@ macro_rules! settings {
 pub(crate) use settings;
 
 impl Setting {
-    /// Its value in `settings`, which has the form of a run's settings and may leave out any.
+    /// Its value in `settings`, a run's settings, which may leave out any.
     #[doc(hidden)]
     pub fn of<'a>(&self, settings: &'a Value) -> Option<&'a Value> {
         settings.pointer(&format!("/{}", self.name.replace('.', "/")))
     }
 
-    /// # Errors
-    /// Its name, `value` and what was expected.
     pub(crate) fn check(&self, value: &Value) -> Result<(), String> {
         if self.range.contains(value) {
             return Ok(());
@@ -103,18 +99,14 @@ pub(crate) fn as_written(settings: &impl Serialize) -> Result<Value, String> {
 }
 
 impl Range {
-    /// Counts of things that exist.
     pub(crate) const COUNT: Range = Range::Whole(1, u32::MAX as u64);
-    /// Numbers of 0 and more.
     pub(crate) const NOT_NEGATIVE: Range = Range::Number(Bound::Included(0.0), Bound::Unbounded);
-    /// A share, none and all included.
     pub(crate) const SHARE: Range = Range::Number(Bound::Included(0.0), Bound::Included(1.0));
     /// A share that is never all.
     pub(crate) const BELOW_ONE: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(1.0));
     /// A contribution, or a rest of light, that may be left out.
     pub(crate) const CUT: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(0.5));
 
-    /// Whether a setting may be `value`.
     #[doc(hidden)]
     pub fn contains(&self, value: &Value) -> bool {
         match self {
@@ -133,20 +125,14 @@ impl Range {
     }
 }
 
-/// Whether `value` is a rate, or one of the ends of one.
 fn is_rate(value: &Value) -> bool {
-    match value {
-        Value::Object(ends) => {
-            let end = |name: &str| ends.get(name).map(Value::as_f64);
-            let are_known = ends.keys().all(|key| key == "start" || key == "end");
-            match (end("start"), end("end")) {
-                (Some(Some(start)), Some(Some(end))) => {
-                    are_known && ((start > 0.0 && end > 0.0) || (start == 0.0 && end == 0.0))
-                }
-                _ => false,
-            }
+    let end = |name: &str| value.get(name).and_then(Value::as_f64);
+    match (value.as_object(), end("start"), end("end")) {
+        (Some(ends), Some(start), Some(end)) => {
+            ends.len() == 2 && ((start > 0.0 && end > 0.0) || (start == 0.0 && end == 0.0))
         }
-        _ => value.as_f64().is_some_and(|rate| rate >= 0.0),
+        (Some(_), ..) => false,
+        (None, ..) => value.as_f64().is_some_and(|rate| rate >= 0.0),
     }
 }
 

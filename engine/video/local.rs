@@ -7,7 +7,6 @@ use std::path::{Path, PathBuf};
 const FORMATS: &str = "mov,matroska,avi,mpegts,mpeg,mxf,flv,asf,ogg,dv,h264,hevc,m4v,ivf,gif,yuv4mpegpipe,wav,w64,flac,mp3,\
                        aac,aiff,caf";
 
-/// Pictures that are read.
 const PICTURES: &str = "tiff_pipe,webp_pipe,dpx_pipe,exr_pipe,bmp_pipe,j2k_pipe,jpegxl_pipe,mov";
 
 /// The name of a file for ffmpeg: a colon in a path would make what stands before it a protocol.
@@ -17,21 +16,26 @@ pub(crate) fn file_url(path: &Path) -> OsString {
     url
 }
 
+pub(super) fn words(words: &[&str]) -> Vec<OsString> {
+    words.iter().map(OsString::from).collect()
+}
+
 /// An input with its options: local files only, no playlist; a take that a GoPro continued in further files is one input.
 pub(crate) fn input(path: &Path) -> Vec<OsString> {
     let chapters = chapters(path);
-    if chapters.len() > 1 {
-        let words = ["-protocol_whitelist", "file,data", "-f", "concat", "-safe", "0", "-i"].map(OsString::from);
-        return words.into_iter().chain([list(&chapters).into()]).collect();
+    if chapters.len() == 1 {
+        return one_file(path, FORMATS);
     }
-    let words = ["-protocol_whitelist", "file", "-format_whitelist", FORMATS, "-i"].map(OsString::from);
-    words.into_iter().chain([file_url(path)]).collect()
+    words(&["-protocol_whitelist", "file,data", "-f", "concat", "-safe", "0", "-i", &list(&chapters)])
 }
 
-/// As [`input`], of a picture.
 pub(crate) fn picture(path: &Path) -> Vec<OsString> {
-    let words = ["-protocol_whitelist", "file", "-format_whitelist", PICTURES, "-i"].map(OsString::from);
-    words.into_iter().chain([file_url(path)]).collect()
+    one_file(path, PICTURES)
+}
+
+fn one_file(path: &Path, formats: &str) -> Vec<OsString> {
+    let options = words(&["-protocol_whitelist", "file", "-format_whitelist", formats, "-i"]);
+    [options, vec![file_url(path)]].concat()
 }
 
 /// A list of files for ffmpeg, in the argument itself; each must be in one of the [`FORMATS`].
@@ -51,12 +55,11 @@ pub(crate) fn chapters(path: &Path) -> Vec<PathBuf> {
     std::iter::successors(Some(path.to_owned()), next).collect()
 }
 
-/// True if a file continues the take of another that lies beside it.
 pub(crate) fn is_later_chapter(path: &Path) -> bool {
     beside(path, -1).is_some()
 }
 
-/// The chapter so many after this one, where it is there: GX010123, GX020123 or, of older GoPros, GOPR0123, GP010123.
+/// The file so many chapters on, where it is there: GX010123, GX020123 or, of older GoPros, GOPR0123, GP010123.
 fn beside(path: &Path, by: i32) -> Option<PathBuf> {
     let (stem, ending) = (path.file_stem()?.to_str()?, path.extension()?.to_str()?);
     // A list of files has a line for each.

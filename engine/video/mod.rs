@@ -6,20 +6,19 @@ mod y4m;
 pub(crate) use local::{chapters, input, is_later_chapter, picture};
 
 use std::ffi::OsString;
-use std::io::{self, BufWriter, ErrorKind, Read, Write};
+use std::io::{BufWriter, ErrorKind, Read, Write};
 use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::thread::JoinHandle;
 
 use crate::error::{Error, Result};
-use crate::files::{Temporary, folder_of, remove_temporaries};
+use crate::files::{Temporary, cannot_write, folder_of, remove_temporaries};
 use crate::scene::Frame;
-use local::file_url;
+use local::{file_url, words};
 
 const INSTALL: &str =
     "install ffmpeg 5.1 or newer (Debian: apt-get install ffmpeg), or choose a file that ends in .y4m";
 
-/// Settings of a video.
 #[derive(Clone, Debug, PartialEq)]
 pub struct VideoSettings {
     /// Pixels; even, but for .y4m.
@@ -32,7 +31,6 @@ pub struct VideoSettings {
     pub sound: Option<(PathBuf, f64)>,
 }
 
-/// The written video.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Made {
     /// The file that was asked for, with its sound.
@@ -49,25 +47,29 @@ pub enum Made {
 /// A video that is being written. It takes its name when it is finished; one that is dropped before leaves nothing.
 pub struct Video {
     path: PathBuf,
-    /// Until it is finished.
-    temporary: Option<Temporary>,
+    /// Without it, pictures go into the temporary file itself.
+    encoder: Option<Encoder>,
+    temporary: Temporary,
     settings: VideoSettings,
     n_frames: u64,
-    sink: Option<Sink>,
-    /// The command for a shell, where ffmpeg is not installed.
+    /// For a shell, where ffmpeg is not installed.
     command: Option<String>,
 }
 
-enum Sink {
-    Ffmpeg(Encoder),
-    /// The temporary file itself.
-    File,
-}
-
 struct Encoder {
-    child: Child,
+    program: Program,
     to: BufWriter<ChildStdin>,
     said: JoinHandle<String>,
+}
+
+/// A program that ends when it is dropped.
+struct Program(Child);
+
+impl Drop for Program {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
 }
 
 impl Video {
@@ -76,15 +78,11 @@ impl Video {
     pub fn create(path: &Path, settings: VideoSettings) -> Result<Video> {
         let VideoSettings { width, height, fps, .. } = settings;
         let ending = Self::check(path, [width, height], fps)?;
-        let mut video = Video {
-            temporary: Some(beside(path, &ending)?),
-            path: path.to_owned(),
-            settings,
-            n_frames: 0,
-            sink: None,
-            command: None,
-        };
-        video.sink = Some(if ending == "y4m" { Sink::File } else { video.encoder()? });
+        let (path, temporary) = (path.to_owned(), beside(path, &ending)?);
+        let mut video = Video { path, encoder: None, temporary, settings, n_frames: 0, command: None };
+        if ending != "y4m" {
+            video.encode()?;
+        }
         let header = y4m::header([width, height], fps);
         video.write(header.as_bytes())?;
         Ok(video)
@@ -98,10 +96,8 @@ impl Video {
             return fault("unsupported video type".to_owned(), "use .mp4, .mov, .mkv or .y4m");
         }
         if width == 0 || height == 0 || (ending != "y4m" && (width % 2, height % 2) != (0, 0)) {
-            return fault(
-                format!("{width} x {height} pixels: both must be even"),
-                "choose another size, or write a .y4m",
-            );
+            let reason = format!("{width} x {height} pixels: both must be even");
+            return fault(reason, "choose another size, or write a .y4m");
         }
         if !(fps.is_finite() && (0.1..=1000.0).contains(&fps)) {
             return fault(format!("{fps} frames per second: expected 0.1 to 1000"), "choose another rate");
@@ -109,55 +105,57 @@ impl Video {
         Ok(ending)
     }
 
-    /// ffmpeg, or without one a file of pictures.
-    fn encoder(&mut self) -> Result<Sink> {
-        let path = self.path.clone();
-        let arguments = self.arguments("pipe:0".into(), self.temporary.as_ref().map_or(&path, Temporary::path));
-        let started = Command::new("ffmpeg").args(&arguments).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn();
-        match started {
-            Ok(child) => Ok(Sink::Ffmpeg(Encoder::new(child, &path)?)),
+    /// Starts ffmpeg, or without one turns to a file of pictures.
+    fn encode(&mut self) -> Result<()> {
+        let arguments = self.arguments("pipe:0".into(), self.temporary.path());
+        match Command::new("ffmpeg").args(&arguments).stdin(Stdio::piped()).stderr(Stdio::piped()).spawn() {
+            Ok(child) => self.encoder = Some(Encoder::new(child, &self.path)?),
             Err(fault) if fault.kind() == ErrorKind::NotFound => {
-                let pictures = path.with_extension("y4m");
-                let words = self.arguments(file_url(&pictures), &path);
+                let pictures = self.path.with_extension("y4m");
+                let words = self.arguments(file_url(&pictures), &self.path);
                 let words: Vec<String> = words.iter().map(|word| quoted(&word.to_string_lossy())).collect();
                 self.command = Some(format!("ffmpeg {}", words.join(" ")));
-                self.temporary = Some(beside(&pictures, "y4m")?);
+                self.temporary = beside(&pictures, "y4m")?;
                 self.path = pictures;
-                Ok(Sink::File)
             }
-            Err(fault) => Err(Error::data(&path, "", format!("ffmpeg does not start: {fault}"), INSTALL)),
+            Err(fault) => return Err(Error::data(&self.path, "", format!("ffmpeg does not start: {fault}"), INSTALL)),
         }
+        Ok(())
     }
 
     /// The arguments of ffmpeg, from `pictures` to `output`.
     fn arguments(&self, pictures: OsString, output: &Path) -> Vec<OsString> {
         let is_mp4 = self.path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("mp4"));
-        let mut words: Vec<OsString> = Vec::new();
-        fn plain<'a>(words: &'a [&str]) -> impl Iterator<Item = OsString> + 'a {
-            words.iter().map(OsString::from)
-        }
-        words.extend(plain(&["-v", "error", "-nostdin", "-y", "-f", "yuv4mpegpipe", "-i"]));
-        words.push(pictures);
+        let mut all = words(&["-v", "error", "-nostdin", "-y", "-f", "yuv4mpegpipe", "-i"]);
+        all.push(pictures);
         if let Some((file, from)) = &self.settings.sound {
-            words.extend(plain(&["-ss", &from.to_string()]));
-            words.extend(input(file));
-            words.extend(plain(&["-map", "0:v", "-map", "1:a"]));
-        }
-        let mut add = |more: &[&str]| words.extend(plain(more));
-        if self.settings.sound.is_some() {
-            add(if is_mp4 { &["-c:a", "aac", "-b:a", "320k"] } else { &["-c:a", "pcm_s24le"] });
+            all.extend(words(&["-ss", &from.to_string()]));
+            all.extend(input(file));
+            all.extend(words(&["-map", "0:v", "-map", "1:a"]));
+            all.extend(words(if is_mp4 { &["-c:a", "aac", "-b:a", "320k"] } else { &["-c:a", "pcm_s24le"] }));
             // Sound that is longer than the pictures ends with them; shorter sound is followed by silence.
-            add(&["-af", "apad", "-shortest"]);
+            all.extend(words(&["-af", "apad", "-shortest"]));
         }
         // The pictures are of BT.709 in the narrow range, and their file does not say so.
         let colors = "setparams=colorspace=bt709:color_primaries=bt709:color_trc=bt709:range=limited,format=yuv420p";
-        add(&["-vf", colors, "-c:v", "libx264", "-crf", "18", "-preset", "medium"]);
-        add(&["-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"]);
+        all.extend(words(&[
+            "-vf",
+            colors,
+            "-c:v",
+            "libx264",
+            "-crf",
+            "18",
+            "-preset",
+            "medium",
+            "-colorspace",
+            "bt709",
+        ]));
+        all.extend(words(&["-color_primaries", "bt709", "-color_trc", "bt709", "-color_range", "tv"]));
         if is_mp4 {
-            add(&["-movflags", "+faststart"]);
+            all.extend(words(&["-movflags", "+faststart"]));
         }
-        words.push(file_url(output));
-        words
+        all.push(file_url(output));
+        all
     }
 
     /// Adds a frame. The error has what ffmpeg says, where that is the reason.
@@ -172,60 +170,35 @@ impl Video {
     }
 
     fn write(&mut self, bytes: &[u8]) -> Result<()> {
-        let outcome = match &mut self.sink {
-            Some(Sink::Ffmpeg(encoder)) => encoder.to.write_all(bytes),
+        let Some(encoder) = &mut self.encoder else {
             // Frames are long: nothing is won by a buffer.
-            Some(Sink::File) => self.temporary.as_ref().map_or(Ok(()), |file| file.file().write_all(bytes)),
-            None => Ok(()),
+            return self.temporary.file().write_all(bytes).map_err(|fault| cannot_write(&self.path, &fault));
         };
-        match (outcome, self.sink.take()) {
-            (Ok(()), sink) => {
-                self.sink = sink;
-                Ok(())
-            }
-            // A program that ended early says why.
-            (Err(_), Some(Sink::Ffmpeg(encoder))) => Err(encoder
-                .end(&self.path)
-                .err()
-                .unwrap_or_else(|| Error::data(&self.path, "", "ffmpeg stopped reading", "try again"))),
-            (Err(fault), _) => Err(self.cannot_write(&fault)),
+        if encoder.to.write_all(bytes).is_ok() {
+            return Ok(());
         }
+        // A program that ended early says why.
+        let why = self.encoder.take().and_then(|encoder| encoder.end(&self.path).err());
+        Err(why.unwrap_or_else(|| Error::data(&self.path, "", "ffmpeg stopped reading", "try again")))
     }
 
     /// Completes the file and gives it its name.
-    pub fn finish(mut self) -> Result<Made> {
-        if self.n_frames == 0 {
-            return Err(Error::data(&self.path, "", "no frame was rendered", "render at least one"));
+    pub fn finish(self) -> Result<Made> {
+        let Video { path: file, encoder, temporary, n_frames, command, .. } = self;
+        if n_frames == 0 {
+            return Err(Error::data(&file, "", "no frame was rendered", "render at least one"));
         }
-        match self.sink.take() {
-            Some(Sink::Ffmpeg(encoder)) => encoder.end(&self.path)?,
-            Some(Sink::File) | None => {}
-        }
-        self.temporary.take().map_or(Ok(()), Temporary::keep)?;
-        let file = self.path.clone();
+        encoder.map_or(Ok(()), |encoder| encoder.end(&file))?;
+        temporary.keep()?;
         let is_whole = file.extension().is_none_or(|ending| ending != "y4m");
-        Ok(if is_whole { Made::Whole(file) } else { Made::Pictures { file, command: self.command.take() } })
-    }
-
-    fn cannot_write(&self, fault: &io::Error) -> Error {
-        let remedy = "check that the folder exists, is writable and not full";
-        Error::data(&self.path, "", format!("cannot be written: {fault}"), remedy)
-    }
-}
-
-impl Drop for Video {
-    fn drop(&mut self) {
-        if let Some(Sink::Ffmpeg(mut encoder)) = self.sink.take() {
-            let _ = encoder.child.kill();
-            let _ = encoder.child.wait();
-        }
+        Ok(if is_whole { Made::Whole(file) } else { Made::Pictures { file, command } })
     }
 }
 
 impl Encoder {
-    fn new(mut child: Child, path: &Path) -> Result<Encoder> {
-        let (Some(to), Some(mut errors)) = (child.stdin.take(), child.stderr.take()) else {
-            let _ = child.kill();
+    fn new(child: Child, path: &Path) -> Result<Encoder> {
+        let mut program = Program(child);
+        let (Some(to), Some(mut errors)) = (program.0.stdin.take(), program.0.stderr.take()) else {
             return Err(Error::data(path, "", "ffmpeg has no input", "try again"));
         };
         // Read while it runs: a full pipe would stop it.
@@ -234,16 +207,14 @@ impl Encoder {
             let _ = errors.read_to_end(&mut said);
             String::from_utf8_lossy(&said).into_owned()
         });
-        Ok(Encoder { child, to: BufWriter::with_capacity(1 << 20, to), said })
+        Ok(Encoder { program, to: BufWriter::with_capacity(1 << 20, to), said })
     }
 
     fn end(mut self, path: &Path) -> Result<()> {
         let flushed = self.to.flush();
         drop(self.to);
-        let status = self
-            .child
-            .wait()
-            .map_err(|fault| Error::data(path, "", format!("ffmpeg is lost: {fault}"), "try again"))?;
+        let lost = |fault| Error::data(path, "", format!("ffmpeg is lost: {fault}"), "try again");
+        let status = self.program.0.wait().map_err(lost)?;
         let said = self.said.join().unwrap_or_default();
         if status.success() && flushed.is_ok() {
             return Ok(());
