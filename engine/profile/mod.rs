@@ -1,6 +1,7 @@
 //! Where the time of a frame or a step goes, against what the device was measured to do; and single kernels, taken out and
 //! run again on what they really worked on.
 
+mod cards;
 mod compare;
 mod dump;
 mod exponent;
@@ -15,6 +16,7 @@ mod sweep;
 mod sweep_report;
 mod trace;
 
+pub use cards::{CARDS, Card, Figure};
 pub use compare::{Change, Compared, Comparison, Other, Recorded};
 pub use dump::{read_dispatch, write_dispatch};
 pub use exponent::Exponent;

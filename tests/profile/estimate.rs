@@ -4,8 +4,9 @@ use crate::common::device::gpu;
 use crate::common::notes::stale;
 use ivv::internals::gpu::generated::gather;
 use ivv::internals::gpu::{Grid, Recording, shaders_hash};
+use ivv::internals::profile::{Card, Figure};
 use ivv::internals::stage::Counters;
-use ivv_gpu_model::{Budgets, Card, Estimate, Figure};
+use ivv_gpu_model::{Budgets, Estimate};
 use std::path::Path;
 use std::process::Command;
 

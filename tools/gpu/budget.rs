@@ -15,16 +15,13 @@ const INSTRUCTIONS: usize = 4;
 /// Kernel x chip. A chip is written `navi31/32`: with the lanes of its subgroups.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Budgets {
-    /// By chip: the driver that compiled.
     drivers: BTreeMap<String, String>,
     /// By kernel and chip; `None` where the driver does not tell.
     rows: BTreeMap<(String, String), [Option<f64>; NUMBERS.len()]>,
 }
 
-/// A number that is not what it was.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drift {
-    /// The kernel and the chip.
     pub of: (String, String),
     /// Which number; empty where the kernel has come or gone.
     pub number: &'static str,
@@ -68,10 +65,7 @@ impl Budgets {
         budgets
     }
 
-    /// Reads the table that [`Budgets::text`] writes. `file` is for messages.
-    ///
-    /// # Errors
-    /// [`Error::Data`] with the line.
+    /// `file` is for messages.
     pub fn parse(file: &Path, text: &str) -> Result<Self> {
         let mut budgets = Budgets::default();
         for (line, number) in text.lines().zip(1..) {
@@ -97,10 +91,7 @@ impl Budgets {
         Ok(budgets)
     }
 
-    /// What `tools/gpu/statistics.sh` wrote into `folder`: a file for each chip, named `CHIP-LANES.json`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] with the file.
+    /// What `tools/gpu/statistics.sh` wrote: a file `CHIP-LANES.json` for each chip.
     pub fn read_folder(folder: &Path) -> Result<Self> {
         let fault = |path: &Path, reason: String| {
             Error::data(path, "", reason, "give a folder that tools/gpu/statistics.sh wrote")
@@ -121,17 +112,14 @@ impl Budgets {
         Ok(Budgets::of(compiled.iter().map(|(chip, statistics)| (chip.as_str(), statistics))))
     }
 
-    /// Chips that kernels were compiled for.
     pub fn chips(&self) -> usize {
         self.drivers.len()
     }
 
-    /// Who compiled for `chip`.
     pub fn driver(&self, chip: &str) -> Option<&str> {
         self.drivers.get(chip).map(String::as_str)
     }
 
-    /// Instructions that `kernel` became on `chip`.
     pub fn instructions(&self, kernel: &str, chip: &str) -> Option<f64> {
         *self.rows.get(&(kernel.to_owned(), chip.to_owned()))?.get(INSTRUCTIONS)?
     }
@@ -156,7 +144,7 @@ impl Budgets {
         self.drivers.iter().filter_map(other).collect()
     }
 
-    /// What differs in `now`, of chips whose driver is the same in both.
+    /// Of chips whose driver is the same in both.
     pub fn compare(&self, now: &Budgets) -> Vec<Drift> {
         let same = |chip: &String| match (self.drivers.get(chip), now.drivers.get(chip)) {
             (Some(before), Some(now)) => before == now,

@@ -2,11 +2,11 @@
 //! and the card's figures. Nothing waits and nothing is idle, so most passes take longer.
 
 use super::budget::Budgets;
-use super::cards::Card;
 use super::loops::Loops;
 use ivv::internals::gpu::generated::constants::types::TILE;
 use ivv::internals::gpu::table::{self, Cost, Spec};
 use ivv::internals::gpu::{KernelInfo, Pass, Recording, Work};
+use ivv::internals::profile::Card;
 use ivv::internals::report::Table;
 use ivv::internals::report::statistics::median;
 use ivv::internals::stage::Counters;
@@ -20,22 +20,16 @@ const ROW_BYTES: f64 = 64.0;
 /// Instructions a compiler is taken to make of one of SPIR-V where it compiled no kernel.
 const PLAIN: f64 = 1.0;
 
-/// Passes of one section.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Part {
-    /// The section.
     pub name: String,
-    /// Passes.
     pub passes: usize,
     /// Windows between barriers that begin with one of them.
     pub barriers: usize,
-    /// Bytes of memory, read and written.
     pub bytes: f64,
     /// Bytes that the shared cache serves.
     pub cached: f64,
-    /// Instructions of subgroups.
     pub instructions: f64,
-    /// Additions and multiplications of floats.
     pub flops: f64,
     /// Microseconds that each of these takes alone: memory, shared cache, issue, arithmetic.
     pub alone_us: [f64; 4],
@@ -45,27 +39,21 @@ pub struct Part {
     pub us: f64,
 }
 
-/// An estimate.
 #[derive(Clone, Debug, Serialize)]
 pub struct Estimate {
-    /// The card.
     pub card: Card,
-    /// The work.
     pub counters: Counters,
     /// By section, in the order of the step.
     pub parts: Vec<Part>,
-    /// Their sum.
     pub total: Part,
-    /// Who compiled.
     pub compiler: String,
-    /// Pixels that a subgroup of the blend has.
     pub block: usize,
     /// Kernels that nobody compiled for the chip: their instructions are counted in SPIR-V and multiplied by what the others became.
     pub uncompiled: Vec<String>,
 }
 
 impl Estimate {
-    /// Of the passes of `recording` for the work that `counters` tell, with the instructions that `compiled` has for the card's chip.
+    /// Of `recording` for the work of `counters`, with the instructions that `compiled` has for the card's chip.
     pub fn new(card: &Card, recording: &Recording, counters: &Counters, compiled: &Budgets) -> Self {
         let mut model = Model::new(card, counters, compiled, recording);
         let first: BTreeSet<usize> =
@@ -90,7 +78,6 @@ impl Estimate {
         Estimate { card: *card, counters: counters.clone(), parts, total, compiler, block, uncompiled }
     }
 
-    /// The parts as a table.
     pub fn table(&self) -> Table {
         let heads = [
             "section",
@@ -159,7 +146,6 @@ impl Estimate {
         told
     }
 
-    /// For a terminal.
     pub fn terminal(&self) -> String {
         let figures = self.card.figures().map(|(name, value, source)| vec![name.to_owned(), value, source.to_owned()]);
         let figures = Table::new(&[self.card.name, "", "source"], figures).with_text(3).plain();
@@ -167,7 +153,6 @@ impl Estimate {
         format!("{figures}\n{}\n{told}", self.table().plain())
     }
 
-    /// For a page.
     pub fn markdown(&self) -> String {
         let figures = self.card.figures().map(|(name, value, source)| vec![name.to_owned(), value, source.to_owned()]);
         let figures = Table::new(&["figure", "value", "source"], figures).with_text(3).markdown();
@@ -176,7 +161,7 @@ impl Estimate {
     }
 }
 
-/// Several estimates of the same step side by side, for a page: microseconds of each section.
+/// Microseconds of each section, by card.
 pub fn side_by_side(estimates: &[Estimate]) -> String {
     let heads: Vec<&str> = ["section"].into_iter().chain(estimates.iter().map(|one| one.card.name)).collect();
     let names = estimates.first().map(|one| one.parts.iter().map(|part| part.name.clone()).collect::<Vec<_>>());
@@ -217,7 +202,6 @@ fn short(value: f64) -> String {
     }
 }
 
-/// A card at work on passes.
 struct Model<'a> {
     card: &'a Card,
     counters: &'a Counters,

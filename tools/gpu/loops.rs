@@ -26,7 +26,6 @@ const BRANCHES: [u32; 6] = [249, 250, 251, 252, 253, 254];
 /// The storage class of variables that a compiler keeps in registers.
 const FUNCTION: u32 = 7;
 
-/// A kernel's program, cut into the bodies of its loops.
 #[derive(Clone, Debug)]
 pub(super) struct Loops {
     /// The first is the program itself.
@@ -38,7 +37,6 @@ pub(super) struct Loops {
 struct Body {
     /// Instructions; one for each component of a vector.
     weight: f64,
-    /// The body around it.
     around: usize,
     /// Rounds, where the program itself says how many.
     times: Option<f64>,
@@ -49,7 +47,6 @@ struct Body {
 }
 
 impl Loops {
-    /// Of a module with one function.
     pub fn of(spirv: &[u8]) -> Self {
         let all = instructions(spirv);
         let module = Module::of(&all);
@@ -88,8 +85,8 @@ impl Loops {
         self.bodies.iter().zip(&copies).map(|(body, copies)| body.weight * copies).sum()
     }
 
-    /// Instructions that `subgroups` subgroups run together. A loop whose rounds the data decide goes round `rounds` times in all of
-    /// them together, which is asked for by the number of such loops around it; at least once each time.
+    /// Instructions of `subgroups` subgroups. A loop whose rounds the data decide goes round `rounds` times in all of them together, given
+    /// the number of such loops around it; at least once each time.
     pub fn run(&self, subgroups: f64, rounds: impl Fn(usize) -> f64) -> f64 {
         let mut runs = Vec::with_capacity(self.bodies.len());
         for (at, body) in self.bodies.iter().enumerate() {
@@ -100,15 +97,12 @@ impl Loops {
     }
 }
 
-/// A loop: its header, and all blocks from there to where it is left.
 struct Loop {
     header: usize,
     blocks: HashSet<usize>,
 }
 
-/// What is read of a module.
 struct Module<'a> {
-    /// The instructions of each block.
     blocks: Vec<Vec<&'a [u32]>>,
     numbers: HashMap<u32, usize>,
     /// By result: constants, variables, places in them, sums, comparisons, values of several blocks.
@@ -206,7 +200,6 @@ impl<'a> Module<'a> {
         Some(f64::from(end.saturating_sub(first).div_ceil(step)))
     }
 
-    /// Instructions that one of SPIR-V becomes.
     fn weight(&self, one: &[u32]) -> f64 {
         let is_register = |pointer: &u32| {
             let class = self.made.get(pointer).and_then(|made| self.classes.get(&made[1]));

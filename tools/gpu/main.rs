@@ -1,11 +1,5 @@
 //! `ivv-gpu-model`: what compilers make of the kernels, and what a step would take on a card that is not here.
 
-#[path = "../run"]
-#[expect(dead_code, reason = "`ivv` uses the rest")]
-mod run {
-    pub mod files;
-    pub mod settings;
-}
 mod step;
 
 use anyhow::Context;
@@ -68,7 +62,6 @@ pub fn message(line: &str) {
     let _ = writeln!(std::io::stderr(), "{line}");
 }
 
-/// A line of results.
 fn out(line: &str) -> anyhow::Result<()> {
     writeln!(std::io::stdout(), "{line}").context("standard output cannot be written")
 }

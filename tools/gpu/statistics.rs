@@ -5,17 +5,15 @@ use ivv::Result;
 use ivv::internals::gpu::KernelInfo;
 use ivv::internals::gpu::table;
 use ivv::internals::report::Table;
-use ivv::internals::vk::{Compiler, Executable, PipelineDesc};
+use ivv::internals::vk::{Compiler, Executable};
 use serde::{Deserialize, Serialize};
 
 /// One compiled kernel. What the driver does not tell is `None`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Static {
-    /// The kernel.
     pub kernel: String,
     /// Lanes of its subgroups.
     pub subgroup: u32,
-    /// Threads of a workgroup.
     pub local: u32,
     /// 32-bit registers of a lane.
     pub registers: Option<u64>,
@@ -27,7 +25,6 @@ pub struct Static {
     pub scratch_bytes: Option<u64>,
     /// Shared memory of a workgroup, bytes; by the SPIR-V where the driver does not tell.
     pub shared_bytes: u64,
-    /// Instructions.
     pub instructions: Option<u64>,
     /// Cycles of one subgroup, by the compiler's model, which knows no trip counts.
     pub latency: Option<u64>,
@@ -39,18 +36,14 @@ pub struct Static {
     pub waves_unknown: String,
 }
 
-/// What one device's compiler made of many kernels.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Statistics {
-    /// The device's name.
     pub device: String,
-    /// Its driver, with the version.
     pub driver: String,
     /// What the waves are counted for: the device's name, or what was said in its place.
     pub chip: String,
     /// Lanes that kernels with subgroup operations were compiled for.
     pub width: u32,
-    /// In the order of the table of kernels.
     pub kernels: Vec<Static>,
     /// Kernels that use what the device lacks.
     pub left_out: Vec<String>,
@@ -58,9 +51,6 @@ pub struct Statistics {
 
 impl Statistics {
     /// Compiles `kernels` by `compiler`. `chip` names the chip where the device's name does not.
-    ///
-    /// # Errors
-    /// As [`Compiler::statistics`].
     pub fn of(compiler: &Compiler, chip: Option<&str>, kernels: &[&KernelInfo]) -> Result<Self> {
         let caps = compiler.caps();
         let chip = chip.unwrap_or(&caps.name).to_owned();
@@ -71,20 +61,13 @@ impl Statistics {
                 continue;
             }
             let bindings: Vec<_> = kernel.bindings.iter().map(|binding| binding.kind).collect();
-            let programs = compiler.statistics(&PipelineDesc {
-                name: kernel.name,
-                spirv: kernel.spirv,
-                bindings: &bindings,
-                push_bytes: kernel.push_bytes,
-                subgroups: kernel.subgroups,
-            })?;
+            let programs = compiler.statistics(&kernel.pipeline(&bindings))?;
             compiled.extend(programs.iter().map(|program| Static::new(kernel, program, &chip, caps.subgroup_size)));
         }
         let (device, driver) = (caps.name.clone(), caps.driver.clone());
         Ok(Statistics { device, driver, chip, width: caps.subgroup_size, kernels: compiled, left_out })
     }
 
-    /// As a table for a terminal.
     pub fn terminal(&self) -> String {
         let cell = |value: Option<u64>| value.map_or_else(|| "-".to_owned(), |value| value.to_string());
         let row = |one: &Static| {
@@ -198,10 +181,8 @@ pub(super) fn instructions(spirv: &[u8]) -> Vec<Vec<u32>> {
     found
 }
 
-/// SPIR-V's number of the capability.
 const INT64_ATOMICS: u32 = 12;
 
-/// True if a module declares a capability.
 fn declares(spirv: &[u8], capability: u32) -> bool {
     instructions(spirv).iter().any(|one| one == &[17, capability])
 }

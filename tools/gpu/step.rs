@@ -1,17 +1,16 @@
 //! `ivv-gpu-model estimate`: a step on a card that is not here.
 
-use crate::run::settings::SettingArgs;
 use crate::{message, out};
 use anyhow::Context;
 use ivv::Constants;
 use ivv::internals::gpu::{Gpu, Options, Recording, StandIn, shaders_hash};
-use ivv::internals::profile::Recorded;
+use ivv::internals::profile::{CARDS, Card, Recorded};
 use ivv::internals::scene::capture::{Extent, Picture};
 use ivv::internals::scene::{FlowModel, Intrinsics, Motion, Pose, Splats, View};
 use ivv::internals::stage::Counters;
-use ivv::internals::train::{Config, Setup, TermData, Trainer};
+use ivv::internals::train::{Config, Preset, Setup, TermData, Trainer};
 use ivv::internals::vk::DeviceChoice;
-use ivv_gpu_model::{Budgets, CARDS, Card, Estimate, side_by_side};
+use ivv_gpu_model::{Budgets, Estimate, side_by_side};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -24,14 +23,11 @@ const VISIBLE: f64 = 2.0 / 3.0;
 /// Cameras with a grid and an offset each: as many as N3V has.
 const CAMERAS: usize = 20;
 const FRAMES: f64 = 300.0;
-/// Pixels of a tile's side.
 const TILE: u32 = 16;
-/// The largest work that is recorded: it needs buffers.
 const MOST_SIDE: u32 = 8192;
 const MOST_GAUSSIANS: u32 = 4_000_000;
 const MOST_PAIRS: u32 = 80_000_000;
 
-/// Options of `ivv-gpu-model estimate`.
 #[derive(clap::Args)]
 pub struct Args {
     /// H200, RTX4090, RX7900XTX, A770, or `all`.
@@ -55,8 +51,9 @@ pub struct Args {
     /// Writes Markdown, as assets/gpu/estimate.md has it.
     #[arg(long)]
     markdown: bool,
-    #[command(flatten)]
-    settings: SettingArgs,
+    /// The preset to start from: exact, balanced, fast, small, or the path of a preset's .json file.
+    #[arg(long)]
+    preset: Option<String>,
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
@@ -69,7 +66,6 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
-/// What the step works on.
 struct Work {
     counters: Counters,
     size: [u32; 2],
@@ -124,7 +120,10 @@ impl Args {
 
 pub fn run(args: &Args, device: &DeviceChoice, json: bool) -> anyhow::Result<()> {
     let (cards, work, compiled) = (args.cards()?, args.work()?, args.compiled()?);
-    let config = args.settings.resolve()?;
+    let config = match &args.preset {
+        Some(name) => serde_json::from_value(Preset::find(name)?.settings)?,
+        None => Config::default(),
+    };
     let mut estimates = Vec::with_capacity(cards.len());
     for card in cards {
         message(&format!("recording a step for {}", card.name));
@@ -182,7 +181,6 @@ fn recorded(card: &Card, config: &Config, device: &DeviceChoice, work: &Work) ->
     trainer.recorded(0, &view, &picture).context("a step cannot be recorded on this device")
 }
 
-/// Dynamic Gaussians before the camera.
 fn cloud(n: usize, sh_degree: u32) -> Splats {
     let empty = Splats::new(sh_degree);
     Splats {

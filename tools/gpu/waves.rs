@@ -11,7 +11,6 @@ pub struct Chip {
     most: u32,
     /// SIMDs, or quarters, that share the shared memory.
     simds: u32,
-    /// Its bytes.
     shared: u32,
     /// Bytes of it that each workgroup loses.
     reserved: u32,
@@ -31,11 +30,7 @@ const fn nvidia(warps: u32, shared: u32, reserved: u32, groups: u32) -> Chip {
 }
 
 impl Chip {
-    /// The chip that a device's name, or a part of a driver's name such as `NAVI31` or `GA100`, speaks of, with `width` lanes a
-    /// subgroup.
-    ///
-    /// # Errors
-    /// Why it is unknown.
+    /// By a device's name or a part of a driver's, such as `NAVI31` or `GA100`, and the lanes of a subgroup.
     pub fn named(name: &str, width: u32) -> Result<Chip, String> {
         let name = name.to_uppercase();
         let has = |parts: &[&str]| parts.iter().any(|part| name.contains(part));
@@ -89,7 +84,6 @@ impl Chip {
         f64::from(held) / if self.per_processor { 1.0 } else { f64::from(self.simds) }
     }
 
-    /// What [`Chip::waves`] counts on.
     pub fn unit(&self) -> &'static str {
         if self.per_processor { "multiprocessor" } else { "SIMD" }
     }

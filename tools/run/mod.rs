@@ -6,8 +6,6 @@ pub mod background;
 pub mod camera_poses;
 pub mod capture;
 pub mod capture_report;
-#[expect(dead_code, reason = "ivv-gpu-model uses the rest")]
-pub mod cards;
 pub mod clip;
 pub mod constants;
 pub mod device;

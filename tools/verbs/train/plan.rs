@@ -1,13 +1,13 @@
 //! `ivv train --plan`: the steps, memory and bytes of a training, without the training.
 
 use crate::run::capture;
-use crate::run::cards::Card;
 use crate::run::device::DeviceArgs;
 use crate::run::workload::work;
 use crate::ui::screen::{out, print_json};
 use crate::verbs::train::args::Args;
 use anyhow::Context;
 use ivv::internals::gpu::{Gpu, Options, StandIn};
+use ivv::internals::profile::Card;
 use ivv::internals::scene::capture::{Capture, share_of_memory};
 use ivv::internals::train::{Checkpoint, Limits, Plan, Workload};
 use ivv::internals::words::count;

@@ -2,19 +2,15 @@
 
 use serde::Serialize;
 
-/// A number, and where it is from.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Figure {
-    /// The number.
     pub value: f64,
     /// Where it is from.
     pub source: &'static str,
 }
 
-/// A graphics card.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Card {
-    /// Its name in options.
     pub name: &'static str,
     /// The chip of the table of budgets whose compiler's counts are taken for it, and what that is to the card.
     pub compiled: (&'static str, &'static str),
@@ -55,7 +51,6 @@ const CACHE: &str = "assumed: others measure 4 to 6 TB/s on cards of this size; 
 const BARRIER: &str = "assumed: 2.5 to 5 us are usual; `ivv profile` measures it on the card";
 const NVIDIA_EXP2: &str = "16 a clock and multiprocessor: CUDA C++ Programming Guide, throughput of arithmetic";
 
-/// The cards.
 pub const CARDS: [Card; 4] = [
     Card {
         name: "H200",
@@ -126,9 +121,6 @@ pub const CARDS: [Card; 4] = [
 
 impl Card {
     /// The card called `name`, however it is written.
-    ///
-    /// # Errors
-    /// The names that there are.
     pub fn named(name: &str) -> Result<&'static Card, String> {
         let plain = |name: &str| name.to_uppercase().replace([' ', '-'], "");
         let found = CARDS.iter().find(|card| card.name == plain(name));
@@ -136,7 +128,6 @@ impl Card {
         found.ok_or_else(|| format!("there are no figures of a card `{name}`; there are of {names}"))
     }
 
-    /// Its figures by what they are, each in its unit.
     pub fn figures(&self) -> [(&'static str, String, &'static str); 8] {
         let tera = |figure: Figure, unit: &str| (format!("{:.2} T{unit}", figure.value / 1e12), figure.source);
         let told = |name, (value, source): (String, &'static str)| (name, value, source);
