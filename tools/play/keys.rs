@@ -50,7 +50,6 @@ pub fn help() -> String {
     format!("Keys and mouse:\n{rows}The bar at the bottom is dragged to a time.")
 }
 
-/// Does what `key` does when it is pressed.
 pub fn press(player: &mut Player, key: KeyCode) {
     let found = ROWS.iter().find_map(|(_, _, keys, deed)| Some((deed, keys.iter().position(|k| *k == key)?)));
     if let Some((deed, n)) = found {

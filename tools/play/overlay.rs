@@ -10,7 +10,6 @@ const GRAPH: usize = 118;
 const MARGIN: usize = 8;
 /// The time at the graph's top, milliseconds: two frames of 30 a second.
 const TOP_MS: f64 = 66.7;
-/// Passes that are named.
 const PASSES: usize = 8;
 const SHADE: u32 = word([8, 10, 14], 170);
 const TEXT: u32 = word([235, 235, 235], 255);
@@ -23,7 +22,6 @@ const fn word([r, g, b]: [u8; 3], alpha: u8) -> u32 {
     u32::from_le_bytes([r, g, b, alpha])
 }
 
-/// Words of rows of the window.
 struct Canvas {
     words: Vec<u32>,
     width: usize,
@@ -63,8 +61,8 @@ pub fn track(width: usize, scale: usize) -> [usize; 2] {
     [(MARGIN + 8 * 16) * scale, width.saturating_sub(MARGIN * scale)].map(|x| x.min(width))
 }
 
-/// The overlay of a window of this size: words of whole rows, to lie over its last ones. The time bar has a part that is over, a clock
-/// of at most 15 letters, and a text.
+/// Words of whole rows, to lie over the last ones of a window of this size. The time bar has a part that is over, a clock of at most
+/// 15 letters, and a text.
 pub fn draw(
     [width, height]: [usize; 2],
     scale: usize,
@@ -91,7 +89,6 @@ pub fn draw(
     canvas.words
 }
 
-/// The graph at the top of the canvas.
 fn graph(canvas: &mut Canvas, lately: &Lately) {
     let scale = canvas.scale;
     let (left, top, floor) = (MARGIN * scale, 18 * scale, (GRAPH - 6) * scale);

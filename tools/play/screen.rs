@@ -10,14 +10,12 @@ macro_rules! say {
     ($($part:tt)*) => { $crate::ui::screen::message(&format!($($part)*)) };
 }
 
-/// Writes a warning or an error.
 macro_rules! alert {
     ($($part:tt)*) => { $crate::ui::screen::warning(&format!($($part)*)) };
 }
 
 pub(crate) use {alert, say};
 
-/// Leaves out messages from now on.
 pub fn be_quiet() {
     IS_QUIET.store(true, Ordering::Relaxed);
 }
@@ -32,7 +30,7 @@ pub fn warning(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
-/// Standard error for the log. It takes all that is written, so that a full disk or a closed pipe ends nothing.
+/// Takes all that is written, so that a full disk or a closed pipe ends nothing.
 pub struct Log;
 
 impl Write for Log {
@@ -46,7 +44,6 @@ impl Write for Log {
     }
 }
 
-/// True if standard error is a terminal.
 pub fn has_colours() -> bool {
     std::io::stderr().is_terminal()
 }

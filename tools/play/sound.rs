@@ -22,7 +22,6 @@ const AHEAD: usize = 3;
 
 type Block = Vec<[f32; 2]>;
 
-/// What the picture tells the sound.
 #[derive(Clone, Copy)]
 pub struct Heard {
     pub clip: Playhead,
@@ -37,10 +36,7 @@ pub struct Sound {
 }
 
 impl Sound {
-    /// Plays `sounds` as `hrtf` has them.
-    ///
-    /// # Errors
-    /// Where there is no device for 48 kHz in stereo.
+    /// An error where there is no device for 48 kHz in stereo.
     pub fn new(sounds: &Sounds, hrtf: HrtfSet, heard: Heard) -> anyhow::Result<Self> {
         let heard = Arc::new(Mutex::new(heard));
         let (sender, receiver) = sync_channel(AHEAD);
@@ -55,7 +51,6 @@ impl Sound {
         Ok(Sound { heard, _stream: stream })
     }
 
-    /// Where the picture is now.
     pub fn tell(&self, heard: Heard) {
         *self.heard.lock().unwrap_or_else(PoisonError::into_inner) = heard;
     }

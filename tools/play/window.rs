@@ -29,7 +29,6 @@ const RETRY: Duration = Duration::from_millis(10);
 /// What a window fits in that nobody gave a size, pixels.
 const USUAL: [u32; 2] = [1280, 720];
 
-/// What is shown of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, clap::ValueEnum)]
 pub enum Output {
     #[default]
@@ -41,14 +40,12 @@ pub enum Output {
 
 pub const OUTPUTS: [Output; 4] = [Output::Color, Output::Alpha, Output::Depth, Output::Flow];
 
-/// What is open while the window is.
 struct Open {
     window: Arc<Window>,
     shown: Shown,
     screen: Option<Screen>,
 }
 
-/// What plays.
 pub struct Player<'a> {
     pub args: &'a Args,
     pub stop: &'a Stop,
@@ -64,7 +61,6 @@ pub struct Player<'a> {
     pub state: State,
 }
 
-/// What changes while it plays.
 #[derive(Default)]
 pub struct State {
     pub output: Output,
@@ -78,7 +74,6 @@ pub struct State {
     /// Frames that the window took.
     n_frames: u64,
     last: Option<Instant>,
-    /// That are pressed.
     keys: HashSet<KeyCode>,
     button: Option<MouseButton>,
     pointer: DVec2,
@@ -94,17 +89,12 @@ pub struct State {
 
 impl ApplicationHandler for Player<'_> {
     fn resumed(&mut self, events: &ActiveEventLoop) {
-        if let Err(fault) = self.open(events) {
-            self.end(Err(fault));
-        }
+        self.open(events).unwrap_or_else(|fault| self.end(Err(fault)));
     }
 
     fn window_event(&mut self, _: &ActiveEventLoop, _: WindowId, event: WindowEvent) {
-        if self.state.end.is_some() {
-            return;
-        }
-        if let Err(fault) = self.event(event) {
-            self.end(Err(fault));
+        if self.state.end.is_none() {
+            self.event(event).unwrap_or_else(|fault| self.end(Err(fault)));
         }
     }
 
@@ -117,10 +107,7 @@ impl ApplicationHandler for Player<'_> {
 }
 
 impl Player<'_> {
-    /// Plays until the window is closed.
-    ///
-    /// # Errors
-    /// What ended it otherwise: the device's faults, or an interruption.
+    /// Plays until the window is closed, the device fails, or an interruption.
     pub fn run(mut self, events: EventLoop<()>) -> anyhow::Result<()> {
         (self.state.output, self.state.has_stats) = (self.args.output, self.args.stats);
         let ran = events.run_app(&mut self).context("the window's events ended");
@@ -248,7 +235,6 @@ impl Player<'_> {
         }
     }
 
-    /// What the sound has to know.
     pub fn heard(&self) -> Heard {
         let q = HeadPose::looking(self.navigator.forward(), self.navigator.above());
         Heard {
@@ -318,7 +304,6 @@ impl Player<'_> {
         Ok(is_shown)
     }
 
-    /// Counts a frame that was shown, and ends with the last one.
     fn count(&mut self, screen: &Screen) -> anyhow::Result<()> {
         self.state.n_frames += 1;
         if self.args.frames == Some(self.state.n_frames) {

@@ -1,10 +1,8 @@
 //! Ctrl-C and SIGTERM.
 
 use anyhow::Context;
-use std::process::{Child, ExitStatus};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
 
 /// The error of a verb that Ctrl-C or SIGTERM ended; names what is left.
 #[derive(Debug)]
@@ -39,21 +37,5 @@ impl Stop {
     /// True if Ctrl-C or SIGTERM came.
     pub fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
-    }
-
-    /// Waits for another `ivv`, and passes a request to end on: Ctrl-C reaches both, but SIGTERM reaches only this one.
-    pub fn wait_for(&self, child: &mut Child) -> std::io::Result<ExitStatus> {
-        let mut is_signalled = false;
-        loop {
-            if let Some(status) = child.try_wait()? {
-                return Ok(status);
-            }
-            if self.is_asked() && !is_signalled {
-                #[cfg(unix)]
-                rustix::process::kill_process(rustix::process::Pid::from_child(child), rustix::process::Signal::TERM)?;
-                is_signalled = true;
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
     }
 }

@@ -5,7 +5,7 @@ use crate::run::capture::{self, CaptureArgs};
 use crate::run::device::DeviceArgs;
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::run::settings::SettingArgs;
-use crate::run::subprocess::train_command;
+use crate::run::subprocess::{train_command, wait_for};
 use crate::run::workload::work;
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::screen::{self, out, say};
@@ -274,7 +274,7 @@ impl<'a> Jobs<'a> {
             command.arg("--quiet");
         }
         let mut child = command.args(options).spawn().context("ivv train")?;
-        let status = stop.wait_for(&mut child).context("ivv train")?;
+        let status = wait_for(&mut child, stop).context("ivv train")?;
         if stop.is_asked() || status.code() == Some(i32::from(Interrupted::EXIT_CODE)) {
             return Err(Interrupted("run the same command again to continue").into());
         }

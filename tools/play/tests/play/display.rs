@@ -70,7 +70,6 @@ impl Display {
         Picture { width, height, pixels: (0..width * height).map(pixel).collect() }
     }
 
-    /// What xdotool says.
     pub fn tool(&self, arguments: &[&str]) -> String {
         let output = Command::new("xdotool").args(arguments).env("DISPLAY", &self.name).output();
         let output = output.expect("xdotool: tools/setup.sh play installs it");

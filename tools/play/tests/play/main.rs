@@ -10,6 +10,7 @@ mod sound;
 use display::{Display, Picture, psnr};
 use ivv::internals::formats::write_ply;
 use ivv::internals::scene::{Intrinsics, View, demo, write_views};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
@@ -69,7 +70,6 @@ impl Bed {
         command
     }
 
-    /// The screenshot of a run of a few frames.
     fn shot(&self, command: &mut Command) -> Picture {
         let file = self.at("shot.png");
         let _ = std::fs::remove_file(&file);
@@ -110,17 +110,15 @@ fn size(view: &View) -> String {
 struct Playing(Child);
 
 impl Playing {
-    fn end(mut self) -> Output {
+    fn end(mut self) -> String {
         let begun = Instant::now();
         while self.0.try_wait().unwrap().is_none() {
             assert!(begun.elapsed() < PATIENCE, "it does not end");
             std::thread::sleep(Duration::from_millis(20));
         }
         let mut output = Output { status: self.0.wait().unwrap(), stdout: Vec::new(), stderr: Vec::new() };
-        use std::io::Read;
-        self.0.stdout.take().unwrap().read_to_end(&mut output.stdout).unwrap();
         self.0.stderr.take().unwrap().read_to_end(&mut output.stderr).unwrap();
-        output
+        told(output)
     }
 }
 
@@ -166,7 +164,7 @@ fn every_output_looks_different_and_times_lie_over_the_picture() {
 fn the_screen_shows_the_view_through_resizes_unmapping_and_keys() {
     let (display, bed) = (Display::new(), Bed::new("live"));
     let mut play = bed.play(&display);
-    play.args(["--size", "320x240"]).stdout(Stdio::piped()).stderr(Stdio::piped());
+    play.args(["--size", "320x240"]).stderr(Stdio::piped());
     let playing = Playing(play.spawn().unwrap());
     // Whatever brings the view about is done again now and then: a key that comes before the window has the focus is lost.
     let shows_after = |view: &View, act: &dyn Fn()| {
@@ -222,7 +220,7 @@ fn the_screen_shows_the_view_through_resizes_unmapping_and_keys() {
     display.tool(&["key", "space"]);
     changes(35.0, "the clip does not play");
     display.tool(&["key", "Escape"]);
-    told(playing.end());
+    playing.end();
 }
 
 /// Runs with a fault of a call; the manifest of the layer that gives it is in `layer`.
@@ -231,10 +229,8 @@ fn with_fault(bed: &Bed, display: &Display, layer: &Path, fault: &str) -> Output
     let mut play = bed.play(display);
     play.args(["--size", "320x240", "--frames", "6", "--screenshot"]).arg(bed.at("shot.png"));
     play.env("VK_LAYER_PATH", format!("{}:{explicit}", layer.display()));
-    play.env("VK_INSTANCE_LAYERS", "VK_LAYER_IVV_faults")
-        .env("IVV_FAULT", fault)
-        .env("IVV_FAULT_COUNTS", bed.at("counts"));
-    play.output().unwrap()
+    play.env("VK_INSTANCE_LAYERS", "VK_LAYER_IVV_faults").env("IVV_FAULT", fault);
+    play.env("IVV_FAULT_COUNTS", bed.at("counts")).output().unwrap()
 }
 
 #[test]
@@ -246,8 +242,7 @@ fn a_lost_or_outdated_surface_is_made_anew_and_a_lost_device_is_an_error() {
     let (outdated, lost) = (-1_000_001_004, -1_000_000_000);
     for call in ["vkAcquireNextImageKHR", "vkQueuePresentKHR"] {
         for (n, code) in [(1, outdated), (3, outdated), (3, lost), (6, lost)] {
-            let output = with_fault(&bed, &display, &layer, &format!("{call}:{n}:{code}"));
-            told(output);
+            told(with_fault(&bed, &display, &layer, &format!("{call}:{n}:{code}")));
             let counts = std::fs::read_to_string(bed.at("counts")).unwrap();
             assert!(counts.starts_with("fault 1"), "{call}:{n}:{code} was not reached");
             let likeness = psnr(&Picture::read(&bed.at("shot.png")), &truth, 0);

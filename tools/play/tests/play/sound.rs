@@ -2,42 +2,30 @@
 
 use super::display::Display;
 use super::{Bed, told};
-use ivv::internals::formats::{Clock, Contents, Encoded, Grades, Sound, Sounds};
+use ivv::formats::{Clip, Clock, Scene, Sound, Sounds, WriteOptions, write};
+use ivv::internals::random::Random;
+use ivv::internals::scene::demo;
 use ivv::internals::sound::wav::{self, Depth};
-use std::collections::BTreeMap;
 use std::path::Path;
 use std::process::Command;
 
 /// A clip of the scene with noise to one side of the first view.
 fn clip(bed: &Bed, file: &Path, to_the_right: f64) {
-    let (splats, _) = ivv::internals::scene::demo();
     let pose = bed.views[0].pose;
     let (right, forward, center) = (pose.right(), pose.forward(), pose.center());
     let place = [0, 1, 2].map(|k| center[k] + to_the_right * right[k] + 0.2 * forward[k]);
-    let mut state = 1u32;
-    let noise = |_| {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        [0.25 * (f32::from((state >> 16) as u16) / 32768.0 - 1.0)]
-    };
-    let frames: Vec<[f32; 1]> = (0..48_000 * 4).map(noise).collect();
+    let mut random = Random::new(1);
+    let frames: Vec<[f32; 1]> = (0..48_000 * 4).map(|_| random.vector(-0.25, 0.25)).collect();
     wav::write(bed.at("noise.wav"), &frames, Depth::Int16).unwrap();
     let wav = std::fs::read(bed.at("noise.wav")).unwrap();
     let sound =
         Sound { name: "noise".to_owned(), wav, gain: 1.0, start: 0.0, seconds: 4.0, places: vec![(0.0, place)] };
     let sounds = Sounds::new(place, 0.2, vec![sound]);
     assert_eq!(sounds.law(), (Some(place), 0.2));
-    let clock = Clock { fps: 30.0, frames: 120 };
-    let contents = Contents {
-        clock,
-        views: &bed.views,
-        own: BTreeMap::new(),
-        sounds: &sounds,
-        world: None,
-        cutoff: None,
-        is_quick: false,
-    };
-    let bytes = Encoded::new(&splats, clock).bytes(file, &contents, Grades::default()).unwrap();
-    std::fs::write(file, bytes).unwrap();
+    let clock = Some(Clock { fps: 30.0, frames: 120 });
+    let clip = Clip { clock, views: bed.views.clone(), sounds, ..Clip::default() };
+    let scene = Scene { splats: demo().0, clip, notes: vec![] };
+    write(file, &scene, &WriteOptions { clamp_colors: true, ..WriteOptions::default() }).unwrap();
 }
 
 fn play(bed: &Bed, display: &Display, scene: &Path, alsa: &str) -> Command {
