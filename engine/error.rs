@@ -76,6 +76,10 @@ pub enum Error {
 const AGAIN: &str = "run again, with --device to choose another device if it persists";
 
 impl Error {
+    pub(crate) fn no_device(reason: impl Into<String>, remedy: &str) -> Self {
+        Error::NoDevice { reason: reason.into(), remedy: remedy.to_owned() }
+    }
+
     /// A fault of `file` at `place`.
     pub fn data(file: &Path, place: impl Into<String>, reason: impl Into<String>, remedy: impl Into<String>) -> Self {
         Error::Data { file: file.to_owned(), place: place.into(), reason: reason.into(), remedy: remedy.into() }

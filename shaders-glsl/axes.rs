@@ -1,4 +1,4 @@
-// Choices that the kernels of several families differ in, or that are long.
+// The choices that kernels of a family differ in.
 
 use super::family::{Axis, NONE, switch};
 
@@ -12,6 +12,9 @@ pub const DEGREE: Axis = Axis {
         ("sh3", ("SH_DEGREE", "3")),
     ],
 };
+pub const TRAINING: Axis = switch("is_training", &[("", NONE), ("train", ("TRAIN", "1"))]);
+pub const SLOTS: Axis = switch("has_slots", &[("", NONE), ("slots", ("SLOTS", "1"))]);
+pub const STEPS: Axis = switch("steps", &[("", NONE), ("adam", ("ADAM", "1"))]);
 pub const PIXELS: Axis = switch("is_eight", &[("p4", ("PIXELS", "4")), ("p8", ("PIXELS", "8"))]);
 pub const OUTPUTS: Axis = switch("is_color", &[("", ("FULL", "1")), ("color", NONE)]);
 pub const MOMENTS: Axis = switch("is_16_bit", &[("", NONE), ("m16", ("MOMENTS_16", "1"))]);

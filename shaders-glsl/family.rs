@@ -1,6 +1,5 @@
 // What a row of the table of kernels says, and how a family's row becomes its kernels.
 
-/// The unit of a kernel's work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Count {
     /// Gaussians of the scene.
@@ -50,16 +49,13 @@ pub struct Cost {
     pub atomics: f64,
 }
 
-/// A share of a kernel's cost.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Term {
     /// The count that it grows with; without it, that of the pass.
     pub per: Option<Count>,
-    /// Of one unit.
     pub cost: Cost,
 }
 
-/// A choice that the kernels of a family differ in.
 pub struct Axis {
     /// Its parameter of the generated function that picks a kernel: a bool where there are two values, an index otherwise.
     pub name: &'static str,
@@ -67,10 +63,7 @@ pub struct Axis {
     pub values: &'static [(&'static str, (&'static str, &'static str))],
 }
 
-/// A shader with all its kernels.
 pub struct Family {
-    /// The start of its kernels' names, and the name of the generated function that picks one.
-    pub name: &'static str,
     /// The shader, below `shaders-glsl`.
     pub file: &'static str,
     /// The choices between its kernels, in the order of their names.
@@ -81,30 +74,25 @@ pub struct Family {
     pub reference: fn(&Spec) -> &'static str,
     /// The count that its time grows with.
     pub count: Count,
-    /// The least that it must do: bytes are those of data that must come from memory or go there once, whatever the caches; flops
-    /// are float additions and multiplications, without those of addresses; loads that caches serve are not counted. None of what
-    /// is outside a frame and a step: density control and the probes.
+    /// The least that it must do: bytes that must come from memory or go there once, whatever the caches; float additions and
+    /// multiplications, without those of addresses. None of what is outside a frame and a step: density control and the probes.
     pub cost: Option<fn(&Spec) -> Vec<Term>>,
 }
 
-/// A kernel.
 pub struct Spec {
-    /// Stem of everything that belongs to it.
     pub name: String,
     /// Its shader, below `shaders-glsl`.
     pub file: &'static str,
-    /// Preprocessor definitions that make this variant.
+    /// Preprocessor definitions.
     pub defines: Vec<(&'static str, &'static str)>,
     /// The count that its time grows with.
     pub count: Count,
-    /// Its family.
     pub family: &'static Family,
-    /// The choice of each axis.
     pub choice: Vec<usize>,
 }
 
 impl Spec {
-    /// The number that a definition gives; 0 without it.
+    /// The number of a definition; 0 without it.
     pub fn value(&self, name: &str) -> usize {
         let found = self.defines.iter().find(|(key, _)| *key == name);
         found.and_then(|(_, value)| value.trim_end_matches('u').parse().ok()).unwrap_or(0)
@@ -120,12 +108,10 @@ impl Spec {
         self.value(name) != 0
     }
 
-    /// Degree of its spherical harmonics.
     pub fn degree(&self) -> usize {
         self.value("SH_DEGREE").min(3)
     }
 
-    /// `yes` with a definition, `no` without.
     pub fn either(&self, name: &str, yes: f64, no: f64) -> f64 {
         if self.is(name) { yes } else { no }
     }
@@ -140,7 +126,6 @@ impl Spec {
         [48.0, 64.0, 96.0].iter().take(self.degree()).sum()
     }
 
-    /// Flops of a colour.
     pub fn sh_flops(&self) -> f64 {
         let degree = self.degree();
         6.0 * ((degree + 1) * (degree + 1)) as f64 + [0.0, 15.0, 35.0, 80.0][degree]
@@ -153,24 +138,20 @@ impl Spec {
 }
 
 impl Cost {
-    /// Of bytes and flops alone.
     pub const fn of(bytes: f64, flops: f64) -> Cost {
         let none = 0.0;
         Cost { bytes, copied: none, filled: none, rows: none, flops, exp2: none, shuffles: none, atomics: none }
     }
 }
 
-/// The cost of a unit of the pass.
 pub fn own(bytes: f64, flops: f64) -> Term {
     Term { per: None, cost: Cost::of(bytes, flops) }
 }
 
-/// A cost that grows with another count.
 pub fn per(count: Count, bytes: f64, flops: f64) -> Term {
     Term { per: Some(count), cost: Cost::of(bytes, flops) }
 }
 
-/// Of a kernel whose dispatch is all there is to pay.
 pub fn dispatch(_: &Spec) -> Vec<Term> {
     vec![own(0.0, 0.0)]
 }
@@ -187,26 +168,22 @@ pub fn blending(spec: &Spec, listed: Cost, pixels: f64, handed: f64, flops: f64)
     ]
 }
 
-/// No definition.
 pub const NONE: (&str, &str) = ("", "");
 
-/// A choice between a kernel without `define` and one with it.
 pub const fn switch(name: &'static str, values: &'static [(&'static str, (&'static str, &'static str)); 2]) -> Axis {
     Axis { name, values }
 }
 
-/// A family of one kernel, with everything else that rows may leave out.
-pub const ROW: Family = Family {
-    name: "",
-    file: "",
-    axes: &[],
-    same: |_| {},
-    reference: |_| "",
-    count: Count::Dispatches,
-    cost: Some(dispatch),
-};
+pub const ROW: Family =
+    Family { file: "", axes: &[], same: |_| {}, reference: |_| "", count: Count::Dispatches, cost: Some(dispatch) };
 
 impl Family {
+    /// The start of its kernels' names, and the name of the generated function that picks one: the stem of its file.
+    pub fn name(&self) -> &'static str {
+        let (_, name) = self.file.rsplit_once('/').unwrap_or_default();
+        name.trim_end_matches(".comp")
+    }
+
     /// Every choice of its axes, the last one fastest, with that of the kernel that does it.
     pub fn choices(&self) -> Vec<[Vec<usize>; 2]> {
         let mut all = vec![Vec::new()];
@@ -225,14 +202,12 @@ impl Family {
         all.into_iter().map(with_kernel).collect()
     }
 
-    /// The name of the kernel of a choice.
     pub fn kernel_name(&self, choice: &[usize]) -> String {
         let parts = self.axes.iter().zip(choice).map(|(axis, value)| axis.values[*value].0);
         let parts = parts.filter(|part| !part.is_empty());
-        std::iter::once(self.name).chain(parts).collect::<Vec<&str>>().join("_")
+        std::iter::once(self.name()).chain(parts).collect::<Vec<&str>>().join("_")
     }
 
-    /// Its kernels.
     pub fn kernels(&'static self) -> Vec<Spec> {
         let kernel = |choice: Vec<usize>| Spec {
             name: self.kernel_name(&choice),

@@ -45,7 +45,6 @@ pub fn source_key(root: &Path, spec: &Spec) -> Result<u64, String> {
     Ok(hash(&parts))
 }
 
-/// The manifest's line for one kernel.
 pub fn line(name: &str, key: u64, spirv: &[u8]) -> String {
     format!("{name} {key:016x} {:016x}\n", hash(&[spirv]))
 }

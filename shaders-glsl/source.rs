@@ -18,7 +18,6 @@ pub fn purpose(text: &str) -> Option<String> {
 pub struct Comments(BTreeMap<(String, String), String>);
 
 impl Comments {
-    /// Adds the comments of a shader or an include.
     pub fn read(&mut self, text: &str) {
         let (mut above, mut scope) = (Vec::new(), "");
         for line in text.lines().map(str::trim) {
@@ -43,7 +42,6 @@ impl Comments {
         }
     }
 
-    /// Adds the comment on what is declared last in `declared`, if there is one.
     fn add(&mut self, scope: &str, declared: &str, comment: &str) {
         let name = declared.rsplit(' ').next().unwrap_or_default().trim_end_matches("[]");
         if !comment.is_empty() {
@@ -58,7 +56,6 @@ impl Comments {
     }
 }
 
-/// The constants of a shader's text, as Rust.
 pub fn constants_of(text: &str) -> String {
     let (mut found, mut known) = (String::new(), Vec::<String>::new());
     for line in text.lines() {

@@ -1,17 +1,14 @@
 // The one list of kernels: included by build.rs, by the engine and by the tests. A row is a family: a shader and the choices that its
-// kernels differ in. All that is known of a kernel but its code is here: name, definitions, truth, cost, limit.
+// kernels differ in. All that is known of a kernel but its code is here: definitions, truth, cost.
 
 #[path = "axes.rs"]
 mod axes;
 #[path = "family.rs"]
 mod family;
 
-use axes::{
-    ACCUMULATION, CARRIED, DEGREE, DIRECTION, GATHERED, LANES, MOMENTS, OUTPUTS, PIXELS, POOLED, POPULATION, REPORTED,
-    STRIDE,
-};
+use axes::*;
 pub use family::{Cost, Count, Family, Spec, Term};
-use family::{NONE, ROW, blending, own, per, switch};
+use family::{ROW, blending, own, per};
 use std::collections::HashMap;
 use std::sync::LazyLock;
 
@@ -32,101 +29,45 @@ fn scattering(spec: &Spec) -> Vec<Term> {
 /// All families.
 #[rustfmt::skip]
 pub static FAMILIES: &[Family] = &[
-    Family {
-        name: "bound", file: "cull/bound.comp", reference: |_| "tiles::tiles_truth", axes: &[POPULATION], count: Count::Gaussians,
-        cost: Some(|s| vec![own(64.0 + 1.25 * s.motion(), 60.0)]),
-        ..ROW
-    },
-    Family {
-        name: "live_blocks", file: "cull/live_blocks.comp", reference: |_| "cull::visible", count: Count::Gaussians,
+    Family { file: "cull/bound.comp", reference: |_| "tiles::tiles_truth", axes: &[POPULATION], count: Count::Gaussians,
+        cost: Some(|s| vec![own(64.0 + 1.25 * s.motion(), 60.0)]), ..ROW },
+    Family { file: "cull/live_blocks.comp", reference: |_| "cull::visible", count: Count::Gaussians,
         // Of those that do not live, which are most, bits and count; of the others their place in the list.
-        cost: Some(|_| vec![own(28.0 / 128.0, 2.0 / 128.0)]),
-        ..ROW
-    },
-    Family {
-        name: "cull", file: "cull/cull.comp", reference: |_| "tiles::tiles_truth", axes: &[POPULATION], count: Count::Live,
-        cost: Some(|s| vec![own(16.0 + 1.25 * s.motion() + 0.125, 40.0)]),
-        ..ROW
-    },
-    Family {
-        name: "compact", file: "cull/compact.comp", reference: |_| "scan::exclusive_scan", count: Count::Live,
-        cost: Some(|_| vec![own(0.125 + 4.0 / 128.0, 0.0), per(Count::Active, 4.0, 0.0)]),
-        ..ROW
-    },
-    Family { name: "prepare_active", file: "cull/prepare_active.comp", reference: |_| "scan::exclusive_scan", ..ROW },
-    Family {
-        name: "project", file: "project/project.comp", reference: |_| "project::project", axes: &[POPULATION, DEGREE],
-        count: Count::Active,
-        cost: Some(|s| {
-            vec![
-                per(Count::Active, 48.0 + s.motion() + 4.0 + 76.0, 260.0),
-                per(Count::Visible, 16.0 + s.bands(), s.sh_flops()),
-            ]
-        }),
-        ..ROW
-    },
-    Family { name: "scan_reduce", file: "scan/scan_reduce.comp", reference: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },
-    Family { name: "scan_downsweep", file: "scan/scan_downsweep.comp", reference: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },
+        cost: Some(|_| vec![own(28.0 / 128.0, 2.0 / 128.0)]), ..ROW },
+    Family { file: "cull/cull.comp", reference: |_| "tiles::tiles_truth", axes: &[POPULATION], count: Count::Live,
+        cost: Some(|s| vec![own(16.0 + 1.25 * s.motion() + 0.125, 40.0)]), ..ROW },
+    Family { file: "cull/compact.comp", reference: |_| "scan::exclusive_scan", count: Count::Live,
+        cost: Some(|_| vec![own(0.125 + 4.0 / 128.0, 0.0), per(Count::Active, 4.0, 0.0)]), ..ROW },
+    Family { file: "cull/prepare_active.comp", reference: |_| "scan::exclusive_scan", ..ROW },
+    Family { file: "project/project.comp", reference: |_| "project::project", axes: &[POPULATION, DEGREE], count: Count::Active,
+        cost: Some(|s| vec![
+            per(Count::Active, 48.0 + s.motion() + 4.0 + 76.0, 260.0),
+            per(Count::Visible, 16.0 + s.bands(), s.sh_flops()),
+        ]), ..ROW },
+    Family { file: "scan/scan_reduce.comp", reference: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },
+    Family { file: "scan/scan_downsweep.comp", reference: |_| "scan::exclusive_scan", axes: &[GATHERED], ..ROW },
     // Of a key and round. With 24 bits of depth, 13 of tiles, and slots: 3 * 21 - 4 and 2 * 21 - 4 bytes.
-    Family {
-        name: "sort_count", file: "sort/sort_count.comp", reference: |_| "sort::radix_sort", count: Count::Active,
-        cost: Some(|_| vec![own(4.5, 0.0)]),
-        ..ROW
-    },
-    Family {
-        name: "sort_scatter", file: "sort/sort_scatter.comp", reference: |_| "sort::radix_sort", count: Count::Active,
-        axes: &[CARRIED],
-        cost: Some(scattering),
-        ..ROW
-    },
-    Family {
-        name: "sort_exchange", file: "sort/sort_exchange.comp", reference: |_| "sort::radix_sort", count: Count::Active,
-        axes: &[CARRIED],
-        cost: Some(scattering),
-        ..ROW
-    },
-    Family {
-        name: "gather", file: "tiles/gather.comp", reference: |_| "scan::exclusive_scan", count: Count::Active,
-        cost: Some(|_| vec![own(12.0, 0.0)]),
-        ..ROW
-    },
-    Family {
-        name: "emit", file: "tiles/emit.comp", reference: |_| "tiles::tiles_truth", count: Count::Intersections,
-        axes: &[switch("has_slots", &[("", NONE), ("slots", ("SLOTS", "1"))])],
-        cost: Some(|s| {
-            vec![per(Count::Active, 44.0 + s.either("SLOTS", 4.0, 0.0), 40.0), own(8.0, 0.0)]
-        }),
-        ..ROW
-    },
-    Family {
-        name: "tile_ranges", file: "tiles/tile_ranges.comp", reference: |_| "tiles::ranges", count: Count::Tiles,
-        cost: Some(|_| vec![own(16.0, 0.0)]),
-        ..ROW
-    },
-    Family {
-        name: "tile_order", file: "tiles/tile_order.comp", reference: |_| "tiles::ranges", count: Count::Tiles,
-        cost: Some(|_| vec![own(12.0, 0.0)]),
-        ..ROW
-    },
-    Family {
-        name: "blend_fwd", file: "blend/blend_fwd.comp", reference: |_| "blend::render_f64", axes: &[switch("is_training", &[("", NONE), ("train", ("TRAIN", "1"))]), OUTPUTS, PIXELS], count: Count::Intersections,
+    Family { file: "sort/sort_count.comp", reference: |_| "sort::radix_sort", count: Count::Active, cost: Some(|_| vec![own(4.5, 0.0)]), ..ROW },
+    Family { file: "sort/sort_scatter.comp", reference: |_| "sort::radix_sort", count: Count::Active, axes: &[CARRIED],
+        cost: Some(scattering), ..ROW },
+    Family { file: "sort/sort_exchange.comp", reference: |_| "sort::radix_sort", count: Count::Active, axes: &[CARRIED],
+        cost: Some(scattering), ..ROW },
+    Family { file: "tiles/gather.comp", reference: |_| "scan::exclusive_scan", count: Count::Active, cost: Some(|_| vec![own(12.0, 0.0)]), ..ROW },
+    Family { file: "tiles/emit.comp", reference: |_| "tiles::tiles_truth", count: Count::Intersections, axes: &[SLOTS],
+        cost: Some(|s| vec![per(Count::Active, 44.0 + s.either("SLOTS", 4.0, 0.0), 40.0), own(8.0, 0.0)]), ..ROW },
+    Family { file: "tiles/tile_ranges.comp", reference: |_| "tiles::ranges", count: Count::Tiles, cost: Some(|_| vec![own(16.0, 0.0)]), ..ROW },
+    Family { file: "tiles/tile_order.comp", reference: |_| "tiles::ranges", count: Count::Tiles, cost: Some(|_| vec![own(12.0, 0.0)]), ..ROW },
+    Family { file: "blend/blend_fwd.comp", reference: |_| "blend::render_f64", axes: &[TRAINING, OUTPUTS, PIXELS], count: Count::Intersections,
         cost: Some(|s| {
             let pixels = 16.0 + s.either("FULL", 16.0, 0.0) + s.either("TRAIN", 8.0, 0.0);
             // Of each entry that hits a block, x, y, four of M, opacity and the colour are handed around; FULL: four more.
             blending(s, Cost::of(4.0, 0.0), pixels, s.either("FULL", 14.0, 10.0), s.either("FULL", 16.0, 8.0))
-        }),
-        ..ROW
-    },
+        }), ..ROW },
     // For GPUs. How many chunks there are is not counted, so their time is no model's.
-    Family { name: "chunk_list", file: "blend/chunk_list.comp", reference: |_| "blend::render_f64", ..ROW },
-    Family { name: "chunk_light", file: "blend/chunk_light.comp", reference: |_| "blend::render_f64", ..ROW },
-    Family {
-        name: "blend_merge", file: "blend/blend_merge.comp", reference: |_| "blend::render_f64",
-        axes: &[switch("is_training", &[("", NONE), ("train", ("TRAIN", "1"))]), OUTPUTS],
-        ..ROW
-    },
-    Family {
-        name: "blend_bwd", file: "blend/blend_bwd.comp", reference: |_| "jvp::jvp", axes: &[ACCUMULATION, OUTPUTS, PIXELS], count: Count::Intersections,
+    Family { file: "blend/chunk_list.comp", reference: |_| "blend::render_f64", ..ROW },
+    Family { file: "blend/chunk_light.comp", reference: |_| "blend::render_f64", ..ROW },
+    Family { file: "blend/blend_merge.comp", reference: |_| "blend::render_f64", axes: &[TRAINING, OUTPUTS], ..ROW },
+    Family { file: "blend/blend_bwd.comp", reference: |_| "jvp::jvp", axes: &[ACCUMULATION, OUTPUTS, PIXELS], count: Count::Intersections,
         cost: Some(|s| {
             let listed = match s.value("ACCUMULATE") {
                 0 => Cost::of(4.0 + 4.0 + 48.0, 0.0),
@@ -137,16 +78,9 @@ pub static FAMILIES: &[Family] = &[
             let pixels = 8.0 + 16.0 + s.either("FULL", 16.0, 0.0);
             // As forward, and the sums over the lanes: 16 shuffles transpose and add twelve numbers.
             blending(s, listed, pixels, 16.0 + s.either("FULL", 14.0, 10.0), s.either("FULL", 62.0, 46.0))
-        }),
-        ..ROW
-    },
-    Family {
-        name: "fixed_sums", file: "blend/fixed_sums.comp", reference: |_| "jvp::jvp", count: Count::Active,
-        cost: Some(|_| vec![own(104.0 + 48.0, 24.0)]),
-        ..ROW
-    },
-    Family {
-        name: "project_bwd", file: "project/project_bwd.comp", reference: stepping, axes: &[switch("steps", &[("", NONE), ("adam", ("ADAM", "1"))]), POPULATION, DEGREE, MOMENTS],
+        }), ..ROW },
+    Family { file: "blend/fixed_sums.comp", reference: |_| "jvp::jvp", count: Count::Active, cost: Some(|_| vec![own(104.0 + 48.0, 24.0)]), ..ROW },
+    Family { file: "project/project_bwd.comp", reference: stepping, axes: &[STEPS, POPULATION, DEGREE, MOMENTS],
         same: |choice| {
             // Without the optimiser there are no moments.
             if choice[0] == 0 {
@@ -164,244 +98,103 @@ pub static FAMILIES: &[Family] = &[
                 per(Count::Intersections, 48.0, 12.0),
                 per(Count::Visible, moved, 700.0 + 2.0 * s.sh_flops() + steps),
             ]
-        }),
-    },
-    Family {
-        name: "fisher", file: "fisher/fisher.comp", reference: |_| "fisher::responses", axes: &[POPULATION, DEGREE], count: Count::Gaussians,
+        }) },
+    Family { file: "fisher/fisher.comp", reference: |_| "fisher::responses", axes: &[POPULATION, DEGREE], count: Count::Gaussians,
         cost: Some(|s| {
             // Position, opacity and times, their gradients and the colour's; the bands and theirs; sums there and back.
             let bands = s.bands();
             vec![own(32.0 + 16.0 + 16.0 + 2.0 * s.motion() + 2.0 * bands + 96.0 + 48.0, 60.0 + bands / 2.0)]
-        }),
-        ..ROW
-    },
-    Family {
-        name: "camera_sum", file: "project/camera_sum.comp", reference: |_| "blend::render_f64", count: Count::Active,
-        cost: Some(|_| vec![own(32.0, 8.0)]),
-        ..ROW
-    },
-    Family { name: "camera_total", file: "project/camera_total.comp", reference: |_| "blend::render_f64", ..ROW },
-    Family {
-        name: "background_sum", file: "blend/background_sum.comp", reference: |_| "blend::render_f64", count: Count::Pixels,
-        cost: Some(|_| vec![own(24.0, 6.0)]),
-        ..ROW
-    },
+        }), ..ROW },
+    Family { file: "project/camera_sum.comp", reference: |_| "blend::render_f64", count: Count::Active, cost: Some(|_| vec![own(32.0, 8.0)]), ..ROW },
+    Family { file: "project/camera_total.comp", reference: |_| "blend::render_f64", ..ROW },
+    Family { file: "blend/background_sum.comp", reference: |_| "blend::render_f64", count: Count::Pixels,
+        cost: Some(|_| vec![own(24.0, 6.0)]), ..ROW },
     // Eleven taps of four moments of three channels along either axis; of three partial derivatives of three channels on the way back.
-    Family {
-        name: "ssim", file: "loss/ssim.comp", reference: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
+    Family { file: "loss/ssim.comp", reference: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
         cost: Some(|s| {
             let places = s.either("STRIDE", 0.25, 1.0);
             vec![own(20.0 + places * 36.0, places * (2.0 * 2.0 * 11.0 * 12.0 + 3.0 * 40.0))]
-        }),
-        ..ROW
-    },
-    Family {
-        name: "ssim_bwd", file: "loss/ssim_bwd.comp", reference: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
+        }), ..ROW },
+    Family { file: "loss/ssim_bwd.comp", reference: |_| "ssim::photometric", axes: &[STRIDE], count: Count::Pixels,
         cost: Some(|s| {
             let places = s.either("STRIDE", 0.25, 1.0);
             vec![own(places * 36.0 + 20.0 + 16.0, places * 2.0 * 2.0 * 11.0 * 9.0 + 3.0 * 10.0)]
-        }),
-        ..ROW
-    },
-    Family { name: "loss_sum", file: "loss/loss_sum.comp", reference: |_| "ssim::photometric", axes: &[REPORTED], ..ROW },
-    Family {
-        name: "prior_loss", file: "loss/prior_loss.comp", reference: |_| "prior::depth_loss", count: Count::Pixels,
-        cost: Some(|_| vec![own(16.0 + 6.0 + 16.0, 20.0)]),
-        ..ROW
-    },
-    Family { name: "clock_apply", file: "clock/clock_apply.comp", reference: |_| "input::Camera", ..ROW },
-    Family { name: "clock_step", file: "clock/clock_step.comp", reference: |_| "clock::clock_step", ..ROW },
-    Family { name: "pose_apply", file: "pose/pose_apply.comp", reference: |_| "pose::corrected", ..ROW },
-    Family { name: "pose_step", file: "pose/pose_step.comp", reference: |_| "pose::pose_step", ..ROW },
+        }), ..ROW },
+    Family { file: "loss/loss_sum.comp", reference: |_| "ssim::photometric", axes: &[REPORTED], ..ROW },
+    Family { file: "loss/prior_loss.comp", reference: |_| "prior::depth_loss", count: Count::Pixels,
+        cost: Some(|_| vec![own(16.0 + 6.0 + 16.0, 20.0)]), ..ROW },
+    Family { file: "clock/clock_apply.comp", reference: |_| "input::Camera", ..ROW },
+    Family { file: "clock/clock_step.comp", reference: |_| "clock::clock_step", ..ROW },
+    Family { file: "pose/pose_apply.comp", reference: |_| "pose::corrected", ..ROW },
+    Family { file: "pose/pose_step.comp", reference: |_| "pose::pose_step", ..ROW },
     // Recorded: pixels of the crop, multiply-adds of a convolution, vec4 of a map that is pooled or compared.
-    Family {
-        name: "lpips_input", file: "lpips/lpips_input.comp", reference: |_| "lpips::lpips", count: Count::Recorded,
-        cost: Some(|_| vec![own(20.0 + 32.0, 12.0)]),
-        ..ROW
-    },
+    Family { file: "lpips/lpips_input.comp", reference: |_| "lpips::lpips", count: Count::Recorded,
+        cost: Some(|_| vec![own(20.0 + 32.0, 12.0)]), ..ROW },
     // Of a multiply-add; the maps are small beside them.
-    Family {
-        name: "lpips_conv", file: "lpips/lpips_conv.comp", reference: |_| "lpips::lpips", axes: &[DIRECTION, LANES], count: Count::Recorded,
-        cost: Some(|_| vec![own(0.0, 2.0)]),
-        ..ROW
-    },
-    Family {
-        name: "lpips_pool", file: "lpips/lpips_pool.comp", reference: |_| "lpips::lpips", count: Count::Recorded,
-        cost: Some(|_| vec![own(4.0 * 16.0 + 16.0 + 4.0, 0.0)]),
-        ..ROW
-    },
-    Family {
-        name: "lpips_tap", file: "lpips/lpips_tap.comp", reference: |_| "lpips::lpips", axes: &[DIRECTION], count: Count::Recorded,
-        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 60.0, 28.0))]),
-        ..ROW
-    },
-    Family {
-        name: "lpips_pool_bwd", file: "lpips/lpips_pool_bwd.comp", reference: |_| "lpips::lpips", count: Count::Recorded,
-        cost: Some(|_| vec![own(16.0 + 5.0 + 16.0, 4.0)]),
-        ..ROW
-    },
-    Family {
-        name: "lpips_input_bwd", file: "lpips/lpips_input_bwd.comp", reference: |_| "lpips::lpips", count: Count::Recorded,
-        cost: Some(|_| vec![own(12.0 + 16.0 + 16.0, 6.0)]),
-        ..ROW
-    },
+    Family { file: "lpips/lpips_conv.comp", reference: |_| "lpips::lpips", axes: &[DIRECTION, LANES], count: Count::Recorded,
+        cost: Some(|_| vec![own(0.0, 2.0)]), ..ROW },
+    Family { file: "lpips/lpips_pool.comp", reference: |_| "lpips::lpips", count: Count::Recorded,
+        cost: Some(|_| vec![own(4.0 * 16.0 + 16.0 + 4.0, 0.0)]), ..ROW },
+    Family { file: "lpips/lpips_tap.comp", reference: |_| "lpips::lpips", axes: &[DIRECTION], count: Count::Recorded,
+        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 60.0, 28.0))]), ..ROW },
+    Family { file: "lpips/lpips_pool_bwd.comp", reference: |_| "lpips::lpips", count: Count::Recorded,
+        cost: Some(|_| vec![own(16.0 + 5.0 + 16.0, 4.0)]), ..ROW },
+    Family { file: "lpips/lpips_input_bwd.comp", reference: |_| "lpips::lpips", count: Count::Recorded,
+        cost: Some(|_| vec![own(12.0 + 16.0 + 16.0, 6.0)]), ..ROW },
     // Twelve numbers between eight cells, and the map.
-    Family {
-        name: "bilateral_slice", file: "bilateral/bilateral_slice.comp", reference: |_| "bilateral::BilateralGrid", axes: &[DIRECTION], count: Count::Pixels,
-        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 420.0, 216.0))]),
-        ..ROW
-    },
-    Family {
-        name: "bilateral_bwd", file: "bilateral/bilateral_bwd.comp", reference: |_| "bilateral::BilateralGrid", count: Count::Pixels,
-        cost: Some(|_| vec![own(32.0, 216.0)]),
-        ..ROW
-    },
+    Family { file: "bilateral/bilateral_slice.comp", reference: |_| "bilateral::BilateralGrid", axes: &[DIRECTION], count: Count::Pixels,
+        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 420.0, 216.0))]), ..ROW },
+    Family { file: "bilateral/bilateral_bwd.comp", reference: |_| "bilateral::BilateralGrid", count: Count::Pixels,
+        cost: Some(|_| vec![own(32.0, 216.0)]), ..ROW },
     // What the three above do, for GPUs.
-    Family {
-        name: "bilateral_grade", file: "bilateral/bilateral_grade.comp", reference: |_| "bilateral::BilateralGrid", axes: &[DIRECTION], count: Count::Pixels,
-        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 636.0, 216.0))]),
-        ..ROW
-    },
+    Family { file: "bilateral/bilateral_grade.comp", reference: |_| "bilateral::BilateralGrid", axes: &[DIRECTION], count: Count::Pixels,
+        cost: Some(|s| vec![own(s.either("BACKWARD", 48.0, 32.0), s.either("BACKWARD", 636.0, 216.0))]), ..ROW },
     // Per dispatch: the 24,576 numbers of a grid, with variation, gradient, moments; four parts around each.
-    Family {
-        name: "bilateral_sum", file: "bilateral/bilateral_sum.comp", reference: |_| "bilateral::BilateralGrid",
-        cost: Some(|_| vec![own(6.0 * 98_304.0, 22.0 * 24_576.0)]),
-        ..ROW
-    },
-    Family {
-        name: "bilateral_adam", file: "bilateral/bilateral_adam.comp", axes: &[POOLED],
+    Family { file: "bilateral/bilateral_sum.comp", reference: |_| "bilateral::BilateralGrid",
+        cost: Some(|_| vec![own(6.0 * 98_304.0, 22.0 * 24_576.0)]), ..ROW },
+    Family { file: "bilateral/bilateral_adam.comp", axes: &[POOLED],
         reference: |s| if s.is("POOLED") { "bilateral::pooled" } else { "adam::Adam" },
-        cost: Some(|s| vec![own(7.0 * 98_304.0, s.either("POOLED", 13.0, 12.0) * 24_576.0)]),
-        ..ROW
-    },
+        cost: Some(|s| vec![own(7.0 * 98_304.0, s.either("POOLED", 13.0, 12.0) * 24_576.0)]), ..ROW },
     // Recorded: cameras.
-    Family {
-        name: "bilateral_gauge", file: "bilateral/bilateral_gauge.comp", reference: |_| "bilateral::centred", count: Count::Recorded,
-        cost: Some(|_| vec![own(2.0 * 98_304.0, 2.0 * 24_576.0)]),
-        ..ROW
-    },
+    Family { file: "bilateral/bilateral_gauge.comp", reference: |_| "bilateral::centred", count: Count::Recorded,
+        cost: Some(|_| vec![own(2.0 * 98_304.0, 2.0 * 24_576.0)]), ..ROW },
     // Times the vec4 of a Gaussian: parameter and both moments, read and written.
-    Family {
-        name: "adam_idle", file: "adam/adam_idle.comp", reference: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Idle,
-        cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]),
-        ..ROW
-    },
-    Family {
-        name: "adam_catch_up", file: "adam/adam_catch_up.comp", reference: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Active,
-        cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]),
-        ..ROW
-    },
+    Family { file: "adam/adam_idle.comp", reference: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Idle,
+        cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]), ..ROW },
+    Family { file: "adam/adam_catch_up.comp", reference: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Active,
+        cost: Some(|s| vec![own(s.either("MOMENTS_16", 64.0, 96.0), 48.0)]), ..ROW },
     // Times the vec4 of a Gaussian: its gradient read, two words of each sum read and written.
-    Family {
-        name: "batch_add", file: "batch/batch_add.comp", reference: |_| "batch::batch_sum", count: Count::Active,
-        cost: Some(|_| vec![own(80.0, 8.0)]),
-        ..ROW
-    },
+    Family { file: "batch/batch_add.comp", reference: |_| "batch::batch_sum", count: Count::Active, cost: Some(|_| vec![own(80.0, 8.0)]), ..ROW },
     // Times the vec4 of a Gaussian: as adam_idle, and its sums read and written.
-    Family {
-        name: "batch_step", file: "batch/batch_step.comp", reference: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Gaussians,
-        cost: Some(|s| vec![own(s.either("MOMENTS_16", 128.0, 160.0), 56.0)]),
-        ..ROW
-    },
+    Family { file: "batch/batch_step.comp", reference: |s| if s.is("MOMENTS_16") { "adam::rounded_moment" } else { "adam::Adam" }, axes: &[MOMENTS], count: Count::Gaussians,
+        cost: Some(|s| vec![own(s.either("MOMENTS_16", 128.0, 160.0), 56.0)]), ..ROW },
     // Recorded: vec4 of all rows, each of them four sums read and written.
-    Family {
-        name: "batch_pack", file: "batch/batch_pack.comp", reference: |_| "batch::batch_place", count: Count::Recorded,
-        cost: Some(|_| vec![own(64.0, 0.0)]),
-        ..ROW
-    },
-    Family {
-        name: "batch_unpack", file: "batch/batch_unpack.comp", reference: |_| "batch::batch_place", count: Count::Recorded,
-        cost: Some(|_| vec![own(64.0, 0.0)]),
-        ..ROW
-    },
-    Family {
-        name: "density_classify", file: "density/density_classify.comp", reference: |_| "density::Density", axes: &[POPULATION], count: Count::Gaussians,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "density_choose", file: "density/density_choose.comp", reference: |_| "density::Density", count: Count::Gaussians,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "density_list", file: "density/density_list.comp", reference: |_| "density::Density", count: Count::Gaussians,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "density_sample", file: "density/density_sample.comp", reference: |_| "density::Density", count: Count::Gaussians,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "density_relocate", file: "density/density_relocate.comp", reference: |_| "density::Density", count: Count::Gaussians,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "density_gather", file: "density/density_gather.comp", reference: |_| "density::Density", count: Count::Gaussians,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "density_children", file: "density/density_children.comp", reference: |_| "density::Density", count: Count::Gaussians,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "mcmc_noise", file: "density/mcmc_noise.comp", reference: |_| "density::normals", count: Count::Gaussians,
-        cost: Some(|_| vec![own(48.0 + 12.0, 120.0)]),
-        ..ROW
-    },
+    Family { file: "batch/batch_pack.comp", reference: |_| "batch::batch_place", count: Count::Recorded, cost: Some(|_| vec![own(64.0, 0.0)]), ..ROW },
+    Family { file: "batch/batch_unpack.comp", reference: |_| "batch::batch_place", count: Count::Recorded,
+        cost: Some(|_| vec![own(64.0, 0.0)]), ..ROW },
+    Family { file: "density/density_classify.comp", reference: |_| "density::Density", axes: &[POPULATION], count: Count::Gaussians,
+        cost: None, ..ROW },
+    Family { file: "density/density_choose.comp", reference: |_| "density::Density", count: Count::Gaussians, cost: None, ..ROW },
+    Family { file: "density/density_list.comp", reference: |_| "density::Density", count: Count::Gaussians, cost: None, ..ROW },
+    Family { file: "density/density_sample.comp", reference: |_| "density::Density", count: Count::Gaussians, cost: None, ..ROW },
+    Family { file: "density/density_relocate.comp", reference: |_| "density::Density", count: Count::Gaussians, cost: None, ..ROW },
+    Family { file: "density/density_gather.comp", reference: |_| "density::Density", count: Count::Gaussians, cost: None, ..ROW },
+    Family { file: "density/density_children.comp", reference: |_| "density::Density", count: Count::Gaussians, cost: None, ..ROW },
+    Family { file: "density/mcmc_noise.comp", reference: |_| "density::normals", count: Count::Gaussians,
+        cost: Some(|_| vec![own(48.0 + 12.0, 120.0)]), ..ROW },
     // Lenses of a rig: 32 of them, 20 operations each.
-    Family {
-        name: "clear", file: "density/clear.comp", reference: |_| "clearing::cleared", count: Count::Gaussians,
-        cost: Some(|_| vec![own(16.0, 32.0 * 20.0)]),
-        ..ROW
-    },
+    Family { file: "density/clear.comp", reference: |_| "clearing::cleared", count: Count::Gaussians,
+        cost: Some(|_| vec![own(16.0, 32.0 * 20.0)]), ..ROW },
     // Its overlay is a few rows.
-    Family {
-        name: "show", file: "screen/show.comp", reference: |_| "show::shown", count: Count::Pixels,
-        cost: Some(|_| vec![own(32.0 + 4.0, 12.0)]),
-        ..ROW
-    },
+    Family { file: "screen/show.comp", reference: |_| "show::shown", count: Count::Pixels, cost: Some(|_| vec![own(32.0 + 4.0, 12.0)]), ..ROW },
     // They measure what the limits of the others are made of, so they have none.
-    Family {
-        name: "probe_copy", file: "probe/probe_copy.comp", reference: |_| "", count: Count::Recorded,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "probe_fma", file: "probe/probe_fma.comp", reference: |_| "probe::fma_sum", count: Count::Recorded,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "probe_exp2", file: "probe/probe_exp2.comp", reference: |_| "probe::exp2_solution", count: Count::Recorded,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "probe_shuffle", file: "probe/probe_shuffle.comp", reference: |_| "probe::turned_lane", count: Count::Recorded,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "probe_gather", file: "probe/probe_gather.comp", reference: |_| "probe::scattered_rows", count: Count::Recorded,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "probe_atomic", file: "probe/probe_atomic.comp", reference: |_| "probe::scattered_rows", count: Count::Recorded,
-        cost: None,
-        ..ROW
-    },
-    Family {
-        name: "probe_dispatch", file: "probe/probe_dispatch.comp", reference: |_| "",
-        cost: None,
-        ..ROW
-    },
+    Family { file: "probe/probe_copy.comp", reference: |_| "", count: Count::Recorded, cost: None, ..ROW },
+    Family { file: "probe/probe_fma.comp", reference: |_| "probe::fma_sum", count: Count::Recorded, cost: None, ..ROW },
+    Family { file: "probe/probe_exp2.comp", reference: |_| "probe::exp2_solution", count: Count::Recorded, cost: None, ..ROW },
+    Family { file: "probe/probe_shuffle.comp", reference: |_| "probe::turned_lane", count: Count::Recorded, cost: None, ..ROW },
+    Family { file: "probe/probe_gather.comp", reference: |_| "probe::scattered_rows", count: Count::Recorded, cost: None, ..ROW },
+    Family { file: "probe/probe_atomic.comp", reference: |_| "probe::scattered_rows", count: Count::Recorded, cost: None, ..ROW },
+    Family { file: "probe/probe_dispatch.comp", reference: |_| "", cost: None, ..ROW },
 ];
 
 /// All kernels.

@@ -158,7 +158,7 @@ impl Counters {
             Grid::Threads(n) => f64::from(n.div_ceil(kernel.local)),
             Grid::Groups(n) => f64::from(*n),
             Grid::Indirect(args) => {
-                let family = row(pass).map_or("", |row| row.family.name);
+                let family = row(pass).map_or("", |row| row.family.name());
                 // Blends have a workgroup a tile, and others for the chunks of long lists, which nobody counts: as if there were none.
                 match family {
                     "blend_fwd" | "blend_bwd" => return self.tiles,

@@ -90,10 +90,8 @@ pub(super) fn create_device(
         info = info.push_next(&mut size_control);
     }
     // SAFETY: `physical` comes from this instance, and all that `info` points to lives until the call returns.
-    unsafe { instance.raw.create_device(physical, &info, None) }.map_err(|e| Error::NoDevice {
-        reason: format!("{}: vkCreateDevice: {e:?}", caps.name),
-        remedy: "choose another with --device".to_owned(),
-    })
+    unsafe { instance.raw.create_device(physical, &info, None) }
+        .map_err(|e| Error::no_device(format!("{}: vkCreateDevice: {e:?}", caps.name), "choose another with --device"))
 }
 
 fn create_allocator(instance: &Instance, device: &ash::Device, physical: vk::PhysicalDevice) -> Result<Allocator> {

@@ -64,18 +64,15 @@ impl Drop for Instance {
 
 impl Instance {
     pub(super) fn new(choice: &DeviceChoice) -> Result<Arc<Self>> {
-        let no_loader = |reason: String| Error::NoDevice {
-            reason,
-            remedy: "install the Vulkan loader and a driver (Debian: libvulkan1 mesa-vulkan-drivers)".to_owned(),
-        };
+        let install = "install the Vulkan loader and a driver (Debian: libvulkan1 mesa-vulkan-drivers)";
+        let no_loader = |reason: String| Error::no_device(reason, install);
+        let mend = "check that the files named by VK_DRIVER_FILES or VK_ICD_FILENAMES, or those in /usr/share/vulkan/icd.d, are \
+                    the JSON that came with the drivers";
         // The loader says that memory is short, too, when it cannot parse the file of a driver.
-        let no_driver = |what: &str, fault: vk::Result| Error::NoDevice {
-            reason: format!(
-                "the Vulkan loader cannot list its {what} ({fault:?}): the file of a driver may be damaged"
-            ),
-            remedy: "check that the files named by VK_DRIVER_FILES or VK_ICD_FILENAMES, or those in \
-                     /usr/share/vulkan/icd.d, are the JSON that came with the drivers"
-                .to_owned(),
+        let no_driver = |what: &str, fault: vk::Result| {
+            let reason =
+                format!("the Vulkan loader cannot list its {what} ({fault:?}): the file of a driver may be damaged");
+            Error::no_device(reason, mend)
         };
         // SAFETY: loading the system's Vulkan library runs its initialisers, which are trusted.
         let entry = unsafe { Entry::load() }.map_err(|e| no_loader(e.to_string()))?;
@@ -87,17 +84,12 @@ impl Instance {
             )
         };
         let named = |name: &vk::ExtensionProperties, wanted: &CStr| name.extension_name_as_c_str() == Ok(wanted);
-        let mut has_debug_utils = extensions.iter().any(|e| named(e, ext::debug_utils::NAME));
         let wants_validation = choice.validation || choice.sync_validation;
-        if wants_validation {
-            if !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
-                return Err(Error::NoDevice {
-                    reason: "the validation layer was asked for and is not installed".to_owned(),
-                    remedy: "install it (Debian: vulkan-validationlayers) or run without it".to_owned(),
-                });
-            }
-            has_debug_utils = true;
+        if wants_validation && !layers.iter().any(|l| l.layer_name_as_c_str() == Ok(VALIDATION_LAYER)) {
+            let reason = "the validation layer was asked for and is not installed";
+            return Err(Error::no_device(reason, "install it (Debian: vulkan-validationlayers) or run without it"));
         }
+        let has_debug_utils = wants_validation || extensions.iter().any(|e| named(e, ext::debug_utils::NAME));
         let layer_names: Vec<_> = wants_validation.then_some(VALIDATION_LAYER.as_ptr()).into_iter().collect();
         // Without this, drivers over other interfaces (MoltenVK) are not listed.
         let lists_portability = extensions.iter().any(|e| named(e, khr::portability_enumeration::NAME));
@@ -130,24 +122,23 @@ impl Instance {
             vk::Result::ERROR_OUT_OF_HOST_MEMORY => no_driver("drivers", e),
             e => no_loader(format!("{e:?}")),
         })?;
-        let messenger = if wants_validation {
-            let debug = ext::debug_utils::Instance::new(&entry, &raw);
+        let mut instance = Instance { raw, messenger: None, validation, has_debug_utils, entry };
+        if wants_validation {
+            let debug = ext::debug_utils::Instance::new(&instance.entry, &instance.raw);
             // SAFETY: as above.
-            let messenger = unsafe { debug.create_debug_utils_messenger(&messenger_info(&validation), None) }
+            let messenger = unsafe { debug.create_debug_utils_messenger(&messenger_info(&instance.validation), None) }
                 .map_err(vk_error("vkCreateDebugUtilsMessengerEXT"))?;
-            Some((debug, messenger))
-        } else {
-            None
-        };
-        Ok(Arc::new(Instance { raw, messenger, validation, has_debug_utils, entry }))
+            instance.messenger = Some((debug, messenger));
+        }
+        Ok(Arc::new(instance))
     }
 
     /// Usable devices with their capabilities, and the reasons against the others, in the loader's order.
     fn devices(&self, subgroup_size: Option<u32>) -> Result<Vec<std::result::Result<Found, String>>> {
         // SAFETY: plain query.
-        let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(|e| Error::NoDevice {
-            reason: format!("vkEnumeratePhysicalDevices: {e:?}"),
-            remedy: "install a Vulkan driver (Debian: mesa-vulkan-drivers)".to_owned(),
+        let all = unsafe { self.raw.enumerate_physical_devices() }.map_err(|e| {
+            let remedy = "install a Vulkan driver (Debian: mesa-vulkan-drivers)";
+            Error::no_device(format!("vkEnumeratePhysicalDevices: {e:?}"), remedy)
         })?;
         Ok(all.into_iter().map(|physical| probe(&self.raw, physical, subgroup_size)).collect())
     }
@@ -190,16 +181,13 @@ fn pick(devices: Vec<std::result::Result<Found, String>>, wanted: Option<&str>, 
                 usable.iter().position(|(_, found)| found.caps.name.to_lowercase().contains(&lower))
             }
         };
-        return place.map(|at| (usable.swap_remove(at).1, "asked for".to_owned())).ok_or_else(|| Error::NoDevice {
-            reason: format!("`{wanted}` matches none of: {listed}"),
-            remedy: "give an index or part of a name from `ivv devices`".to_owned(),
-        });
+        let remedy = "give an index or part of a name from `ivv devices`";
+        let at = place.ok_or_else(|| Error::no_device(format!("`{wanted}` matches none of: {listed}"), remedy))?;
+        return Ok((usable.swap_remove(at).1, "asked for".to_owned()));
     }
     let Some((_, best)) = usable.iter().min_by_key(|(i, found)| (found.caps.kind, *i)) else {
-        return Err(Error::NoDevice {
-            reason: if n_devices == 0 { "the loader lists none".to_owned() } else { listed },
-            remedy: "install a Vulkan 1.2 driver (Debian: mesa-vulkan-drivers)".to_owned(),
-        });
+        let reason = if n_devices == 0 { "the loader lists none".to_owned() } else { listed };
+        return Err(Error::no_device(reason, "install a Vulkan 1.2 driver (Debian: mesa-vulkan-drivers)"));
     };
     let why = if best.caps.kind == DeviceKind::Cpu { "no GPU was found" } else { "a GPU is preferred" };
     let is_like = |at: &usize| usable[*at].1.caps.name == best.caps.name;

@@ -44,10 +44,9 @@ impl Compiler {
             is_there && feature.pipeline_executable_info == vk::TRUE
         };
         if !tells {
-            return Err(Error::NoDevice {
-                reason: format!("the driver of {} has no VK_KHR_pipeline_executable_properties", caps.name),
-                remedy: "choose another with --device, or a driver that `tools/gpu/drivers.sh` unpacks".to_owned(),
-            });
+            let reason = format!("the driver of {} has no VK_KHR_pipeline_executable_properties", caps.name);
+            let remedy = "choose another with --device, or a driver that `tools/gpu/drivers.sh` unpacks";
+            return Err(Error::no_device(reason, remedy));
         }
         let raw = create_device(&instance, physical, queue_family, &caps, Purpose::Compiling)?;
         let told = khr::pipeline_executable_properties::Device::new(&instance.raw, &raw);

@@ -25,7 +25,7 @@ pub fn surface_extensions(display: &dyn HasDisplayHandle) -> Result<Vec<&'static
 }
 
 fn no_window(reason: String) -> Error {
-    Error::NoDevice { reason, remedy: "choose another with --device, or use `ivv serve`".to_owned() }
+    Error::no_device(reason, "choose another with --device, or use `ivv serve`")
 }
 
 fn no_handle(fault: HandleError) -> Error {

@@ -29,12 +29,12 @@ fn kernel_table() -> String {
             let values = axis.values.iter().map(|(name, _)| if name.is_empty() { "-" } else { name });
             format!("`{}`: {}", axis.name, values.collect::<Vec<_>>().join(", "))
         });
-        let of = KERNELS.iter().filter(|row| row.family.name == family.name && !row.reference().is_empty());
+        let of = KERNELS.iter().filter(|row| row.family.name() == family.name() && !row.reference().is_empty());
         let mut references: Vec<String> = of.map(|row| format!("`{}`", row.reference())).collect();
         references.dedup();
         lines.push(format!(
             "| `{}{}` | `{}` | {} | {} | {} | {} |",
-            family.name,
+            family.name(),
             if family.axes.is_empty() { "" } else { "*" },
             family.file,
             choices.collect::<Vec<_>>().join("; "),

@@ -65,9 +65,7 @@ impl Estimate {
                 parts.push(Part { name: name.to_owned(), ..Part::default() });
                 parts.len() - 1
             });
-            let barriers = usize::from(first.contains(&at));
-            let one = model.pass(pass, barriers);
-            parts[found].add(&one);
+            parts[found].add(&model.pass(pass, usize::from(first.contains(&at))));
         }
         let mut total = Part { name: "sum".to_owned(), ..Part::default() };
         parts.iter().for_each(|part| total.add(part));
@@ -79,21 +77,9 @@ impl Estimate {
     }
 
     pub fn table(&self) -> Table {
-        let heads = [
-            "section",
-            "passes",
-            "barriers",
-            "MB",
-            "MB cached",
-            "M instr.",
-            "Gflop",
-            "memory, us",
-            "cache",
-            "issue",
-            "arithmetic",
-            "barriers, us",
-            "sum, us",
-        ];
+        #[rustfmt::skip]
+        let heads = ["section", "passes", "barriers", "MB", "MB cached", "M instr.", "Gflop", "memory, us", "cache", "issue",
+            "arithmetic", "barriers, us", "sum, us"];
         let row = |part: &Part| {
             let mut cells = vec![part.name.clone(), part.passes.to_string(), part.barriers.to_string()];
             let counted = [(part.bytes, 1e6), (part.cached, 1e6), (part.instructions, 1e6), (part.flops, 1e9)];
@@ -147,35 +133,37 @@ impl Estimate {
     }
 
     pub fn terminal(&self) -> String {
-        let figures = self.card.figures().map(|(name, value, source)| vec![name.to_owned(), value, source.to_owned()]);
-        let figures = Table::new(&[self.card.name, "", "source"], figures).with_text(3).plain();
-        let told: String = self.assumptions().iter().map(|line| format!("- {line}\n")).collect();
-        format!("{figures}\n{}\n{told}", self.table().plain())
+        format!("{}\n{}\n{}", self.figures(self.card.name).plain(), self.table().plain(), self.listed())
     }
 
     pub fn markdown(&self) -> String {
-        let figures = self.card.figures().map(|(name, value, source)| vec![name.to_owned(), value, source.to_owned()]);
-        let figures = Table::new(&["figure", "value", "source"], figures).with_text(3).markdown();
-        let told: String = self.assumptions().iter().map(|line| format!("- {line}\n")).collect();
-        format!("### {}\n\n{}\n{figures}\n{told}", self.card.name, self.table().markdown())
+        let (table, figures) = (self.table().markdown(), self.figures("figure").markdown());
+        format!("### {}\n\n{table}\n{figures}\n{}", self.card.name, self.listed())
+    }
+
+    fn figures(&self, head: &str) -> Table {
+        let row = |(name, value, source): (&str, String, &str)| vec![name.to_owned(), value, source.to_owned()];
+        let value = if head == "figure" { "value" } else { "" };
+        Table::new(&[head, value, "source"], self.card.figures().map(row)).with_text(3)
+    }
+
+    fn listed(&self) -> String {
+        self.assumptions().iter().map(|line| format!("- {line}\n")).collect()
     }
 }
 
 /// Microseconds of each section, by card.
 pub fn side_by_side(estimates: &[Estimate]) -> String {
     let heads: Vec<&str> = ["section"].into_iter().chain(estimates.iter().map(|one| one.card.name)).collect();
-    let names = estimates.first().map(|one| one.parts.iter().map(|part| part.name.clone()).collect::<Vec<_>>());
-    let cell = |one: &Estimate, name: &str| {
-        let found = one.parts.iter().chain([&one.total]).find(|part| part.name == name);
-        found.map_or_else(|| "-".to_owned(), |part| short(part.us))
+    let row = |part: &Part| {
+        let cell = |one: &Estimate| {
+            let found = one.parts.iter().chain([&one.total]).find(|other| other.name == part.name);
+            found.map_or_else(|| "-".to_owned(), |part| short(part.us))
+        };
+        [part.name.clone()].into_iter().chain(estimates.iter().map(cell)).collect()
     };
-    let rows = names.unwrap_or_default().into_iter().chain(["sum".to_owned()]);
-    let row = |name: String| {
-        let cells = estimates.iter().map(|one| cell(one, &name));
-        [name.clone()].into_iter().chain(cells).collect()
-    };
-    let table = Table::new(&heads, rows.map(row));
-    table.markdown()
+    let parts = estimates.first().into_iter().flat_map(|one| one.parts.iter().chain([&one.total]));
+    Table::new(&heads, parts.map(row)).markdown()
 }
 
 impl Part {
@@ -214,12 +202,11 @@ struct Model<'a> {
 
 impl<'a> Model<'a> {
     fn new(card: &'a Card, counters: &'a Counters, compiled: &'a Budgets, recording: &Recording) -> Self {
-        let kernels = recording.passes().iter().filter_map(|pass| Some((pass, kernel(pass)?)));
-        let loops: BTreeMap<&str, Loops> = kernels.map(|(_, kernel)| (kernel.name, Loops::of(kernel.spirv))).collect();
-        let known = loops
-            .iter()
-            .filter_map(|(name, loops)| compiled.instructions(name, card.compiled.0).map(|n| n / loops.written()));
-        let known: Vec<f64> = known.collect();
+        let kernels = recording.passes().iter().filter_map(kernel);
+        let loops: BTreeMap<&str, Loops> = kernels.map(|kernel| (kernel.name, Loops::of(kernel.spirv))).collect();
+        let ratio =
+            |(name, loops): (&&str, &Loops)| compiled.instructions(name, card.compiled.0).map(|n| n / loops.written());
+        let known: Vec<f64> = loops.iter().filter_map(ratio).collect();
         let ratio = if known.is_empty() { PLAIN } else { median(&known) };
         Model { card, counters, compiled, loops, ratio, uncompiled: BTreeSet::new() }
     }

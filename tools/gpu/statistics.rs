@@ -84,18 +84,9 @@ impl Statistics {
                 one.waves.map_or_else(|| "unknown".to_owned(), |waves| waves.to_string()),
             ]
         };
-        let heads = [
-            "kernel",
-            "width",
-            "registers",
-            "spills",
-            "scratch",
-            "shared",
-            "instructions",
-            "latency",
-            "inv. throughput",
-            "waves",
-        ];
+        #[rustfmt::skip]
+        let heads = ["kernel", "width", "registers", "spills", "scratch", "shared", "instructions", "latency",
+            "inv. throughput", "waves"];
         let table = Table::new(&heads, self.kernels.iter().map(row)).plain();
         let unit = Chip::named(&self.chip, self.width).map_or("SIMD or multiprocessor", |chip| chip.unit());
         let mut told = format!(

@@ -20,49 +20,45 @@ pub struct Chip {
     per_processor: bool,
 }
 
-const fn amd(registers: u32, granule: u32, most: u32, simds: u32) -> Chip {
-    Chip { registers, granule, most, simds, shared: 65_536, reserved: 0, groups: 0, per_processor: false }
+const fn amd(registers: u32, granule: u32, most: u32, simds: u32) -> Option<Chip> {
+    Some(Chip { registers, granule, most, simds, shared: 65_536, reserved: 0, groups: 0, per_processor: false })
 }
 
-const fn nvidia(warps: u32, shared: u32, reserved: u32, groups: u32) -> Chip {
-    let (most, shared) = (warps / 4, shared * 1024);
-    Chip { registers: 512, granule: 8, most, simds: 4, shared, reserved, groups, per_processor: true }
+/// RDNA has registers of 32 lanes: a wave of 64 takes two of each, from half the granules.
+const fn rdna(registers: u32, granule: u32, most: u32) -> [Option<Chip>; 2] {
+    [amd(registers, granule, most, 2), amd(registers / 2, granule / 2, most, 2)]
 }
+
+const fn nvidia(warps: u32, shared: u32, reserved: u32, groups: u32) -> [Option<Chip>; 2] {
+    let (most, shared) = (warps / 4, shared * 1024);
+    [Some(Chip { registers: 512, granule: 8, most, simds: 4, shared, reserved, groups, per_processor: true }), None]
+}
+
+/// By parts of names: the chip with subgroups of 32 and of 64 lanes.
+#[rustfmt::skip]
+const CHIPS: [(&[&str], [Option<Chip>; 2]); 10] = [
+    (&["NAVI31", "NAVI32", "GFX1100", "GFX1101", "GFX1200", "GFX1201", "NAVI44", "NAVI48"], rdna(1536, 24, 16)),
+    (&["NAVI21", "NAVI22", "NAVI23", "NAVI24", "VANGOGH", "REMBRANDT", "NAVI33", "PHOENIX"], rdna(1024, 16, 16)),
+    (&["NAVI10", "NAVI12", "NAVI14"], rdna(1024, 8, 20)),
+    (&["VEGA10", "VEGA12", "VEGA20", "RAVEN", "RENOIR"], [None, amd(256, 4, 10, 4)]),
+    (&["MI200", "MI300"], [None, amd(512, 8, 8, 4)]),
+    (&["GH100", "H100", "H200"], nvidia(64, 228, 1024, 32)),
+    (&["GA100", "NVIDIA A100-", "NVIDIA A100 "], nvidia(64, 164, 1024, 32)),
+    (&["AD10", "GEFORCE RTX 40"], nvidia(48, 100, 1024, 24)),
+    (&["GA10", "GEFORCE RTX 30"], nvidia(48, 100, 1024, 16)),
+    (&["TU10", "TU11", "GEFORCE RTX 20"], nvidia(32, 64, 0, 16)),
+];
 
 impl Chip {
     /// By a device's name or a part of a driver's, such as `NAVI31` or `GA100`, and the lanes of a subgroup.
     pub fn named(name: &str, width: u32) -> Result<Chip, String> {
         let name = name.to_uppercase();
-        let has = |parts: &[&str]| parts.iter().any(|part| name.contains(part));
-        // RDNA has registers of 32 lanes: a wave of 64 takes two of each, from half the granules.
-        let rdna = |registers: u32, granule: u32, most: u32| match width {
-            32 => Some(amd(registers, granule, most, 2)),
-            64 => Some(amd(registers / 2, granule / 2, most, 2)),
+        let found = CHIPS.iter().find(|(parts, _)| parts.iter().any(|part| name.contains(part)));
+        let (_, [narrow, wide]) = found.ok_or("the chip is not in the table of tools/gpu/waves.rs")?;
+        let chip = match width {
+            32 => *narrow,
+            64 => *wide,
             _ => None,
-        };
-        let only = |lanes: u32, chip: Chip| (width == lanes).then_some(chip);
-        let chip = if has(&["NAVI31", "NAVI32", "GFX1100", "GFX1101", "GFX1200", "GFX1201", "NAVI44", "NAVI48"]) {
-            rdna(1536, 24, 16)
-        } else if has(&["NAVI21", "NAVI22", "NAVI23", "NAVI24", "VANGOGH", "REMBRANDT", "NAVI33", "PHOENIX"]) {
-            rdna(1024, 16, 16)
-        } else if has(&["NAVI10", "NAVI12", "NAVI14"]) {
-            rdna(1024, 8, 20)
-        } else if has(&["VEGA10", "VEGA12", "VEGA20", "RAVEN", "RENOIR"]) {
-            only(64, amd(256, 4, 10, 4))
-        } else if has(&["MI200", "MI300"]) {
-            only(64, amd(512, 8, 8, 4))
-        } else if has(&["GH100", "H100", "H200"]) {
-            only(32, nvidia(64, 228, 1024, 32))
-        } else if has(&["GA100", "NVIDIA A100-", "NVIDIA A100 "]) {
-            only(32, nvidia(64, 164, 1024, 32))
-        } else if has(&["AD10", "GEFORCE RTX 40"]) {
-            only(32, nvidia(48, 100, 1024, 24))
-        } else if has(&["GA10", "GEFORCE RTX 30"]) {
-            only(32, nvidia(48, 100, 1024, 16))
-        } else if has(&["TU10", "TU11", "GEFORCE RTX 20"]) {
-            only(32, nvidia(32, 64, 0, 16))
-        } else {
-            return Err("the chip is not in the table of tools/gpu/waves.rs".to_owned());
         };
         chip.ok_or_else(|| format!("the chip has no subgroups of {width} lanes"))
     }

@@ -13,7 +13,6 @@ mod run {
 }
 mod sound;
 #[path = "."]
-#[expect(dead_code, reason = "`ivv` uses the rest")]
 mod ui {
     #[path = "../ui/interrupt.rs"]
     pub mod interrupt;
