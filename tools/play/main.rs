@@ -32,6 +32,7 @@ use ivv::internals::sound::hrtf::HrtfSet;
 use ivv::internals::sound::scene_file::SoundScene;
 use ivv::internals::vk;
 use std::borrow::Cow;
+use std::io::IsTerminal;
 use std::path::PathBuf;
 use std::process::ExitCode;
 use tracing::level_filters::LevelFilter;
@@ -88,27 +89,18 @@ pub struct Args {
     validation: bool,
     #[command(flatten)]
     device: DeviceArgs,
-    /// Least severity of the log on standard error: error, warn, info, debug or trace.
-    #[arg(long, default_value = "warn")]
-    log_level: tracing::Level,
-    /// Leaves out messages: standard error has warnings and errors only.
-    #[arg(short, long)]
-    quiet: bool,
 }
 
 fn main() -> ExitCode {
     let args = Args::parse();
-    if args.quiet {
-        ui::screen::be_quiet();
-    }
     // The reader of SOFA files warns of good files; what is wrong with bad ones is in the error. Windows warn of odd displays.
     let told = Targets::new()
-        .with_default(args.log_level)
+        .with_default(LevelFilter::WARN)
         .with_target("sofar", LevelFilter::OFF)
         .with_target("winit", LevelFilter::ERROR);
     let log = tracing_subscriber::fmt::layer()
         .with_writer(|| ui::screen::Log)
-        .with_ansi(ui::screen::has_colours())
+        .with_ansi(std::io::stderr().is_terminal())
         .log_internal_errors(false)
         .with_filter(told);
     tracing_subscriber::registry().with(log).init();

@@ -1,32 +1,14 @@
 //! Messages on standard error, which never end the work where nobody reads them.
 
-use std::io::{IsTerminal, Write};
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::io::Write;
 
-static IS_QUIET: AtomicBool = AtomicBool::new(false);
-
-/// Writes a message; not with --quiet.
 macro_rules! say {
     ($($part:tt)*) => { $crate::ui::screen::message(&format!($($part)*)) };
 }
 
-macro_rules! alert {
-    ($($part:tt)*) => { $crate::ui::screen::warning(&format!($($part)*)) };
-}
-
-pub(crate) use {alert, say};
-
-pub fn be_quiet() {
-    IS_QUIET.store(true, Ordering::Relaxed);
-}
+pub(crate) use {say, say as alert};
 
 pub fn message(text: &str) {
-    if !IS_QUIET.load(Ordering::Relaxed) {
-        warning(text);
-    }
-}
-
-pub fn warning(text: &str) {
     let _ = writeln!(std::io::stderr(), "{text}");
 }
 
@@ -42,8 +24,4 @@ impl Write for Log {
     fn flush(&mut self) -> std::io::Result<()> {
         Ok(())
     }
-}
-
-pub fn has_colours() -> bool {
-    std::io::stderr().is_terminal()
 }
