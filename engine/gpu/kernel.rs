@@ -119,7 +119,7 @@ impl Slice {
         Buf { slice: self.clone(), item: PhantomData }
     }
 
-    pub(super) fn binding(&self) -> Binding {
+    pub fn binding(&self) -> Binding {
         Binding { buffer: self.buffer.clone(), offset: self.offset, size: self.size }
     }
 }

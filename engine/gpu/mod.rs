@@ -11,8 +11,6 @@ mod staging;
 /// The table of kernels, shared with the build.
 #[path = "../../shaders-glsl/table.rs"]
 pub mod table;
-#[cfg(feature = "window")]
-mod window;
 
 pub use dispatch::{Bound, Dispatch, kernel as kernel_named};
 pub(crate) use kernel::PlaneSlices;
@@ -21,8 +19,6 @@ pub use record::{Grid, Pass, Recording, Work};
 pub use run::{COUNTS, Gpu, Options, PassTime, Rewrite, Running, StandIn};
 pub(crate) use staging::Staging;
 use std::collections::BTreeMap;
-#[cfg(feature = "window")]
-pub use window::Window;
 
 /// By kernel, the hash of its committed SPIR-V: what a measurement was made with. Kernels that only fill a window or probe the
 /// device are left out.

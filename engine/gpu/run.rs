@@ -5,6 +5,8 @@ use super::kernel::{BindingKind, Buf, KernelInfo, Pod, Slice};
 use super::record::{Grid, Pass, Recording, Work};
 use crate::error::{Error, Result};
 use crate::vk::{Buffer, Caps, Commands, Device, DeviceChoice, DeviceKind, Groups, Location, Pipeline, PipelineDesc};
+#[cfg(feature = "window")]
+use crate::vk::{Swapchain, WindowHandle};
 use std::collections::HashMap;
 use std::sync::{Arc, Mutex};
 
@@ -148,6 +150,13 @@ impl Gpu {
     #[doc(hidden)]
     pub fn device(&self) -> &Device {
         &self.device
+    }
+
+    /// A window that shows pictures. Open the device with [`surface_extensions`](crate::vk::surface_extensions) of its display.
+    #[cfg(feature = "window")]
+    #[doc(hidden)]
+    pub fn window(&self, window: Arc<dyn WindowHandle>, is_synced: bool) -> Result<Swapchain> {
+        Swapchain::new(&self.device, window, is_synced)
     }
 
     fn pipeline(&self, kernel: &'static KernelInfo) -> Result<Arc<Pipeline>> {

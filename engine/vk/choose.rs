@@ -49,19 +49,16 @@ pub(super) fn check_limits(limits: &vk::PhysicalDeviceLimits, lanes: u32) -> Res
         ("bytes that a workgroup shares", limits.max_compute_shared_memory_size, shared),
         ("storage buffers of a kernel", limits.max_per_stage_descriptor_storage_buffers, MOST_BUFFERS),
     ];
-    match all.into_iter().find(|(_, has, needed)| has < needed) {
-        Some((what, has, needed)) => Err(format!("{has} {what}; expected at least {needed}")),
-        None => Ok(()),
-    }
+    let lacking = all.into_iter().find(|(_, has, needed)| has < needed);
+    lacking.map_or(Ok(()), |(what, has, needed)| Err(format!("{has} {what}; expected at least {needed}")))
 }
 
 pub(super) fn check_size(lanes: u32, least: u32, most: u32) -> Result<(), String> {
     if lanes.is_power_of_two() && (least.max(4)..=most.min(64)).contains(&lanes) {
-        Ok(())
-    } else {
-        let expected = if least == most { least.to_string() } else { format!("a power of two from {least} to {most}") };
-        Err(format!("subgroups of {lanes} lanes were asked for; expected {expected}"))
+        return Ok(());
     }
+    let expected = if least == most { least.to_string() } else { format!("a power of two from {least} to {most}") };
+    Err(format!("subgroups of {lanes} lanes were asked for; expected {expected}"))
 }
 
 /// Ticks from `first` to `tick` on a clock of `bits` bits, which begins again at 0.
@@ -94,14 +91,18 @@ mod tests {
 
     #[test]
     fn subgroups_are_as_wide_as_the_hardware_works() {
-        assert_eq!(subgroup_size(NVIDIA, 32, 32, 32), 32);
-        assert_eq!(subgroup_size(AMD, 32, 64, 64), 32, "RDNA, which RADV would run with 64");
-        assert_eq!(subgroup_size(AMD, 64, 64, 64), 64, "GCN and CDNA");
-        assert_eq!(subgroup_size(INTEL, 8, 32, 32), 16);
-        assert_eq!(subgroup_size(INTEL, 16, 32, 32), 16, "Xe2 has no 8");
-        assert_eq!(subgroup_size(0x10005, 8, 8, 8), 8, "lavapipe");
-        assert_eq!(subgroup_size(0x5143, 64, 128, 128), 64, "Adreno, as Turnip tells of it");
-        assert_eq!(subgroup_size(0x5143, 128, 128, 128), 128, "which is refused");
+        for (device, vendor, [least, most, default], wanted) in [
+            ("GeForce", NVIDIA, [32, 32, 32], 32),
+            ("RDNA, which RADV would run with 64", AMD, [32, 64, 64], 32),
+            ("GCN and CDNA", AMD, [64, 64, 64], 64),
+            ("Xe", INTEL, [8, 32, 32], 16),
+            ("Xe2", INTEL, [16, 32, 32], 16),
+            ("lavapipe", 0x10005, [8, 8, 8], 8),
+            ("Adreno, as Turnip tells of it", 0x5143, [64, 128, 128], 64),
+            ("an Adreno that is refused", 0x5143, [128, 128, 128], 128),
+        ] {
+            assert_eq!(subgroup_size(vendor, least, most, default), wanted, "{device}");
+        }
     }
 
     #[test]
@@ -124,19 +125,18 @@ mod tests {
         assert_eq!(check_limits(&enough, 8), Ok(()));
         let few = vk::PhysicalDeviceLimits { max_compute_work_group_size: [128, 1, 1], ..enough };
         let narrow = vk::PhysicalDeviceLimits { max_compute_shared_memory_size: 16_384, ..enough };
+        let less = vk::PhysicalDeviceLimits { max_compute_shared_memory_size: 16_380, ..enough };
         let poor = vk::PhysicalDeviceLimits { max_per_stage_descriptor_storage_buffers: 4, ..enough };
-        for (limits, told) in [
-            (few, "128 threads of a workgroup; expected at least 256"),
-            (narrow, "16384 bytes that a workgroup shares; expected at least 16448"),
-            (poor, "4 storage buffers of a kernel; expected at least 24"),
+        for (limits, lanes, told) in [
+            (few, 16, "128 threads of a workgroup; expected at least 256"),
+            (narrow, 16, "16384 bytes that a workgroup shares; expected at least 16448"),
+            (less, 64, "16380 bytes that a workgroup shares; expected at least 16384"),
+            (poor, 16, "4 storage buffers of a kernel; expected at least 24"),
         ] {
-            assert_eq!(check_limits(&limits, 16), Err(told.to_owned()));
+            assert_eq!(check_limits(&limits, lanes), Err(told.to_owned()));
         }
         // What Vulkan promises is enough for the kernels of wide subgroups.
         assert_eq!(check_limits(&narrow, 32), Ok(()));
-        let less = vk::PhysicalDeviceLimits { max_compute_shared_memory_size: 16_380, ..enough };
-        let told = "16380 bytes that a workgroup shares; expected at least 16384";
-        assert_eq!(check_limits(&less, 64), Err(told.to_owned()));
     }
 
     #[test]

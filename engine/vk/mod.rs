@@ -29,9 +29,7 @@ pub use instance::{DeviceChoice, list_devices};
 pub use pipeline::{BindingKind, Pipeline, PipelineDesc};
 pub use statistics::{Compiler, Executable};
 #[cfg(feature = "window")]
-pub use swapchain::surface_extensions;
-#[cfg(feature = "window")]
-pub(crate) use swapchain::{Swapchain, WindowHandle};
+pub use swapchain::{Swapchain, WindowHandle, surface_extensions};
 
 use crate::error::Error;
 use ash::vk;

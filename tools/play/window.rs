@@ -7,11 +7,11 @@ use crate::ui::screen::say;
 use crate::{Args, keys};
 use anyhow::Context;
 use glam::{DVec2, DVec3};
-use ivv::internals::gpu::Window as Shown;
 use ivv::internals::profile::Lately;
 use ivv::internals::scene::{Navigator, Playhead, Push, View};
 use ivv::internals::sound::pose::HeadPose;
 use ivv::internals::stage::{Layer, Renderer, Screen};
+use ivv::internals::vk::Swapchain;
 use std::collections::HashSet;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -42,7 +42,7 @@ pub const OUTPUTS: [Output; 4] = [Output::Color, Output::Alpha, Output::Depth, O
 
 struct Open {
     window: Arc<Window>,
-    shown: Shown,
+    shown: Swapchain,
     screen: Option<Screen>,
 }
 
@@ -133,7 +133,7 @@ impl Player<'_> {
         });
         let wanted = Window::default_attributes().with_title("ivv").with_inner_size(PhysicalSize::new(width, height));
         let window = Arc::new(events.create_window(wanted).context("no window can be opened")?);
-        let shown = Shown::new(self.renderer.gpu(), window.clone(), !self.args.no_vsync)?;
+        let shown = self.renderer.gpu().window(window.clone(), !self.args.no_vsync)?;
         self.state.open = Some(Open { window, shown, screen: None });
         Ok(())
     }
@@ -296,7 +296,7 @@ impl Player<'_> {
         let begun = Instant::now();
         let report = self.renderer.show(&view, self.layer(width), &screen, self.state.has_stats)?;
         self.state.lately.add(1e3 * begun.elapsed().as_secs_f64(), between, report);
-        let is_shown = open.shown.present(&screen.pixels)?;
+        let is_shown = open.shown.present(&screen.pixels.slice().binding())?;
         if is_shown {
             self.count(&screen)?;
         }
