@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 
 /// Of a header; those of 3DGS have about 1.5 KB, and some writers add comments.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
+const EXPORT: &str = "export the file again";
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Encoding {
@@ -17,41 +18,56 @@ pub(crate) enum Encoding {
     BigEndian,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) enum Scalar {
-    I8,
-    U8,
-    I16,
-    U16,
-    I32,
-    U32,
-    F32,
-    F64,
+/// The scalar types of PLY: in Rust, and by their two names.
+macro_rules! scalars {
+    ($($scalar:ident $of:ty: $name:literal $sized:literal;)*) => {
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub(crate) enum Scalar {
+            $($scalar,)*
+        }
+
+        impl Scalar {
+            fn from_name(name: &str) -> Option<Self> {
+                match name {
+                    $($name | $sized => Some(Scalar::$scalar),)*
+                    _ => None,
+                }
+            }
+
+            /// Bytes in the binary encodings.
+            pub fn size(self) -> usize {
+                match self {
+                    $(Scalar::$scalar => size_of::<$of>(),)*
+                }
+            }
+
+            /// The value at the beginning of little-endian bytes; every type fits.
+            pub fn f64(self, bytes: &[u8]) -> f64 {
+                match self {
+                    $(Scalar::$scalar => <$of>::from_le_bytes(std::array::from_fn(|i| bytes[i])).into(),)*
+                }
+            }
+
+            /// Appends the value that `word` spells as little-endian bytes; `None` when it spells none of this type.
+            pub fn push(self, word: &str, to: &mut Vec<u8>) -> Option<()> {
+                match self {
+                    $(Scalar::$scalar => to.extend(word.parse::<$of>().ok()?.to_le_bytes()),)*
+                }
+                Some(())
+            }
+        }
+    };
 }
 
-impl Scalar {
-    fn from_name(name: &str) -> Option<Self> {
-        Some(match name {
-            "char" | "int8" => Scalar::I8,
-            "uchar" | "uint8" => Scalar::U8,
-            "short" | "int16" => Scalar::I16,
-            "ushort" | "uint16" => Scalar::U16,
-            "int" | "int32" => Scalar::I32,
-            "uint" | "uint32" => Scalar::U32,
-            "float" | "float32" => Scalar::F32,
-            "double" | "float64" => Scalar::F64,
-            _ => return None,
-        })
-    }
-
-    pub fn size(self) -> usize {
-        match self {
-            Scalar::I8 | Scalar::U8 => 1,
-            Scalar::I16 | Scalar::U16 => 2,
-            Scalar::I32 | Scalar::U32 | Scalar::F32 => 4,
-            Scalar::F64 => 8,
-        }
-    }
+scalars! {
+    I8 i8: "char" "int8";
+    U8 u8: "uchar" "uint8";
+    I16 i16: "short" "int16";
+    U16 u16: "ushort" "uint16";
+    I32 i32: "int" "int32";
+    U32 u32: "uint" "uint32";
+    F32 f32: "float" "float32";
+    F64 f64: "double" "float64";
 }
 
 #[derive(Clone, Debug, PartialEq)]
@@ -73,7 +89,7 @@ pub(crate) struct Element {
 impl Element {
     /// Bytes of a binary row, `None` when a list makes them vary.
     pub fn row_size(&self) -> Option<usize> {
-        self.properties.iter().map(|p| if p.list_length.is_some() { None } else { Some(p.scalar.size()) }).sum()
+        self.properties.iter().map(|p| p.list_length.is_none().then(|| p.scalar.size())).sum()
     }
 }
 
@@ -96,7 +112,7 @@ impl Header {
     pub fn read(path: &Path, source: &mut impl BufRead) -> Result<Self> {
         let mut lines = Lines { path, source: source.take(MAX_HEADER_BYTES), number: 0, size: 0 };
         if lines.next()? != ["ply"] {
-            return Err(lines.fault("does not begin with `ply`", "give a PLY file"));
+            return Err(lines.fault_with("does not begin with `ply`", "give a PLY file"));
         }
         let mut encoding = None;
         let mut elements: Vec<Element> = Vec::new();
@@ -115,18 +131,18 @@ impl Header {
                 }
                 ["property", scalar, name] => lines.property(&mut elements, scalar, None, name)?,
                 ["end_header"] => break,
-                _ => return Err(lines.fault("is not a line of a PLY 1.0 header", "export the file again")),
+                _ => return Err(lines.fault("is not a line of a PLY 1.0 header")),
             }
         }
         let size = lines.size;
         let Some(encoding) = encoding else {
-            return Err(Error::data(path, "header", "has no `format` line", "export the file again"));
+            return Err(Error::data(path, "header", "has no `format` line", EXPORT));
         };
         for element in &elements {
             let mut seen = HashSet::new();
             if let Some(twice) = element.properties.iter().find(|p| !seen.insert(p.name.as_str())) {
                 let place = format!("header, element `{}`, property `{}`", element.name, twice.name);
-                return Err(Error::data(path, place, "is declared twice", "export the file again"));
+                return Err(Error::data(path, place, "is declared twice", EXPORT));
             }
         }
         Ok(Header { encoding, elements, comments, size })
@@ -149,17 +165,21 @@ impl<R: BufRead> Lines<'_, R> {
         if line.last() != Some(&b'\n') {
             let reason =
                 if self.size >= MAX_HEADER_BYTES { "the header is longer than 1 MiB" } else { "the file ends" };
-            return Err(self.fault(&format!("{reason} before `end_header`"), "export the file again"));
+            return Err(self.fault(&format!("{reason} before `end_header`")));
         }
         match std::str::from_utf8(&line) {
             Ok(text) => Ok(text.split_ascii_whitespace().map(str::to_owned).collect()),
             // Comments may be in any encoding and carry no meaning.
             Err(_) if line.starts_with(b"comment") || line.starts_with(b"obj_info") => Ok(Vec::new()),
-            Err(_) => Err(self.fault("is not text", "export the file again")),
+            Err(_) => Err(self.fault("is not text")),
         }
     }
 
-    fn fault(&self, reason: &str, remedy: &str) -> Error {
+    fn fault(&self, reason: &str) -> Error {
+        self.fault_with(reason, EXPORT)
+    }
+
+    fn fault_with(&self, reason: &str, remedy: &str) -> Error {
         Error::data(self.path, format!("header line {}", self.number), reason, remedy)
     }
 
@@ -168,36 +188,31 @@ impl<R: BufRead> Lines<'_, R> {
             "ascii" => Ok(Encoding::Ascii),
             "binary_little_endian" => Ok(Encoding::LittleEndian),
             "binary_big_endian" => Ok(Encoding::BigEndian),
-            _ => Err(self.fault(&format!("`{name}` is no PLY encoding"), "use binary_little_endian")),
+            _ => Err(self.fault_with(&format!("`{name}` is no PLY encoding"), "use binary_little_endian")),
         }
     }
 
     fn scalar(&self, name: &str) -> Result<Scalar> {
-        let unknown = || self.fault(&format!("`{name}` is no PLY type"), "use float, double or an integer type");
+        let unknown = || self.fault_with(&format!("`{name}` is no PLY type"), "use float, double or an integer type");
         Scalar::from_name(name).ok_or_else(unknown)
     }
 
     fn element(&self, before: &[Element], name: &str, count: &str) -> Result<Element> {
         if before.iter().any(|e| e.name == name) {
-            return Err(self.fault(&format!("element `{name}` is declared twice"), "export the file again"));
+            return Err(self.fault(&format!("element `{name}` is declared twice")));
         }
-        match count.parse::<u64>() {
-            Ok(count) if count <= u64::from(u32::MAX) => {
-                Ok(Element { name: name.to_owned(), count, properties: Vec::new() })
-            }
-            _ => Err(self.fault(&format!("`{count}` is no count from 0 to {}", u32::MAX), "export the file again")),
-        }
+        let no_count = |_| self.fault(&format!("`{count}` is no count from 0 to {}", u32::MAX));
+        let count = count.parse::<u32>().map_err(no_count)?.into();
+        Ok(Element { name: name.to_owned(), count, properties: Vec::new() })
     }
 
     fn property(&self, to: &mut [Element], scalar: &str, list_length: Option<Scalar>, name: &str) -> Result<()> {
         let scalar = self.scalar(scalar)?;
         if matches!(list_length, Some(Scalar::F32 | Scalar::F64)) {
-            return Err(self.fault("a list's length must be an integer", "export the file again"));
+            return Err(self.fault("a list's length must be an integer"));
         }
-        match to.last_mut() {
-            Some(element) => element.properties.push(Property { name: name.to_owned(), scalar, list_length }),
-            None => return Err(self.fault("a property stands before any element", "export the file again")),
-        }
+        let element = to.last_mut().ok_or_else(|| self.fault("a property stands before any element"))?;
+        element.properties.push(Property { name: name.to_owned(), scalar, list_length });
         Ok(())
     }
 }

@@ -46,16 +46,7 @@ impl Column {
     }
 
     pub fn f64(&self, row: &[u8]) -> f64 {
-        match self.scalar {
-            Scalar::I8 => i8::from_le_bytes(self.bytes(row)).into(),
-            Scalar::U8 => u8::from_le_bytes(self.bytes(row)).into(),
-            Scalar::I16 => i16::from_le_bytes(self.bytes(row)).into(),
-            Scalar::U16 => u16::from_le_bytes(self.bytes(row)).into(),
-            Scalar::I32 => i32::from_le_bytes(self.bytes(row)).into(),
-            Scalar::U32 => u32::from_le_bytes(self.bytes(row)).into(),
-            Scalar::F32 => f32::from_le_bytes(self.bytes(row)).into(),
-            Scalar::F64 => f64::from_le_bytes(self.bytes(row)),
-        }
+        self.scalar.f64(&row[self.offset..])
     }
 
     /// The value of a column that [`Column::is`] `U32`.
@@ -105,18 +96,14 @@ impl Rows {
         while row < element.count {
             let n = rows_at_once.min(element.count - row);
             block.clear();
-            match self.encoding {
-                Encoding::Ascii => {
-                    for (row, property) in
-                        (row..row + n).flat_map(|row| element.properties.iter().map(move |p| (row, p)))
-                    {
+            if self.encoding == Encoding::LittleEndian {
+                self.read_block(element, row, n as usize * row_size, &mut block)?;
+            } else {
+                for row in row..row + n {
+                    for property in &element.properties {
                         self.value(element, row, &property.name, property.scalar, &mut block)?;
                     }
                 }
-                _ => self.read_block(element, row, n as usize * row_size, &mut block)?,
-            }
-            if self.encoding == Encoding::BigEndian {
-                block.chunks_exact_mut(row_size).for_each(|bytes| swap_ends(element, bytes));
             }
             for (i, bytes) in block.chunks_exact(row_size).enumerate() {
                 take((row + i as u64) as u32, bytes);
@@ -156,7 +143,7 @@ impl Rows {
                 for _ in 0..n {
                     bytes.clear();
                     self.value(element, row, name, property.scalar, &mut bytes)?;
-                    items.push(Column { offset: 0, scalar: property.scalar }.f64(&bytes));
+                    items.push(property.scalar.f64(&bytes));
                 }
             }
             take(row as u32, &plain, &items)?;
@@ -165,19 +152,10 @@ impl Rows {
     }
 
     pub fn skip(&mut self, element: &Element) -> Result<()> {
-        if element.row_size().is_some() {
-            return self.read(element, |_, _| {});
+        match element.row_size() {
+            Some(_) => self.read(element, |_, _| {}),
+            None => self.read_with_list(element, "", |_, _, _| Ok(())),
         }
-        for row in 0..element.count {
-            for property in &element.properties {
-                let n = match property.list_length {
-                    Some(length) => self.list_length(element, row, &property.name, length)?,
-                    None => 1,
-                };
-                self.skip_values(element, row, n, property.scalar)?;
-            }
-        }
-        Ok(())
     }
 
     /// Requires that nothing follows the last element.
@@ -203,7 +181,7 @@ impl Rows {
         let start = to.len();
         if self.encoding == Encoding::Ascii {
             let word = self.word()?.ok_or_else(|| self.ends_in(element, row))?;
-            return push_word(&word, scalar, to).ok_or_else(|| {
+            return scalar.push(&word, to).ok_or_else(|| {
                 let place = format!("element `{}`, row {row}, property `{name}`", element.name);
                 Error::data(&self.path, place, format!("`{}` is no {scalar:?} value", word.escape_debug()), REMEDY)
             });
@@ -218,7 +196,7 @@ impl Rows {
     fn list_length(&mut self, element: &Element, row: u64, name: &str, scalar: Scalar) -> Result<u64> {
         let mut bytes = Vec::new();
         self.value(element, row, name, scalar, &mut bytes)?;
-        let length = Column { offset: 0, scalar }.f64(&bytes);
+        let length = scalar.f64(&bytes);
         if length < 0.0 {
             let place = format!("element `{}`, row {row}", element.name);
             return Err(Error::data(&self.path, place, "a list's length is negative", REMEDY));
@@ -294,28 +272,4 @@ fn check_length(path: &Path, header: &Header, length: u64) -> Result<()> {
         return Err(Error::data(path, "header", reason, REMEDY));
     }
     Ok(())
-}
-
-fn swap_ends(element: &Element, row: &mut [u8]) {
-    let mut rest = row;
-    for property in &element.properties {
-        let (value, after) = rest.split_at_mut(property.scalar.size());
-        value.reverse();
-        rest = after;
-    }
-}
-
-/// Appends the value that `word` spells as little-endian bytes; `None` when it spells none of type `scalar`.
-fn push_word(word: &str, scalar: Scalar, to: &mut Vec<u8>) -> Option<()> {
-    match scalar {
-        Scalar::I8 => to.extend(word.parse::<i8>().ok()?.to_le_bytes()),
-        Scalar::U8 => to.extend(word.parse::<u8>().ok()?.to_le_bytes()),
-        Scalar::I16 => to.extend(word.parse::<i16>().ok()?.to_le_bytes()),
-        Scalar::U16 => to.extend(word.parse::<u16>().ok()?.to_le_bytes()),
-        Scalar::I32 => to.extend(word.parse::<i32>().ok()?.to_le_bytes()),
-        Scalar::U32 => to.extend(word.parse::<u32>().ok()?.to_le_bytes()),
-        Scalar::F32 => to.extend(word.parse::<f32>().ok()?.to_le_bytes()),
-        Scalar::F64 => to.extend(word.parse::<f64>().ok()?.to_le_bytes()),
-    }
-    Some(())
 }

@@ -25,8 +25,8 @@ pub enum Range {
     Whole(u64, u64),
     /// One of these whole numbers.
     OneOf(&'static [u64]),
-    /// Finite numbers between two bounds.
-    Number(Bound<f64>, Bound<f64>),
+    /// Finite numbers from the first up to a bound.
+    Number(f64, Bound<f64>),
     /// A learning rate: a number, or one at the start and one at the end; both positive, or both 0.
     Rate,
     /// Three numbers from 0 to 1.
@@ -100,19 +100,21 @@ pub(crate) fn as_written(settings: &impl Serialize) -> Result<Value, String> {
 
 impl Range {
     pub(crate) const COUNT: Range = Range::Whole(1, u32::MAX as u64);
-    pub(crate) const NOT_NEGATIVE: Range = Range::Number(Bound::Included(0.0), Bound::Unbounded);
-    pub(crate) const SHARE: Range = Range::Number(Bound::Included(0.0), Bound::Included(1.0));
+    pub(crate) const NOT_NEGATIVE: Range = Range::Number(0.0, Bound::Unbounded);
+    pub(crate) const SHARE: Range = Range::Number(0.0, Bound::Included(1.0));
     /// A share that is never all.
-    pub(crate) const BELOW_ONE: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(1.0));
+    pub(crate) const BELOW_ONE: Range = Range::Number(0.0, Bound::Excluded(1.0));
     /// A contribution, or a rest of light, that may be left out.
-    pub(crate) const CUT: Range = Range::Number(Bound::Included(0.0), Bound::Excluded(0.5));
+    pub(crate) const CUT: Range = Range::Number(0.0, Bound::Excluded(0.5));
 
     #[doc(hidden)]
     pub fn contains(&self, value: &Value) -> bool {
         match self {
             Range::Whole(least, most) => value.as_u64().is_some_and(|value| (*least..=*most).contains(&value)),
             Range::OneOf(all) => value.as_u64().is_some_and(|value| all.contains(&value)),
-            Range::Number(least, most) => value.as_f64().is_some_and(|value| (*least, *most).contains(&value)),
+            Range::Number(least, most) => {
+                value.as_f64().is_some_and(|value| (Bound::Included(*least), *most).contains(&value))
+            }
             Range::Rate => is_rate(value),
             Range::Colour => value.as_array().is_some_and(|channels| {
                 let is_channel = |c: &Value| c.as_f64().is_some_and(|c| (0.0..=1.0).contains(&c));
@@ -138,34 +140,29 @@ fn is_rate(value: &Value) -> bool {
 
 impl fmt::Display for Range {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        use Bound::{Excluded, Included, Unbounded};
-        let list = |words: &[String]| match words {
-            [others @ .., last] if !others.is_empty() => format!("{} or {last}", others.join(", ")),
-            words => words.concat(),
-        };
         match self {
             Range::Whole(0, u64::MAX) => write!(f, "a whole number"),
             Range::Whole(least, u64::MAX) => write!(f, "a whole number, {least} or more"),
             Range::Whole(least, most) => write!(f, "a whole number from {least} to {most}"),
-            Range::OneOf(all) => write!(f, "{}", list(&all.iter().map(u64::to_string).collect::<Vec<_>>())),
-            Range::Number(Included(least), Included(most)) => write!(f, "a number from {least} to {most}"),
-            Range::Number(Included(least), Excluded(most)) => {
-                write!(f, "a number of at least {least} and below {most}")
-            }
-            Range::Number(Excluded(least), Included(most)) => {
-                write!(f, "a number above {least} and of at most {most}")
-            }
-            Range::Number(Excluded(least), Excluded(most)) => write!(f, "a number above {least} and below {most}"),
-            Range::Number(Included(least), Unbounded) => write!(f, "a number, {least} or more"),
-            Range::Number(Excluded(least), Unbounded) => write!(f, "a number above {least}"),
-            Range::Number(Unbounded, most) => write!(f, "a number with the bound {most:?}"),
+            Range::OneOf(all) => write!(f, "{}", list(all)),
+            Range::Number(least, Bound::Included(most)) => write!(f, "a number from {least} to {most}"),
+            Range::Number(least, Bound::Excluded(most)) => write!(f, "a number of at least {least} and below {most}"),
+            Range::Number(least, Bound::Unbounded) => write!(f, "a number, {least} or more"),
             Range::Rate => {
                 write!(f, "a number above 0, or {{\"start\": A, \"end\": B}} with both above 0; 0 turns it off")
             }
             Range::Colour => write!(f, "three numbers from 0 to 1, such as [0.5,0.5,0.5]"),
             Range::Switch => write!(f, "true or false"),
-            Range::Word(words) => write!(f, "{}", list(&words.iter().map(|&w| w.to_owned()).collect::<Vec<_>>())),
+            Range::Word(words) => write!(f, "{}", list(words)),
             Range::Path => write!(f, "the path of a file, or null"),
         }
+    }
+}
+
+fn list(all: &[impl ToString]) -> String {
+    let all: Vec<String> = all.iter().map(ToString::to_string).collect();
+    match all.as_slice() {
+        [others @ .., last] if !others.is_empty() => format!("{} or {last}", others.join(", ")),
+        all => all.concat(),
     }
 }
