@@ -1,11 +1,11 @@
 //! The adjoint test: <cotangent, J w> from dual numbers beside <J^T cotangent, w> from the device.
 
-use super::random::Random;
+use super::random::{self, Random};
 use super::row::Bench;
 use anyhow::{Result, ensure};
 use ivv::Constants;
 use ivv::internals::reference::{Outputs, Params, Temporal, jvp};
-use ivv::internals::scene::{Frame, Motion, Splats, View};
+use ivv::internals::scene::{Frame, Splats, View};
 use ivv::internals::stage::Gradients;
 
 /// All groups that [`Gradients`] has; the last four exist for dynamic Gaussians only.
@@ -17,11 +17,8 @@ pub fn cotangents(seed: u64, view: &View, hidden: impl Fn(usize) -> bool) -> Fra
     let mut random = Random::new(seed);
     let mut frame = Frame { width: view.intrinsics.width, height: view.intrinsics.height, ..Frame::default() };
     for i in 0..(view.intrinsics.width * view.intrinsics.height) as usize {
-        let mut pixel: [f32; 8] = random.vector(-1.0, 1.0);
-        if hidden(i) {
-            pixel = [0.0; 8];
-        }
-        let [r, g, b, alpha, depth, inverse_depth, x, y] = pixel;
+        let pixel: [f32; 8] = random.vector(-1.0, 1.0);
+        let [r, g, b, alpha, depth, inverse_depth, x, y] = if hidden(i) { [0.0; 8] } else { pixel };
         frame.color.push([r, g, b]);
         frame.alpha.push(alpha);
         frame.depth.push(depth);
@@ -33,21 +30,8 @@ pub fn cotangents(seed: u64, view: &View, hidden: impl Fn(usize) -> bool) -> Fra
 
 /// The numbers of one group, flat, in the order of [`group`]: a static Gaussian has no temporal ones.
 pub fn flat(d: &Gradients, name: &str) -> Vec<f64> {
-    let f64s = |v: &[f32]| v.iter().map(|x| f64::from(*x)).collect::<Vec<f64>>();
-    let p = &d.params;
-    let of_motion = |f: fn(&Motion) -> f32| p.motion.iter().map(|m| f64::from(f(m))).collect();
-    match name {
-        "position" => f64s(p.position.as_flattened()),
-        "rotation" => f64s(p.rotation.as_flattened()),
-        "scale" => f64s(p.scale.as_flattened()),
-        "opacity" => f64s(&p.opacity),
-        "sh" => f64s(p.sh.as_flattened()),
-        "velocity" => p.motion.iter().flat_map(|m| m.velocity).map(f64::from).collect(),
-        "t_center" => of_motion(|m| m.t_center),
-        "t_scale" => of_motion(|m| m.t_scale),
-        "time_offset" => vec![d.time_offset],
-        other => panic!("no group {other}"),
-    }
+    let mut all = Params::new(&d.params, &View { time_offset: d.time_offset, ..random::view() });
+    group(&mut all, name).into_iter().map(|x| *x).collect()
 }
 
 pub fn bits(d: &Gradients) -> Vec<u64> {
@@ -75,10 +59,7 @@ fn along(cotangents: &Frame, d: &Outputs<f64>) -> f64 {
 /// larger difference in units of |gradient| |direction|; `None` when both are zero.
 pub fn group_error(found: &Gradients, name: &str, splats: &Splats, view: &View, cotangents: &Frame) -> Option<f64> {
     let gradient = flat(found, name);
-    let zero = {
-        let params = Params::<f64>::new(splats, view);
-        params.zip(&params, |_, _| 0.0)
-    };
+    let params = Params::<f64>::new(splats, view);
     let mut random = Random::new(77);
     let noise: Vec<f64> = gradient.iter().map(|_| random.uniform(-1.0, 1.0)).collect();
     let norm = dot(&gradient, &gradient).sqrt();
@@ -89,7 +70,7 @@ pub fn group_error(found: &Gradients, name: &str, splats: &Splats, view: &View, 
             continue;
         }
         let direction: Vec<f64> = direction.iter().map(|x| x / length).collect();
-        let mut tangent = zero.clone();
+        let mut tangent = params.zip(&params, |_, _| 0.0);
         for (to, from) in group(&mut tangent, name).into_iter().zip(&direction) {
             *to = *from;
         }
@@ -115,10 +96,8 @@ pub fn check_adjoint(
 ) -> Result<f64> {
     let (found, report) = bench.vjp(splats, view, cotangents)?;
     ensure!(report.intersections > 0 && found.n_bad == 0, "{} bad gradients, {report:?}", found.n_bad);
-    let errors = GROUPS
-        .iter()
-        .filter_map(|name| group_error(&found, name, splats, view, cotangents).map(|error| (*name, error)));
-    let errors: Vec<(&str, f64)> = errors.collect();
+    let error = |name| group_error(&found, name, splats, view, cotangents).map(|error| (name, error));
+    let errors: Vec<(&str, f64)> = GROUPS.into_iter().filter_map(error).collect();
     let shown = errors.iter().map(|(name, error)| format!("{name} {error:.1e}")).collect::<Vec<_>>().join(", ");
     let right = errors.len() >= least && errors.iter().all(|(_, error)| *error <= allowed);
     ensure!(right, "errors of {} groups: {shown}", errors.len());

@@ -2,31 +2,28 @@
 
 use super::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 use super::prelude::*;
-use ivv::internals::reference::{batch_gradient, batch_sum};
+use ivv::internals::reference::{Adam, batch_gradient, batch_sum};
 use ivv::internals::stage::Rates;
 use std::collections::BTreeSet;
 
 pub(super) fn gradients_of_any_size(bench: &Bench, tally: &mut Tally) -> Result<()> {
     let start = Scene::new(&scene(3, 20, 0));
-    for size in [0.0f32, 1e-45, 1e-38, 1e-20, 1e-10, 1.0, 1e10, 1e19, 1e30] {
-        tally.case(format!("gradients of about {size:e}, step 1"), |tally| {
-            let (d_color, step) = (cotangents(&view(), 1, size), Step::dense(1));
-            let gradient = gradients(&bench.gpu(), &start.params, &view(), &d_color)?;
-            let (found, n_bad) = start.step(&bench.gpu(), &view(), &d_color, &step)?;
+    let mut steps = |name: String, start: &Scene, d_color: &[[f32; 3]], number: u64| {
+        tally.case(name, |tally| {
+            let step = Step::dense(number);
+            let gradient = gradients(&bench.gpu(), &start.params, &view(), d_color)?;
+            let (found, n_bad) = start.step(&bench.gpu(), &view(), d_color, &step)?;
             ensure!(n_bad == 0, "{n_bad} bad gradients");
-            compare(tally, &start, &found, &gradient, &step)
+            compare(tally, start, &found, &gradient, &step)
         });
+    };
+    for size in [0.0f32, 1e-45, 1e-38, 1e-20, 1e-10, 1.0, 1e10, 1e19, 1e30] {
+        steps(format!("gradients of about {size:e}, step 1"), &start, &cotangents(&view(), 1, size), 1);
     }
     // An epoch of the paper's captures is 300 frames of 40 cameras.
     let warm = half_seen(6, 0);
     for number in [1, 2, 300 * 40, 30 * 300 * 40] {
-        tally.case(format!("step {number}"), |tally| {
-            let (d_color, step) = (cotangents(&view(), 5, 1e-3), Step::dense(number));
-            let gradient = gradients(&bench.gpu(), &warm.params, &view(), &d_color)?;
-            let (found, n_bad) = warm.step(&bench.gpu(), &view(), &d_color, &step)?;
-            ensure!(n_bad == 0, "{n_bad} bad gradients");
-            compare(tally, &warm, &found, &gradient, &step)
-        });
+        steps(format!("step {number}"), &warm, &cotangents(&view(), 5, 1e-3), number);
     }
     let none = Rates { sh: [0.0; 4], ..Rates::default() };
     for size in [0.0f32, 1e-3, 1e19] {
@@ -68,14 +65,18 @@ fn compare(tally: &mut Tally, start: &Scene, found: &Scene, gradient: &Splats, s
         if square > 1.001 * f64::from(f32::MAX) || *g == 0.0 && reference.first == 0.0 {
             ensure!(found.parameter == reference.parameter, "{name} of {i} moved with {g:e}");
         } else if (square > 1e-34 || reference.second > 1e-30) && square < 0.999 * f64::from(f32::MAX) {
-            // The parameter's last bit, and the error of the step.
-            let last_bit = 1.2e-7 * exact.parameter.abs().max(reference.parameter.abs());
             let way = (exact.parameter - reference.parameter).abs().max(*rate);
-            let off = ((found.parameter - exact.parameter).abs() - last_bit).max(0.0);
-            tally.within(&format!("the step of {name} of {i} with {g:e}"), off / way, 1e-6)?;
+            let off = past_last_bit(&reference, &found, &exact) / way;
+            tally.within(&format!("the step of {name} of {i} with {g:e}"), off, 1e-6)?;
         }
     }
     Ok(())
+}
+
+/// The error of a step, past the last bit of the parameter.
+fn past_last_bit(before: &Adam<f64>, found: &Adam<f64>, exact: &Adam<f64>) -> f64 {
+    let last_bit = 1.2e-7 * exact.parameter.abs().max(before.parameter.abs());
+    ((found.parameter - exact.parameter).abs() - last_bit).max(0.0)
 }
 
 /// A step along the sum of the gradients of two images. They are kept to 2^-50 and held within 16.
@@ -96,9 +97,8 @@ fn summed(bench: &Bench, tally: &mut Tally, start: &Scene, size: f32) -> Result<
         let (g, rate) = (batch_gradient(batch_sum(&[a.0, b.0])), a.1);
         let exact = reference.step(g, rate, step.number);
         ensure!(found.parameter.is_finite() && found.first.is_finite(), "{} of {}: {found:?}", a.2, a.3);
-        let last_bit = 1.2e-7 * exact.parameter.abs().max(reference.parameter.abs());
-        let off = ((found.parameter - exact.parameter).abs() - last_bit).max(0.0);
-        tally.within(&format!("the step of {} of {} with {g:e}", a.2, a.3), off / rate.max(1e-9), 1e-6)?;
+        let off = past_last_bit(&reference, &found, &exact) / rate.max(1e-9);
+        tally.within(&format!("the step of {} of {} with {g:e}", a.2, a.3), off, 1e-6)?;
     }
     Ok(())
 }

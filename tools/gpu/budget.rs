@@ -4,7 +4,6 @@ use super::statistics::{Statistics, gpu_runs};
 use ivv::internals::files::{cannot_read, read_file};
 use ivv::{Error, Result};
 use std::collections::BTreeMap;
-use std::fmt::{self, Display};
 use std::path::Path;
 
 /// Numbers of a kernel, in the order of the table's columns.
@@ -20,29 +19,12 @@ pub struct Budgets {
     rows: BTreeMap<(String, String), [Option<f64>; NUMBERS.len()]>,
 }
 
+/// A number that is not what it was, or a kernel that has come or gone.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Drift {
-    pub of: (String, String),
-    /// Which number; empty where the kernel has come or gone.
-    pub number: &'static str,
-    /// In the table, and now.
-    pub values: [Option<f64>; 2],
-    /// True if it got worse: fewer waves, or more of anything else.
+    pub told: String,
+    /// True if it got worse: fewer waves, more of anything else, or a kernel that is gone.
     pub is_worse: bool,
-}
-
-impl Display for Drift {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let ((kernel, chip), [before, now]) = (&self.of, self.values.map(cell));
-        match (self.number, self.is_worse) {
-            ("", true) => write!(f, "{kernel} on {chip} is no longer compiled"),
-            ("", false) => write!(f, "{kernel} on {chip} is new"),
-            (number, worse) => {
-                let judged = if worse { "worse" } else { "better" };
-                write!(f, "{kernel} on {chip}: {number} {before} -> {now}, {judged}")
-            }
-        }
-    }
 }
 
 fn cell(value: Option<f64>) -> String {
@@ -152,11 +134,11 @@ impl Budgets {
             (before, _) => before.is_none(),
         };
         let mut changes = Vec::new();
-        let change =
-            |of: &(String, String), number, values, is_worse| Drift { of: of.clone(), number, values, is_worse };
+        let mut add = |told: String, is_worse: bool| changes.push(Drift { told, is_worse });
         for (of, before) in self.rows.iter().filter(|(of, _)| same(&of.1)) {
+            let (kernel, chip) = of;
             let Some(numbers) = now.rows.get(of) else {
-                changes.push(change(of, "", [None; 2], true));
+                add(format!("{kernel} on {chip} is no longer compiled"), true);
                 continue;
             };
             for (at, name) in NUMBERS.into_iter().enumerate().filter(|(at, _)| before[*at] != numbers[*at]) {
@@ -164,11 +146,13 @@ impl Budgets {
                     (Some(before), Some(now)) => (now > before) != (at == WAVES),
                     (before, _) => before.is_some(),
                 };
-                changes.push(change(of, name, [before[at], numbers[at]], is_worse));
+                let judged = if is_worse { "worse" } else { "better" };
+                let values = format!("{} -> {}", cell(before[at]), cell(numbers[at]));
+                add(format!("{kernel} on {chip}: {name} {values}, {judged}"), is_worse);
             }
         }
         let is_new = |of: &&(String, String)| same(&of.1) && !self.rows.contains_key(of);
-        changes.extend(now.rows.keys().filter(is_new).map(|of| change(of, "", [None; 2], false)));
+        now.rows.keys().filter(is_new).for_each(|(kernel, chip)| add(format!("{kernel} on {chip} is new"), false));
         changes
     }
 }
@@ -197,7 +181,7 @@ mod tests {
     fn fewer_waves_and_more_of_all_else_are_worse() {
         let told = |from: &str, to: &str| {
             let changes = table(TABLE).compare(&table(&TABLE.replace(from, to)));
-            changes.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
+            changes.into_iter().map(|change| change.told).collect::<Vec<_>>().join("; ")
         };
         assert_eq!(told("96", "96"), "");
         assert_eq!(told("\t96\t", "\t97\t"), "blend_fwd_p4 on navi31/32: registers 96 -> 97, worse");

@@ -77,23 +77,24 @@ impl Loops {
 
     /// Instructions of the program as a compiler writes it.
     pub fn written(&self) -> f64 {
-        let mut copies = Vec::with_capacity(self.bodies.len());
-        for (at, body) in self.bodies.iter().enumerate() {
-            let around = if at == 0 { 1.0 } else { copies[body.around] };
-            copies.push(around * body.times.filter(|_| body.is_unrolled).unwrap_or(1.0));
-        }
-        self.bodies.iter().zip(&copies).map(|(body, copies)| body.weight * copies).sum()
+        self.sum(1.0, |body, around| around * body.times.filter(|_| body.is_unrolled).unwrap_or(1.0))
     }
 
     /// Instructions of `subgroups` subgroups. A loop whose rounds the data decide goes round `rounds` times in all of them together, given
     /// the number of such loops around it; at least once each time.
     pub fn run(&self, subgroups: f64, rounds: impl Fn(usize) -> f64) -> f64 {
-        let mut runs = Vec::with_capacity(self.bodies.len());
-        for (at, body) in self.bodies.iter().enumerate() {
-            let around = if at == 0 { subgroups } else { runs[body.around] };
-            runs.push(body.times.map_or_else(|| rounds(body.depth).max(around), |times| around * times));
+        self.sum(subgroups, |body, around| {
+            body.times.map_or_else(|| rounds(body.depth).max(around), |times| around * times)
+        })
+    }
+
+    /// The weights times how often each body runs, given how often the body around it does.
+    fn sum(&self, program: f64, runs: impl Fn(&Body, f64) -> f64) -> f64 {
+        let mut all: Vec<f64> = Vec::with_capacity(self.bodies.len());
+        for body in &self.bodies {
+            all.push(runs(body, all.get(body.around).copied().unwrap_or(program)));
         }
-        self.bodies.iter().zip(&runs).map(|(body, runs)| body.weight * runs).sum()
+        self.bodies.iter().zip(&all).map(|(body, runs)| body.weight * runs).sum()
     }
 }
 
@@ -102,6 +103,7 @@ struct Loop {
     blocks: HashSet<usize>,
 }
 
+#[derive(Default)]
 struct Module<'a> {
     blocks: Vec<Vec<&'a [u32]>>,
     numbers: HashMap<u32, usize>,
@@ -114,13 +116,7 @@ struct Module<'a> {
 
 impl<'a> Module<'a> {
     fn of(all: &'a [Vec<u32>]) -> Self {
-        let mut module = Module {
-            blocks: Vec::new(),
-            numbers: HashMap::new(),
-            made: HashMap::new(),
-            components: HashMap::new(),
-            classes: HashMap::new(),
-        };
+        let mut module = Module::default();
         let mut is_open = false;
         for one in all {
             match one.as_slice() {
@@ -176,10 +172,7 @@ impl<'a> Module<'a> {
     }
 
     fn constant(&self, id: u32) -> Option<u32> {
-        match self.made.get(&id)? {
-            [43, _, _, value] => Some(*value),
-            _ => None,
-        }
+        if let [43, _, _, value] = self.made.get(&id)? { Some(*value) } else { None }
     }
 
     /// Rounds of a loop that counts from a constant, or from the number of a lane, by a constant up to a constant.

@@ -57,13 +57,9 @@ pub struct Args {
 }
 
 fn size(text: &str) -> Result<[u32; 2], String> {
-    let sides = text.split_once('x').map(|(width, height)| [width.parse(), height.parse()]);
-    match sides {
-        Some([Ok(width), Ok(height)]) if (1..=MOST_SIDE).contains(&width) && (1..=MOST_SIDE).contains(&height) => {
-            Ok([width, height])
-        }
-        _ => Err(format!("expected WIDTHxHEIGHT, each from 1 to {MOST_SIDE}")),
-    }
+    let side = |text: &str| text.parse().ok().filter(|side| (1..=MOST_SIDE).contains(side));
+    let sides = text.split_once('x').and_then(|(width, height)| Some([side(width)?, side(height)?]));
+    sides.ok_or_else(|| format!("expected WIDTHxHEIGHT, each from 1 to {MOST_SIDE}"))
 }
 
 struct Work {
