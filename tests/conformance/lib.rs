@@ -31,5 +31,5 @@ mod table;
 mod times;
 mod worlds;
 
-pub use row::{Bench, Lent, Row, Tally, Verdict, Worst};
+pub use row::{Bench, Lent, Row, Tally};
 pub use table::ROWS;

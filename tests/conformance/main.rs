@@ -6,7 +6,7 @@ use ivv::internals::files::write_atomic;
 use ivv::internals::gpu::{Gpu, Options};
 use ivv::internals::vk::{Caps, DeviceChoice};
 use ivv::internals::words::count;
-use ivv_conformance::{Bench, ROWS, Row, Tally, Verdict};
+use ivv_conformance::{Bench, ROWS, Row, Tally};
 use std::io::Write;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -37,19 +37,12 @@ struct Args {
     /// Also writes the report to this Markdown file.
     #[arg(short, long)]
     output: Option<PathBuf>,
-    /// Writes results, and errors too, as JSON on standard output.
-    #[arg(long)]
-    json: bool,
 }
 
-#[derive(serde::Serialize)]
 struct Done {
-    #[serde(flatten)]
     row: Row,
-    verdict: Verdict,
-    seconds: f64,
-    #[serde(flatten)]
     tally: Tally,
+    seconds: f64,
 }
 
 fn main() -> ExitCode {
@@ -90,59 +83,41 @@ fn run(args: &Args) -> anyhow::Result<Option<String>> {
     let open = || Gpu::open(&Options { device: choice.clone(), poison: true, ..Options::default() }).map(Arc::new);
     let mut gpu = open()?;
     let caps = gpu.caps().clone();
-    if !args.json {
-        head(&caps, args).iter().try_for_each(|line| out(line))?;
-    }
+    head(&caps, args).iter().try_for_each(|line| out(line))?;
     let mut all = Vec::new();
     for row in ROWS.iter().filter(|row| args.rows.is_empty() || args.rows.iter().any(|name| name == row.name)) {
         let begun = Instant::now();
         let tally = row.run(&Bench { lend: &|| Box::new(&gpu), slow: args.slow });
-        let (verdict, seconds) = (tally.verdict(), begun.elapsed().as_secs_f64());
-        let done = Done { row: *row, verdict, seconds, tally };
-        if !args.json {
-            done.print()?;
-        }
+        let done = Done { row: *row, tally, seconds: begun.elapsed().as_secs_f64() };
+        done.print()?;
         // What a row did to the device is not the next one's affair.
-        if done.verdict == Verdict::Failed {
+        if !done.tally.faults.is_empty() {
             let told =
                 || format!("the device does not reopen after row {} failed; run the others with --rows", row.name);
             gpu = open().with_context(told)?;
         }
         all.push(done);
     }
-    let n_failed = all.iter().filter(|done| done.verdict == Verdict::Failed).count();
-    let failed = (n_failed > 0).then(|| {
-        let rows = count(n_failed, "row");
-        format!("{rows} failed on this device: report it with the output above, or choose another device with --device")
-    });
-    if args.json {
-        let mut report = serde_json::json!({ "revision": REVISION, "device": caps, "slow": args.slow, "rows": all });
-        if let Some(fault) = &failed {
-            report["error"] = serde_json::json!({ "kind": "failed_row", "exit_code": 4, "message": fault });
-        }
-        out(&serde_json::to_string_pretty(&report)?)?;
-    } else {
-        out(&format!("\n{}", total(&all)))?;
-    }
+    out(&format!("\n{}", total(&all)))?;
     if let Some(path) = &args.output {
         let report = markdown(&head(&caps, args), &all);
         write_atomic(path, |to| to.write_all(report.as_bytes()))?;
     }
-    Ok(failed)
+    let n_failed = n_of(&all, "FAILED");
+    Ok((n_failed > 0).then(|| {
+        let rows = count(n_failed, "row");
+        format!("{rows} failed on this device: report it with the output above, or choose another device with --device")
+    }))
+}
+
+fn n_of(all: &[Done], verdict: &str) -> usize {
+    all.iter().filter(|done| done.tally.verdict() == verdict).count()
 }
 
 impl Done {
-    fn verdict(&self) -> &'static str {
-        match self.verdict {
-            Verdict::Passed => "passed",
-            Verdict::Failed => "FAILED",
-            Verdict::NotRun => "not run",
-        }
-    }
-
     /// The error that is nearest to its bound, and the bound.
     fn worst(&self) -> String {
-        self.tally.worst.as_ref().map_or("-".into(), |worst| format!("{:.1e} of {:.1e}", worst.error, worst.bound))
+        self.tally.worst.as_ref().map_or("-".into(), |worst| format!("{:.1e} of {:.1e}", worst.error, worst.allowed))
     }
 
     fn notes(&self) -> impl Iterator<Item = String> {
@@ -151,7 +126,7 @@ impl Done {
     }
 
     fn print(&self) -> anyhow::Result<()> {
-        let (cases, verdict, worst) = (self.tally.cases, self.verdict(), self.worst());
+        let (cases, verdict, worst) = (self.tally.cases, self.tally.verdict(), self.worst());
         out(&format!(
             "{}  {verdict:7} {cases:5} cases  {worst:20} {:6.1} s  {}",
             self.row.name, self.seconds, self.row.what
@@ -161,9 +136,8 @@ impl Done {
 }
 
 fn total(all: &[Done]) -> String {
-    let n_of = |verdict| all.iter().filter(|done| done.verdict == verdict).count();
     let cases: usize = all.iter().map(|done| done.tally.cases).sum();
-    let [passed, failed, not_run] = [Verdict::Passed, Verdict::Failed, Verdict::NotRun].map(n_of);
+    let [passed, failed, not_run] = ["passed", "FAILED", "not run"].map(|verdict| n_of(all, verdict));
     format!("{} passed, {failed} failed, {not_run} did not run; {}", count(passed, "row"), count(cases, "case"))
 }
 
@@ -202,7 +176,7 @@ fn markdown(head: &[String], all: &[Done]) -> String {
     for done in all {
         let Row { name, what, expected, bound, .. } = done.row;
         let cells = format!("{name} | {what} | {expected} | {bound} | {} | {}", done.tally.cases, done.worst());
-        lines.push(format!("| {cells} | {} |", done.verdict()));
+        lines.push(format!("| {cells} | {} |", done.tally.verdict()));
     }
     let notes = all.iter().flat_map(|done| done.notes().map(move |note| format!("- {}: {note}", done.row.name)));
     let notes: Vec<String> = notes.collect();

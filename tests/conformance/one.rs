@@ -1,6 +1,7 @@
 //! Scenes as lists of single Gaussians: easy to make, to leave one out and to reorder.
 
-use ivv::internals::scene::{FlowModel, Intrinsics, Motion, Pose, SH_C0, Splats, View};
+use super::random;
+use ivv::internals::scene::{Intrinsics, Motion, Pose, SH_C0, Splats, View};
 
 /// One Gaussian in raw parameters (SPEC 2).
 #[derive(Clone, Debug)]
@@ -78,23 +79,16 @@ pub fn ones(splats: &Splats) -> Vec<One> {
 
 /// A camera at the origin that looks along z, `width` x `height` pixels, focal length 64 px, centred.
 pub fn camera(width: u32, height: u32) -> View {
+    let [cx, cy] = [width, height].map(|side| f64::from(side) / 2.0);
     View {
         name: format!("{width}x{height}"),
-        intrinsics: Intrinsics {
-            width,
-            height,
-            fx: 64.0,
-            fy: 64.0,
-            cx: f64::from(width) / 2.0,
-            cy: f64::from(height) / 2.0,
-        },
+        intrinsics: Intrinsics { width, height, fx: 64.0, fy: 64.0, cx, cy },
         pose: Pose::default(),
         time: 0.5,
         time_offset: 0.0,
         flow_dt: 0.125,
         background: [0.2, 0.4, 0.1],
-        flow_model: FlowModel::Velocity,
-        next_pose: None,
+        ..random::view()
     }
 }
 

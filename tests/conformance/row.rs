@@ -1,6 +1,6 @@
 //! A row of the table, where it runs, and what comes of it.
 
-use super::frames::{Tolerance, compare};
+use super::frames::{Compared, Tolerance, compare};
 use anyhow::{Result, ensure};
 use ivv::Constants;
 use ivv::internals::gpu::Gpu;
@@ -44,29 +44,14 @@ impl Bench<'_> {
     }
 }
 
-#[derive(Clone, Debug, serde::Serialize)]
-pub struct Worst {
-    pub case: String,
-    pub error: f64,
-    pub bound: f64,
-}
-
-#[derive(Clone, Debug, Default, serde::Serialize)]
+#[derive(Clone, Debug, Default)]
 pub struct Tally {
     pub cases: usize,
-    pub worst: Option<Worst>,
+    /// The error that is nearest to its bound.
+    pub worst: Option<Compared>,
     pub faults: Vec<String>,
     pub not_run: Vec<String>,
-    #[serde(skip)]
     case: String,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-pub enum Verdict {
-    Passed,
-    Failed,
-    NotRun,
 }
 
 impl Tally {
@@ -81,9 +66,8 @@ impl Tally {
 
     /// Notes an error of the case, which has to be within `bound`. NaN never is.
     pub fn within(&mut self, what: &str, error: f64, bound: f64) -> Result<()> {
-        let is_worse = |worst: &Worst| error * worst.bound > worst.error * bound;
-        if self.worst.as_ref().is_none_or(is_worse) {
-            self.worst = Some(Worst { case: self.case.clone(), error, bound });
+        if self.worst.is_none_or(|worst| error * worst.allowed > worst.error * bound) {
+            self.worst = Some(Compared { error, allowed: bound });
         }
         ensure!(error <= bound, "{what} is off by {error:.1e}, {bound:.1e} is allowed");
         Ok(())
@@ -98,26 +82,24 @@ impl Tally {
         self.not_run.push(what.to_string());
     }
 
-    pub fn verdict(&self) -> Verdict {
+    pub fn verdict(&self) -> &'static str {
         match (self.faults.is_empty(), self.cases) {
-            (false, _) => Verdict::Failed,
-            (true, 0) => Verdict::NotRun,
-            (true, _) => Verdict::Passed,
+            (false, _) => "FAILED",
+            (true, 0) => "not run",
+            (true, _) => "passed",
         }
     }
 }
 
-#[derive(Clone, Copy, serde::Serialize)]
+#[derive(Clone, Copy)]
 pub struct Row {
     /// `n` and its number, two digits.
-    #[serde(rename = "row")]
     pub name: &'static str,
     pub what: &'static str,
     pub expected: &'static str,
     /// The bounds, and why where they are not the study's.
     pub bound: &'static str,
     /// Runs the cases. An error is a fault of the row as a whole.
-    #[serde(skip)]
     pub(super) cases: fn(&Bench, &mut Tally) -> Result<()>,
 }
 

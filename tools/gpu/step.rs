@@ -6,7 +6,7 @@ use ivv::Constants;
 use ivv::internals::gpu::{Gpu, Options, Recording, StandIn, shaders_hash};
 use ivv::internals::profile::{CARDS, Card, Recorded};
 use ivv::internals::scene::capture::{Extent, Picture};
-use ivv::internals::scene::{FlowModel, Intrinsics, Motion, Pose, Splats, View};
+use ivv::internals::scene::{Motion, Splats, View};
 use ivv::internals::stage::Counters;
 use ivv::internals::train::{Config, Preset, Setup, TermData, Trainer};
 use ivv::internals::vk::DeviceChoice;
@@ -144,19 +144,8 @@ fn recorded(card: &Card, config: &Config, device: &DeviceChoice, work: &Work) ->
     let options = Options { device: device.clone(), stands_in: Some(stands_in), ..Options::default() };
     let gpu = Arc::new(Gpu::open(&options)?);
     let [width, height] = work.size;
-    let focal = f64::from(width);
-    let [cx, cy] = [width, height].map(|side| f64::from(side) / 2.0);
-    let view = View {
-        name: "estimate".to_owned(),
-        intrinsics: Intrinsics { width, height, fx: focal, fy: focal, cx, cy },
-        pose: Pose::default(),
-        time: 0.0,
-        time_offset: 0.0,
-        flow_dt: 1.0 / FRAMES,
-        background: [0.0; 3],
-        flow_model: FlowModel::Velocity,
-        next_pose: None,
-    };
+    let forward = View::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], (width, height), 53.0);
+    let view = View { time: 0.0, flow_dt: 1.0 / FRAMES, ..forward };
     // Halves: a depth of 1, no motion.
     let n_pixels = (width * height) as usize;
     let picture = Picture::new(width, height, vec![u32::MAX; n_pixels]);
