@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 /// `Result` with the engine's [`Error`].
 pub type Result<T> = std::result::Result<T, Error>;
 
-/// What can go wrong in the engine.
+/// An error of the engine.
 #[derive(Debug)]
 pub enum Error {
     /// A file that cannot be read, written or believed.
@@ -15,27 +15,27 @@ pub enum Error {
         file: PathBuf,
         /// Where in the file: a row, a byte offset, a property or a view; empty for the file as a whole.
         place: String,
-        /// What is wrong there.
+        /// The fault there.
         reason: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: String,
     },
     /// No Vulkan device can run the engine.
     NoDevice {
         /// Why none will do.
         reason: String,
-        /// What to do about it.
+        /// The remedy.
         remedy: String,
     },
     /// Memory or a limit of the device is exceeded.
     OutOfMemory {
-        /// What was to be allocated or bound.
+        /// The thing that was to be allocated or bound.
         what: String,
         /// Bytes (or items, as `what` says) needed; 0 where the driver does not say.
         needed: u64,
         /// The limit that binds, in the same unit.
         limit: u64,
-        /// What to do about it.
+        /// The remedy.
         remedy: String,
     },
     /// The driver ran out of memory in a call that does not say how much it needed.
@@ -52,7 +52,7 @@ pub enum Error {
     },
     /// Other processes of the same run do not answer.
     RanksLost {
-        /// What is known of it.
+        /// The known cause.
         reason: String,
     },
     /// A Vulkan call failed in a way that has no better name.
@@ -68,7 +68,7 @@ pub enum Error {
         what: String,
         /// How many values.
         count: u64,
-        /// What to do about it.
+        /// The remedy.
         remedy: &'static str,
     },
 }
@@ -85,7 +85,7 @@ impl Error {
         Error::Data { file: file.to_owned(), place: place.into(), reason: reason.into(), remedy: remedy.into() }
     }
 
-    /// Whether it may pass once others free memory.
+    /// True if it may pass once others free memory.
     pub fn is_out_of_memory(&self) -> bool {
         matches!(self, Error::OutOfMemory { .. } | Error::DriverOutOfMemory { .. })
     }

@@ -36,7 +36,7 @@ pub struct Options {
     pub stands_in: Option<StandIn>,
 }
 
-/// A graphics card with bindings of 4 GiB, for which recordings are made in place of the one that holds their buffers.
+/// Recordings are made for a graphics card with bindings of 4 GiB, in place of the device that holds their buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct StandIn {
     pub subgroup_size: u32,

@@ -14,7 +14,7 @@ pub struct Setting {
     pub unit: &'static str,
     /// Which values it may have.
     pub range: Range,
-    /// What it does.
+    /// Its effect.
     pub meaning: &'static str,
 }
 

@@ -41,7 +41,7 @@ pub struct Submission(Commands);
 /// The workgroups of a dispatch.
 pub enum Groups {
     Known([u32; 3]),
-    /// As many as three words say when the device gets there.
+    /// As many as three words on the device say when it gets there.
     Indirect(Binding),
 }
 

@@ -50,7 +50,7 @@ impl BindingKind {
 }
 
 impl Parts {
-    /// What exists when a call fails is left to [`Parts::destroy`].
+    /// [`Parts::destroy`] frees what exists when a call fails.
     pub fn compile(
         &mut self,
         raw: &ash::Device,

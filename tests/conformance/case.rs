@@ -8,7 +8,7 @@ pub(super) struct Case<'a> {
     pub splats: Splats,
     pub view: View,
     pub constants: Constants,
-    /// What the truth is made from, where it is not the scene itself.
+    /// The scene of the truth, where it is another.
     pub truth: Option<Splats>,
     pub tolerance: Tolerance,
     /// Gaussians that must be counted as bad.
@@ -37,7 +37,7 @@ impl<'a> Case<'a> {
         Case { tolerance, ..self }
     }
 
-    /// Whatever else must hold.
+    /// Adds a check of the frame.
     pub fn check(self, check: impl Fn(&Frame, &FrameReport) -> Result<()> + 'a) -> Self {
         Case { check: Box::new(check), ..self }
     }

@@ -28,7 +28,7 @@ pub fn check_finite(frame: &Frame) -> Result<()> {
     }
 }
 
-/// What [`compare`] allows. Errors are in units of the largest magnitude of the tensor in the truth.
+/// The bounds of [`compare`]. Errors are in units of the largest magnitude of the tensor in the truth.
 #[derive(Clone, Copy, Debug)]
 pub struct Tolerance {
     /// Largest error of a pixel where the truth is far from every discontinuity.

@@ -51,7 +51,7 @@ fn pose() -> View {
     view
 }
 
-/// Whether the truth shows Gaussian `i` at each pixel, nearly or really.
+/// By pixel: the truth shows Gaussian `i`, nearly or really.
 fn footprint(splats: &Splats, i: usize, view: &View) -> Vec<bool> {
     let (params, camera) = (Params::<f64>::new(splats, view), Camera::<f64>::new(view));
     let rules = Rules::<f64>::new(&Constants::default());

@@ -22,7 +22,7 @@ pub fn view() -> View {
     }
 }
 
-/// What [`view`] sees, in 40 x 28 pixels.
+/// [`view`] in 40 x 28 pixels.
 pub fn small_view() -> View {
     let intrinsics = Intrinsics { width: 40, height: 28, fx: 35.0, fy: 37.5, cx: 19.25, cy: 14.5 };
     View { intrinsics, ..view() }

@@ -18,7 +18,7 @@ pub struct Bench<'a> {
     /// Gives the device. Cases take it for as short as they can: another thread may have it while this one works out the
     /// truth.
     pub lend: &'a dyn Fn() -> Lent<'a>,
-    /// Whether cases run that take minutes on a CPU.
+    /// True if cases run that take minutes on a CPU.
     pub slow: bool,
 }
 

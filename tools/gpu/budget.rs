@@ -73,7 +73,7 @@ impl Budgets {
         Ok(budgets)
     }
 
-    /// What `tools/gpu/statistics.sh` wrote: a file `CHIP-LANES.json` for each chip.
+    /// Reads the folder that `tools/gpu/statistics.sh` wrote: a file `CHIP-LANES.json` for each chip.
     pub fn read_folder(folder: &Path) -> Result<Self> {
         let fault = |path: &Path, reason: String| {
             Error::data(path, "", reason, "give a folder that tools/gpu/statistics.sh wrote")
@@ -126,7 +126,7 @@ impl Budgets {
         self.drivers.iter().filter_map(other).collect()
     }
 
-    /// Of chips whose driver is the same in both.
+    /// The differences of chips whose driver is the same in both.
     pub fn compare(&self, now: &Budgets) -> Vec<Drift> {
         let same = |chip: &String| match (self.drivers.get(chip), now.drivers.get(chip)) {
             (Some(before), Some(now)) => before == now,

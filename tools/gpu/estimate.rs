@@ -90,7 +90,7 @@ impl Estimate {
         Table::new(&heads, self.parts.iter().chain([&self.total]).map(row))
     }
 
-    /// What is taken for granted, a sentence each.
+    /// The assumptions, a sentence each.
     pub fn assumptions(&self) -> Vec<String> {
         let Estimate { card, counters, compiler, .. } = self;
         let mut told = vec![

@@ -14,7 +14,7 @@ const ACCESS: f64 = 5.0;
 const SUM: f64 = 0.6;
 /// Conditional branches: many become selections.
 const BRANCH: f64 = 0.5;
-/// What counts a loop that is unrolled: an addition, a comparison, a branch.
+/// The counting of a loop that is unrolled: an addition, a comparison, a branch.
 const COUNTING: f64 = 2.0 + BRANCH;
 
 /// Opcodes that become no instruction: of the structure, of addresses, of parts of vectors.

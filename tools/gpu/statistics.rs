@@ -40,7 +40,7 @@ pub struct Static {
 pub struct Statistics {
     pub device: String,
     pub driver: String,
-    /// What the waves are counted for: the device's name, or what was said in its place.
+    /// The chip that waves are counted for: the device's name, or the one given in its place.
     pub chip: String,
     /// Lanes that kernels with subgroup operations were compiled for.
     pub width: u32,

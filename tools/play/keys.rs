@@ -8,8 +8,8 @@ use winit::keyboard::KeyCode::{self, *};
 const SPEEDS: [f64; 6] = [0.1, 0.25, 0.5, 1.0, 1.5, 2.0];
 const DIGITS: &[KeyCode] = &[Digit1, Digit2, Digit3, Digit4, Digit5, Digit6, Digit7, Digit8, Digit9];
 
-/// What keys are called; what they do; the keys; and what one does, by its index among them. What is done while they are held has
-/// only words here.
+/// Names of keys; their effect; the keys; and the effect of one, by its index among them. Effects of keys that are held have only
+/// words here.
 type Row = (&'static str, &'static str, &'static [KeyCode], fn(&mut Player, usize));
 
 const ROWS: &[Row] = &[

@@ -57,7 +57,7 @@ pub struct Args {
     /// Size of the window, pixels. By default 1280x720, or less of one side for the shape of the first view.
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<(u32, u32)>,
-    /// What is shown first.
+    /// The output that is shown first.
     #[arg(long, value_enum, default_value_t = Output::Color)]
     output: Output,
     /// Shows times of frames and passes from the start.

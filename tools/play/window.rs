@@ -26,7 +26,7 @@ use winit::window::{Fullscreen, Window, WindowId};
 /// How often the end that was asked for is looked for, and how long a window that took no picture is left alone.
 const GLANCE: Duration = Duration::from_millis(50);
 const RETRY: Duration = Duration::from_millis(10);
-/// What a window fits in that nobody gave a size, pixels.
+/// A window without a given size fits in this, pixels.
 const USUAL: [u32; 2] = [1280, 720];
 
 #[derive(Clone, Copy, Debug, Default, PartialEq, clap::ValueEnum)]
@@ -83,7 +83,7 @@ pub struct State {
     /// When the window, which took no picture, is given one again.
     retry: Option<Instant>,
     is_hidden: bool,
-    /// What came of it, once it ends.
+    /// The outcome, once it ends.
     end: Option<anyhow::Result<()>>,
 }
 

@@ -54,7 +54,7 @@ impl Display {
         Display { name: format!(":{}", number.trim()), server, folder }
     }
 
-    /// What is on the screen, from its upper left corner on. Xvfb keeps it in a file of the format of xwd: 25 big-endian words,
+    /// The screen from its upper left corner on. Xvfb keeps it in a file of the format of xwd: 25 big-endian words,
     /// the first of which says where colours begin, which are 12 bytes each; then the pixels.
     pub fn screen(&self, width: usize, height: usize) -> Picture {
         let bytes = std::fs::read(self.folder.join("Xvfb_screen0")).unwrap();

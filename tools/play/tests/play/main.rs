@@ -51,7 +51,7 @@ impl Bed {
         self.folder.join(name)
     }
 
-    /// What `ivv render` makes of a view.
+    /// The picture of `ivv render`.
     fn rendered(&self, view: &View) -> Picture {
         let (cameras, output) = (self.at("one.json"), self.at("rendered"));
         write_views(&cameras, std::slice::from_ref(view)).unwrap();
@@ -86,7 +86,7 @@ impl Drop for Bed {
     }
 }
 
-/// What a run that went well told; the validation layer, which speaks by the log, was silent.
+/// Standard error of a run that went well; the validation layer, which writes to the log, was silent.
 fn told(output: Output) -> String {
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{:?}\n{told}", output.status);
