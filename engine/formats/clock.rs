@@ -1,5 +1,3 @@
-//! The clock of a clip.
-
 use std::collections::BTreeMap;
 
 /// Frames per second of a file that does not say.
@@ -15,7 +13,7 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// That of a scene in which nothing changes: one frame.
+    /// A scene in which nothing changes: one frame.
     pub const STILL: Clock = Clock { fps: 1.0, frames: 1 };
 
     /// Length of the clip, seconds.

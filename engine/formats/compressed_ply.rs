@@ -20,7 +20,6 @@ const COLOR: [&str; 6] = ["min_r", "min_g", "min_b", "max_r", "max_g", "max_b"];
 const PACKED: [&str; 4] = ["packed_position", "packed_rotation", "packed_scale", "packed_color"];
 const REMEDY: &str = "the file is damaged: export it again";
 
-/// True for the header of a compressed scene.
 pub(super) fn is_compressed(header: &Header) -> bool {
     header.element("chunk").is_some()
         && header.element("vertex").is_some_and(|v| Column::find(v, "packed_position").is_some())
@@ -29,7 +28,6 @@ pub(super) fn is_compressed(header: &Header) -> bool {
 /// Minimum and maximum of x, y, z of one chunk.
 type Range = [f32; 6];
 
-/// The tables of the file, still packed.
 #[derive(Default)]
 struct Packed {
     position: Vec<Range>,
@@ -40,7 +38,7 @@ struct Packed {
     rest: Vec<u8>,
 }
 
-/// Reads the elements that follow the header of a compressed PLY; with notes on what it leaves out. Every Gaussian is static.
+/// Reads the elements behind the header of a compressed PLY, and notes what it leaves out. Every Gaussian is static.
 pub(super) fn read_compressed(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats, Vec<String>)> {
     let mut notes = Vec::new();
     if let Some(vertex) = header.element("vertex") {

@@ -1,13 +1,11 @@
 //! Conversions that the quantised formats share: from their bytes to raw parameters (SPEC 2), and back.
 
-/// The logit of an opacity stored as a byte of 255. The two ends, whose logits are infinite, are taken half a step
-/// inside, which is as far as the byte can tell.
+/// The logit of an opacity of 0 to 255. The ends, whose logits are infinite, are taken half a step inside.
 pub(super) fn logit_of_byte(byte: u8) -> f32 {
     let p = (f64::from(byte) / 255.0).clamp(0.5 / 255.0, 254.5 / 255.0);
     (p / (1.0 - p)).ln() as f32
 }
 
-/// The opacity of a logit as a byte of 255.
 pub(super) fn byte_of_logit(logit: f32) -> u8 {
     level(1.0 / (1.0 + (-f64::from(logit)).exp()))
 }

@@ -10,19 +10,16 @@ use crate::error::Result;
 use crate::scene::Splats;
 use crate::settings::Constants;
 
-/// The remedy for a scene that a format cannot hold for its spans.
 pub(super) const ELSEWHERE: &str = "export it as .4dgs or PLY, or as it is at one time (--time)";
 
 /// A format that scenes are read from.
 pub(super) struct Reader {
     /// Its files, for the message that no format recognises a file.
     pub what: &'static str,
-    /// True if a file, or a folder, is of this format.
     pub knows: fn(&Start) -> bool,
     pub read: fn(&Path) -> Result<Scene>,
 }
 
-/// The evidence that identifies the format of a file.
 pub(super) struct Start<'a> {
     pub path: &'a Path,
     /// The first four bytes, or fewer where there are no more; none of a folder.
@@ -30,7 +27,6 @@ pub(super) struct Start<'a> {
 }
 
 impl Start<'_> {
-    /// True if the name ends in `.ending`, in any case.
     pub fn ends_in(&self, ending: &str) -> bool {
         self.path.extension().and_then(OsStr::to_str).is_some_and(|own| own.eq_ignore_ascii_case(ending))
     }
@@ -47,11 +43,10 @@ pub struct Writer {
     pub about: &'static str,
     /// Which parts of a clip it stores.
     pub keeps: Keeps,
-    /// Writes a file; gives the notes on what it lost.
+    /// Writes a file, and returns a note for each thing that it lost.
     pub(super) write: WriteScene,
 }
 
-/// As [`Writer::write`].
 pub(super) type WriteScene = fn(&Path, &Splats, &Clip, &WriteOptions) -> Result<Vec<String>>;
 
 /// The parts of a [`Clip`] that a format stores.
@@ -68,7 +63,6 @@ pub struct Keeps {
 }
 
 impl Keeps {
-    /// The Gaussians alone.
     pub(super) const NOTHING: Keeps = Keeps { constants: false, views: false, sounds: false, non_finite: false };
     pub(super) const ALL: Keeps = Keeps { constants: true, views: true, sounds: true, non_finite: false };
 }
@@ -134,7 +128,6 @@ pub struct Written {
 }
 
 impl Written {
-    /// Counts what `keep` keeps of `splats`.
     pub(super) fn of(splats: &Splats, keep: impl Fn(usize) -> bool, notes: Vec<String>) -> Self {
         let n_static = (0..splats.n_static).filter(|i| keep(*i)).count();
         let n_dynamic = (splats.n_static..splats.len()).filter(|i| keep(*i)).count();

@@ -1,4 +1,4 @@
-//! glTF with `KHR_gaussian_splatting`, as a binary file: writer of static scenes.
+//! glTF with `KHR_gaussian_splatting`, as a binary file.
 
 use std::path::Path;
 
@@ -28,11 +28,9 @@ const JSON: &[u8; 4] = b"JSON";
 const BINARY: &[u8; 4] = b"BIN\0";
 /// Longest file, bytes: lengths are 32 bits.
 const MOST_BYTES: u64 = u32::MAX as u64;
-/// glTF's numbers of component types.
 const FLOAT: u32 = 5126;
 const UNSIGNED_BYTE: u32 = 5121;
 
-/// Buffer, views of it and accessors of the attributes, as they grow.
 #[derive(Default)]
 struct Attributes {
     buffer: Vec<u8>,
@@ -43,7 +41,6 @@ struct Attributes {
 }
 
 impl Attributes {
-    /// Appends an attribute of floats.
     fn floats<const K: usize>(&mut self, name: &str, rows: impl Iterator<Item = [f32; K]>) {
         let bytes = rows.flat_map(|row| row.into_iter().flat_map(f32::to_le_bytes).collect::<Vec<u8>>());
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"][K - 1];
@@ -61,12 +58,8 @@ impl Attributes {
     }
 }
 
-/// Writes static Gaussians as a `.glb`, in the order of `source_row` and turned to glTF's axes (right, up, back), with colours
-/// of the points for programs that do not know the extension. The node turns and scales them as `world` says, so that y is up and a
-/// unit is a metre. Gaussians with a parameter that is not finite are left out. No number but the colours of points loses anything.
-///
-/// # Errors
-/// [`Error::Data`] when there is no Gaussian, one is dynamic, the file would be longer than 4 GiB or cannot be written.
+/// Turns to glTF's axes (right, up, back). The node turns and scales the Gaussians as `world` says: y up, metres. Colours of
+/// points serve programs without the extension; nothing else loses anything.
 pub fn write_glb(path: &Path, splats: &Splats, world: Option<World>) -> Result<()> {
     let rows = splats.static_rows(path)?;
     if rows.is_empty() {
@@ -111,12 +104,12 @@ pub fn write_glb(path: &Path, splats: &Splats, world: Option<World>) -> Result<(
     write(path, all, &node(world))
 }
 
-/// The node of Gaussians whose axes were turned by half a turn about x.
+/// The node of Gaussians that were turned by half a turn about x.
 fn node(world: Option<World>) -> Value {
     let mut node = json!({ "mesh": 0 });
     if let Some(World { up: [x, y, z], metres_per_unit }) = world {
         let up = DVec3::new(x, -y, -z).normalize_or(DVec3::Y);
-        // Of all half turns, that which takes the other back.
+        // The half turn that takes the other back.
         let turn = if up == DVec3::NEG_Y {
             DQuat::from_xyzw(1.0, 0.0, 0.0, 0.0)
         } else {
@@ -164,13 +157,13 @@ fn write(path: &Path, all: Attributes, node: &Value) -> Result<()> {
     })
 }
 
-/// A quaternion (w, x, y, z) as a unit one (x, y, z, w) after half a turn of the axes about x.
+/// (w, x, y, z) as a unit quaternion (x, y, z, w) after half a turn of the axes about x.
 fn turned([w, x, y, z]: [f32; 4]) -> [f32; 4] {
     let norm = [w, x, y, z].iter().map(|v| f64::from(*v).powi(2)).sum::<f64>().sqrt();
     if norm > 0.0 { [x, -y, -z, w].map(|v| (f64::from(v) / norm) as f32) } else { [0.0, 0.0, 0.0, 1.0] }
 }
 
-/// The linear value of one of sRGB, both from 0 to 1; values beyond are taken at the nearest end.
+/// sRGB to linear, clamped to 0 to 1.
 fn linear(encoded: f64) -> f64 {
     let v = encoded.clamp(0.0, 1.0);
     if v <= 0.040_45 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }

@@ -1,5 +1,3 @@
-//! One entry for every scene format.
-
 use std::io::Read;
 use std::path::Path;
 
@@ -8,7 +6,6 @@ use super::scene::Scene;
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
 
-/// Reads a scene with the first of `readers` that knows it.
 pub(super) fn read(path: &Path, readers: &[Reader]) -> Result<Scene> {
     let mut bytes = Vec::new();
     if !path.is_dir() {

@@ -42,7 +42,7 @@ use crate::scene::Splats;
 use format::Reader;
 use std::path::Path;
 
-/// The formats that scenes are read from. Those that are recognised by content come before those that are recognised by an ending.
+/// Those that are recognised by content come before those that are recognised by an ending.
 const READERS: &[Reader] = &[ply::READER, four_dgs::READER, spz::READER, sog::READER, splat::READER];
 
 /// The formats that scenes are written in.
@@ -67,9 +67,6 @@ pub fn read(path: impl AsRef<Path>) -> Result<Scene> {
 }
 
 /// The Gaussians of [`read`].
-///
-/// # Errors
-/// As [`read`].
 pub fn read_scene(path: &Path) -> Result<Splats> {
     read(path).map(|scene| scene.splats)
 }

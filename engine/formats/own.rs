@@ -1,12 +1,9 @@
-//! How a scene is rendered, as files say it: names and values.
-
 use crate::settings::Constants;
 use std::collections::BTreeMap;
 
-/// The values by which a scene is rendered, by name.
+/// The values by which a scene is rendered, by name, as files say it.
 pub type Own = BTreeMap<String, String>;
 
-/// All values of `constants` and `background`.
 pub fn own(constants: &Constants, background: [f32; 3]) -> Own {
     let numbers = [
         ("alpha_max", constants.alpha_max),
@@ -20,7 +17,7 @@ pub fn own(constants: &Constants, background: [f32; 3]) -> Own {
     own
 }
 
-/// Those values that differ from the defaults.
+/// The values that differ from the defaults.
 pub fn unusual(constants: &Constants, background: Option<[f32; 3]>) -> Own {
     let usual = own(&Constants::default(), [0.0; 3]);
     let mut own = own(constants, background.unwrap_or_default());
@@ -28,7 +25,6 @@ pub fn unusual(constants: &Constants, background: Option<[f32; 3]>) -> Own {
     own
 }
 
-/// How a file says that its scene is rendered.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Rendering {
     /// Defaults for absent and impossible values.
@@ -40,7 +36,7 @@ pub struct Rendering {
 }
 
 impl Rendering {
-    /// Parses the values that [`own`] writes.
+    /// Parses the values of [`own`].
     pub fn of(own: &Own) -> Self {
         let usual = Constants::default();
         let mut wrong = Vec::new();
@@ -78,7 +74,6 @@ impl Rendering {
     }
 }
 
-/// The values with their names, for a message.
 pub fn list(own: &Own) -> String {
     own.iter().map(|(name, value)| format!("{name} {value}")).collect::<Vec<_>>().join(", ")
 }

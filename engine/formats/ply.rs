@@ -1,4 +1,4 @@
-//! Scenes as 3DGS PLY files (SPEC 9): reader of every variant, writer of the canonical one.
+//! 3DGS's PLY (SPEC 9).
 
 use std::io::{self, Read, Write};
 use std::path::Path;
@@ -17,21 +17,9 @@ use crate::files::ply_rows::Rows;
 use crate::files::{cannot_read, open_file, write_atomic};
 use crate::scene::{ALWAYS, Motion, Splats};
 
-/// Reads a scene from a 3DGS PLY file: ascii or binary of either byte order, properties by name in any order and of
-/// any scalar type (rounded to f32). Properties and elements that change no picture are skipped, and so are harmonics of degree 4 and
-/// above; [`read`](crate::internals::formats::read) says which. The discs of 2DGS become thin, and the 3D filter of mip-splatting is
-/// worked in.
-///
-/// Temporal properties are this project's, those of a `.ftgs.ply` (version 1) or those of Spacetime Gaussians whose motion is
-/// along lines. A Gaussian is static when the file has none or when it rests and never fades (`t_scale` +infinity, a
-/// `log_duration` of 1e6 sequences); static Gaussians come first, each population in the file's order, and `source_row` keeps the row.
-/// Opacities of 0 and 1, whose logits are infinite, are taken as those of a byte are. Other values that are not finite are kept: the
-/// renderer culls and counts them.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be read, its header is malformed, a property is missing or declared twice, one that is not
-/// read moves Gaussians or has a part in how they look, `f_rest` has a number of entries that no degree has, or the file is shorter or
-/// longer than its header says.
+/// ASCII or binary of either byte order; properties by name, of any scalar type (rounded to f32). Skips what changes no
+/// picture, harmonics of degree 4 and above, and notes it. The discs of 2DGS become thin; mip-splatting's 3D filter is worked
+/// in. Temporal properties are ours, those of a `.ftgs.ply`, or those of Spacetime Gaussians along lines.
 pub fn read_ply(path: &Path) -> Result<Splats> {
     import(path).map(|imported| imported.splats)
 }
@@ -45,7 +33,6 @@ fn import(path: &Path) -> Result<Scene> {
     Ok(Scene::new(splats, notes, own.as_ref()))
 }
 
-/// The Gaussians, and the notes on the file.
 fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats, Vec<String>)> {
     let Some(vertex) = header.element("vertex") else {
         let remedy = "give a Gaussian splatting scene";
@@ -79,23 +66,18 @@ fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats
     Ok((still, notes))
 }
 
-/// How the scene is rendered, by a header; none in a file of another program.
 fn own(header: &Header) -> Option<Own> {
     let said = header.comments.iter().filter_map(|line| line.strip_prefix(OWN)?.split_once(' '));
     let own: Own = said.map(|(name, value)| (name.to_owned(), value.to_owned())).collect();
     (!own.is_empty()).then_some(own)
 }
 
-/// The comments that [`own`] reads.
 pub(super) fn own_comments(own: &Own) -> Vec<String> {
     let plain = |text: &str| text.split_ascii_whitespace().collect::<Vec<_>>().join(" ");
     own.iter().map(|(name, value)| format!("{OWN}{} {}", plain(name), plain(value))).collect()
 }
 
-/// How the scene is rendered, by the header of a PLY; none in a file of another program or format.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be read, or is a PLY whose header is malformed or promises another length.
+/// How the scene is rendered; none in a file of another program or format.
 pub fn ply_own(path: &Path) -> Result<Option<Own>> {
     if !is_ply(path)? {
         return Ok(None);
@@ -103,7 +85,6 @@ pub fn ply_own(path: &Path) -> Result<Option<Own>> {
     Rows::open(path).map(|(header, _)| own(&header))
 }
 
-/// True if a file begins as a PLY does.
 pub(super) fn is_ply(path: &Path) -> Result<bool> {
     let mut start = Vec::new();
     let read = open_file(path).and_then(|file| file.take(STARTS[0].len() as u64).read_to_end(&mut start));
@@ -111,7 +92,6 @@ pub(super) fn is_ply(path: &Path) -> Result<bool> {
     Ok(STARTS.iter().any(|known| **known == start[..]))
 }
 
-/// The first bytes of a PLY.
 const STARTS: [&[u8]; 2] = [b"ply\n", b"ply\r"];
 /// The prefix of this project's own comments: a name and a value follow.
 const OWN: &str = "ivv ";
@@ -137,21 +117,13 @@ pub(super) const FTGS_WRITER: Writer = Writer {
     write: |path, splats, clip, _| write_free_time(path, splats, clip.clock, &clip.unusual()).map(|()| Vec::new()),
 };
 
-/// Writes a scene as a binary little-endian PLY in 3DGS's property order, rows in the order of `source_row` (ties: the
-/// lower index first). The temporal properties follow when any Gaussian is dynamic; a static one then has velocity 0,
-/// `t_center` 0 and `t_scale` +infinity. Where some are not always there, `t_from` and `t_to` follow. Reading a file that this
-/// wrote and writing it again gives the same bytes, unless a logit of an opacity is infinite.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be written or the scene's arrays disagree in length.
+/// Writes binary little-endian rows in the order of `source_row`, with the temporal properties if any Gaussian is dynamic.
+/// Writing what was read gives the same bytes, unless a logit of an opacity is infinite.
 pub fn write_ply(path: &Path, splats: &Splats) -> Result<()> {
     write_ply_with(path, splats, &Own::new())
 }
 
-/// As [`write_ply`], with how the scene is rendered in comments of the header.
-///
-/// # Errors
-/// As [`write_ply`].
+/// As [`write_ply`], with `own` in comments of the header.
 pub fn write_ply_with(path: &Path, splats: &Splats, own: &Own) -> Result<()> {
     let names: Vec<&str> = match (splats.motion.is_empty(), splats.span.is_empty()) {
         (true, _) => Vec::new(),
@@ -161,7 +133,7 @@ pub fn write_ply_with(path: &Path, splats: &Splats, own: &Own) -> Result<()> {
     write_rows(path, splats, &own_comments(own), &names, |dynamic| own_time(splats, dynamic), |_| true)
 }
 
-/// The values of [`MOTION`] and [`SPAN`] of a Gaussian by its place among the dynamic ones; none for a static one.
+/// [`MOTION`] and [`SPAN`] of a dynamic Gaussian, or those of a static one.
 pub(super) fn own_time(splats: &Splats, dynamic: Option<usize>) -> [f32; 7] {
     let still = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: f32::INFINITY };
     let Motion { velocity: [x, y, z], t_center, t_scale } = dynamic.map_or(still, |at| splats.motion[at]);
@@ -169,12 +141,8 @@ pub(super) fn own_time(splats: &Splats, dynamic: Option<usize>) -> [f32; 7] {
     [x, y, z, t_center, t_scale, from, to]
 }
 
-/// Writes a scene as `.ftgs.ply`, version 1: 88 bytes a Gaussian of degree 0. With a `clock` its frames fall where the format
-/// has them. Gaussians with a parameter that is not finite are left out; one that never fades has a standard deviation of 1e6
-/// sequences.
-///
-/// # Errors
-/// [`Error::Data`] when no Gaussian is left, the file cannot be written or the scene's arrays disagree in length.
+/// Writes a `.ftgs.ply`, version 1, with the frames of `clock` where the format has them. Leaves out Gaussians that are not
+/// finite. One that never fades has a standard deviation of 1e6 sequences.
 pub fn write_ftgs(path: &Path, splats: &Splats, clock: Option<Clock>) -> Result<()> {
     write_free_time(path, splats, clock, &Own::new())
 }
@@ -190,8 +158,8 @@ fn write_free_time(path: &Path, splats: &Splats, clock: Option<Clock>, own: &Own
     write_rows(path, splats, &comments, &FREE_TIME, temporal, |i| splats.is_finite(i))
 }
 
-/// Writes the rows that `keep` accepts, with the temporal properties `names`. `temporal` gives their values, and maybe more behind
-/// them, by the place among the dynamic Gaussians; none for a static one.
+/// Writes the rows that `keep` accepts. `temporal` gives the values of the properties `names`, and maybe more, by the index
+/// among the dynamic Gaussians.
 fn write_rows<const N: usize>(
     path: &Path,
     splats: &Splats,
@@ -220,7 +188,6 @@ fn write_rows<const N: usize>(
     })
 }
 
-/// Writes the header of `n` rows with the temporal properties `temporal`.
 pub(super) fn write_header(
     to: &mut dyn Write,
     sh_degree: u32,
@@ -245,7 +212,6 @@ pub(super) fn write_header(
     writeln!(to, "end_header")
 }
 
-/// Appends the row of Gaussian `i`, without temporal properties.
 pub(super) fn push_row(splats: &Splats, i: usize, row: &mut Vec<u8>) {
     let mut push = |values: &[f32]| values.iter().for_each(|v| row.extend(v.to_le_bytes()));
     push(&splats.position[i]);

@@ -1,6 +1,4 @@
-//! Which properties of a Gaussian change the picture, in the PLY files of many programs.
-//!
-//! The methods' own writers give these names. A name that no table has is judged by its words.
+//! Which properties of a PLY change the picture: by the names that known methods write, or else by the words of a name.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,17 +7,14 @@ use super::scene::compensated;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
 
-/// Properties, without their numbers, that are in so many files that a note would only disturb: normals, and colours of points beside the
-/// harmonics.
+/// Properties that are in so many files that a note would only disturb.
 const SILENT: [&str; 10] = ["nx", "ny", "nz", "nxx", "red", "green", "blue", "alpha", "normal_x", "normal_y"];
 
-/// A method whose files have properties of their own.
+/// Files with properties of their own.
 struct Method {
-    /// Names without their numbers, any of which identifies it.
+    /// Without numbers; any of them identifies the method.
     names: &'static [&'static str],
-    /// The effect of those properties.
     what: &'static str,
-    /// The remedy.
     remedy: &'static str,
 }
 
@@ -87,7 +82,7 @@ const HARMLESS: &str = "label labels id ids index idx instance instances ins sem
     class classes cluster clusters category object objects obj group groups language lang clip dino sam mask masks score scores \
     confidence conf uncertainty certainty error errors importance contribution count counts visits lod level levels normal normals \
     depth thermal selected deleted flags state radius radii radii2 grad denom camera cameras cam source";
-/// Words of properties that move Gaussians, or say when they are there.
+/// Words of properties that move Gaussians, or say when they exist.
 const MOTION: &str = "t dt time times timestamp timestep tp trbf tcen motion motions move movement velocity vel omega zeta disp \
     displacement deform deformation deformations flow traj trajectory poly polynomial fourier control knot knots spline keyframe \
     keyframes delta dx dy dz dxyz dpos drot acc accel acceleration jerk angular duration lifetime lifespan life birth death dynamic \
@@ -99,10 +94,8 @@ const LOOKS: &str = "f feat feats feature features fea anchor latent latents emb
     colors rgb tint texture tex uv sh shs opacity opacities alphas scale scales scaling rot rotation quat dc rest mlp hash \
     appearance exposure sky filter";
 
-/// The notes on a PLY of Gaussians whose reader takes the elements `read` and those properties of `vertex` for which `is_read` holds.
-///
-/// # Errors
-/// [`Error::Data`] when any other property or element changes the picture.
+/// The notes on a PLY whose reader takes the elements `read` and the properties for which `is_read` holds. Refuses any other
+/// that changes the picture.
 pub(super) fn judge(
     path: &Path,
     header: &Header,
@@ -158,7 +151,7 @@ fn elements(path: &Path, header: &Header, read: &[&str]) -> Result<Option<String
     Ok((!names.is_empty()).then(|| format!("{} {verb} not read: {}", names.len(), names.join(", "))))
 }
 
-/// Names that differ in their numbers as one: "`f_t_*` (3), `beta`".
+/// "`f_t_*` (3), `beta`".
 fn list<'a>(groups: impl Iterator<Item = (&'a &'a str, &'a Vec<&'a str>)>) -> String {
     let told = groups.map(|(stem, names)| match &names[..] {
         [name] => format!("`{}`", name.escape_debug()),
@@ -167,13 +160,13 @@ fn list<'a>(groups: impl Iterator<Item = (&'a &'a str, &'a Vec<&'a str>)>) -> St
     told.collect::<Vec<_>>().join(", ")
 }
 
-/// A name without the numbers at its end: `motion_xyz_0_1` is `motion_xyz`.
+/// `motion_xyz_0_1` is `motion_xyz`.
 pub(super) fn stem(name: &str) -> &str {
     let stem = name.trim_end_matches(|c: char| c.is_ascii_digit() || c == '_');
     if stem.is_empty() { name } else { stem }
 }
 
-/// True if one of the words of `name`, without their numbers, is among `words`.
+/// True if a word of `name`, without its number, is among `words`.
 fn has_word(name: &str, words: &str) -> bool {
     let mut own = name.split(|c: char| !c.is_ascii_alphanumeric());
     own.any(|word| {
@@ -182,8 +175,7 @@ fn has_word(name: &str, words: &str) -> bool {
     })
 }
 
-/// The note on a scene that was trained for a renderer that compensates for its blur, by the last of the comments that say so: Brush's
-/// `SplatRenderMode: mip`, Postshot's `antialiased 1`.
+/// The last comment wins: Brush's `SplatRenderMode: mip`, Postshot's `antialiased 1`.
 pub(super) fn compensation(header: &Header) -> Option<String> {
     let said = header.comments.iter().rev().find_map(|line| {
         let words = line.to_ascii_lowercase();
@@ -194,7 +186,7 @@ pub(super) fn compensation(header: &Header) -> Option<String> {
     is_compensated.then(|| compensated(&format!("comment `{line}`")))
 }
 
-/// The note on a file next to a network that moves its Gaussians, as 4DGaussians and Deformable 3D Gaussians save them.
+/// 4DGaussians and Deformable 3D Gaussians save a network that moves the Gaussians beside the file.
 pub(super) fn network_beside(path: &Path) -> Option<String> {
     let folder = path.parent()?;
     let is_iteration = folder.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"iteration_"));

@@ -1,4 +1,4 @@
-//! Where the numbers of a Gaussian are in the rows of a PLY, and what they mean.
+//! The columns of a PLY that make a Gaussian.
 
 use std::path::Path;
 
@@ -12,16 +12,14 @@ use crate::files::ply_rows::Column;
 use crate::scene::Splats;
 use crate::scene::dc_of_color;
 
-/// The highest degree of harmonics that is kept, and the highest that a file may have.
+/// The highest degree that is kept, and the highest that a file may have.
 const DEGREE: usize = 3;
 const MOST_DEGREE: usize = 8;
-/// Thickness of the flat discs of 2DGS, as a part of their smaller radius: too thin to see, and every format can store it.
+/// Thickness of the discs of 2DGS, as a part of their smaller radius: too thin to see, and every format can store it.
 const FLAT: f64 = 1e-3;
 
-/// Columns of the properties that make a Gaussian.
 pub(super) struct Layout {
     pub(super) sh_degree: u32,
-    /// The notes on the file.
     pub(super) notes: Vec<String>,
     position: [Column; 3],
     dc: [Column; 3],
@@ -36,7 +34,7 @@ pub(super) struct Layout {
     /// Absent in 2DGS, whose discs are flat.
     third_scale: Option<Column>,
     rotation: [Column; 4],
-    /// Standard deviation of the low-pass filter of mip-splatting, which is no part of the other properties.
+    /// Standard deviation of mip-splatting's low-pass filter.
     filter: Option<Column>,
     temporal: Option<Temporal>,
 }
@@ -100,12 +98,10 @@ impl Layout {
         })
     }
 
-    /// True if a row has numbers in harmonics that are not kept.
     pub(super) fn is_cut(&self, bytes: &[u8]) -> bool {
         self.beyond.iter().any(|column| column.f32(bytes) != 0.0)
     }
 
-    /// The notes on `n` rows, of which `n_cut` lose harmonics.
     pub(super) fn notes_of_rows(&self, n_cut: usize, n: usize) -> Vec<String> {
         let mut notes = Vec::new();
         if n_cut > 0 {
@@ -121,10 +117,7 @@ impl Layout {
         notes
     }
 
-    /// Appends the Gaussian of a row to those that it belongs to.
-    ///
-    /// # Errors
-    /// Why it cannot be held.
+    /// Appends the Gaussian of a row; an error says why it cannot be held.
     pub(super) fn push(
         &self,
         row: u32,
@@ -152,29 +145,28 @@ impl Layout {
         Ok(())
     }
 
-    /// Logs of the standard deviations and logit of the opacity.
+    /// Log-scales and logit of the opacity.
     fn size(&self, bytes: &[u8]) -> ([f32; 3], f32) {
         let [a, b] = self.scale.map(|c| c.f32(bytes));
         let third = self.third_scale.map_or_else(|| (f64::from(a.min(b)) + FLAT.ln()) as f32, |c| c.f32(bytes));
         let (scale, opacity) = ([a, b, third], within(self.opacity.f32(bytes)));
         let Some(filter) = self.filter.map(|c| c.f64(bytes)) else { return (scale, opacity) };
         let filtered = scale.map(|s| 0.5 * ((2.0 * f64::from(s)).exp() + filter * filter).ln());
-        // The height that a Gaussian loses as it grows.
+        // The opacity that a Gaussian loses as it grows.
         let lost: f64 = scale.iter().zip(filtered).map(|(s, filtered)| f64::from(*s) - filtered).sum();
         let left = lost.exp() / (1.0 + (-f64::from(opacity)).exp());
         (filtered.map(|s| s as f32), within((left / (1.0 - left)).ln() as f32))
     }
 }
 
-/// The standard deviation of mip-splatting's 3D filter.
 const FILTER: &str = "filter_3D";
-/// The properties that are read, but for harmonics and time.
+/// The properties that are read, beside harmonics and time.
 const READ: [&str; 15] = [
     "x", "y", "z", "f_dc_0", "f_dc_1", "f_dc_2", "opacity", "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2",
     "rot_3", FILTER,
 ];
 
-/// The columns of the harmonics above degree 0: those that are kept, and those of degrees above, both channel after channel.
+/// The harmonics that are kept, and those of higher degrees, channel-major.
 fn rest(path: &Path, vertex: &Element) -> Result<(Vec<Column>, Vec<Column>)> {
     let n = vertex.properties.iter().filter(|p| p.name.starts_with("f_rest_")).count();
     let fits = |degree: &usize| 3 * ((degree + 1).pow(2) - 1) == n;
@@ -195,7 +187,7 @@ fn rest(path: &Path, vertex: &Element) -> Result<(Vec<Column>, Vec<Column>)> {
     Ok((channels().flat_map(|c| &c[..kept]).copied().collect(), channels().flat_map(|c| &c[kept..]).copied().collect()))
 }
 
-/// The logit, made finite: programs that turn bytes into logits write infinite ones for what is opaque or invisible.
+/// A finite logit: programs that convert bytes write infinite ones.
 fn within(logit: f32) -> f32 {
     if logit.is_infinite() { logit_of_byte(if logit > 0.0 { 255 } else { 0 }) } else { logit }
 }

@@ -1,5 +1,5 @@
-//! PLY files of clips that may be longer than memory: static Gaussians first, then the dynamic ones part by part. Comments of the
-//! header say where a part begins and when it is there; to other readers the file is a scene as any other.
+//! PLY files of clips longer than memory: static Gaussians, then the dynamic ones part by part, which comments of the header
+//! list. Other readers see a plain scene.
 
 use std::path::{Path, PathBuf};
 
@@ -13,13 +13,12 @@ use crate::files::ply_rows::Rows;
 use crate::files::write_made;
 use crate::scene::{Part, Parts, Splats};
 
-/// Comment with the number of static Gaussians.
+/// Comment: number of static Gaussians.
 const STILL: &str = "ivv_static";
-/// Comment of a part: number of Gaussians, from when and up to when some of them are there.
+/// Comment of a part: number of Gaussians, begin, end.
 const PART: &str = "ivv_part";
 const REMEDY: &str = "join the segments again";
 
-/// A PLY file of parts, of which none is in memory.
 pub struct PlyParts {
     path: PathBuf,
     header: Header,
@@ -31,11 +30,7 @@ pub struct PlyParts {
 }
 
 impl PlyParts {
-    /// Reads the header of a file; `None` where it lists no parts, or where the file is no PLY.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the header is malformed, the file is shorter or longer than its header says, or the parts that it tells
-    /// of are not what it holds.
+    /// `None` where the file lists no parts, or is no PLY.
     pub fn open(path: &Path) -> Result<Option<Self>> {
         if !is_ply(path)? {
             return Ok(None);
@@ -65,12 +60,11 @@ impl PlyParts {
         Ok(Some(PlyParts { path: path.to_owned(), header, vertex, row_size, layout, n_static, parts }))
     }
 
-    /// Number of static Gaussians.
     pub fn n_static(&self) -> usize {
         self.n_static as usize
     }
 
-    /// The Gaussians of `n` rows from `first` on: static ones, dynamic ones.
+    /// Static and dynamic Gaussians of `n` rows from `first` on.
     fn rows(&self, first: u64, n: u64) -> Result<[Splats; 2]> {
         let (_, mut rows) = Rows::open(&self.path)?;
         rows.seek(&self.header, self.row_size, first)?;
@@ -89,7 +83,6 @@ impl PlyParts {
     }
 }
 
-/// Parses the comment on a part.
 fn part(line: &str) -> Option<Part> {
     let words: Vec<&str> = line.split(' ').collect();
     let [n, from, to] = words[..] else { return None };
@@ -133,10 +126,7 @@ impl Parts for PlyParts {
     }
 }
 
-/// Writes a clip as a PLY of parts, of which one at a time is in memory, with how it is rendered.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be written; those of the clip.
+/// Writes a clip with one part at a time in memory.
 pub fn write_parts(path: &Path, clip: &mut dyn Parts, own: &Own) -> Result<()> {
     let still = clip.still()?;
     let parts = clip.parts().to_vec();

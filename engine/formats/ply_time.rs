@@ -1,5 +1,4 @@
-//! When a Gaussian of a PLY is there and how it moves: this project's properties, those of FreeTimeGS (`.ftgs.ply`, version 1) and
-//! those of Spacetime Gaussians.
+//! When a Gaussian of a PLY exists and how it moves.
 
 use std::path::Path;
 
@@ -9,18 +8,17 @@ use crate::files::ply_header::{Element, Header};
 use crate::files::ply_rows::Column;
 use crate::scene::{ALWAYS, Motion};
 
-/// The temporal properties of this project, in the file's order; a file has all of them or none.
+/// Ours: a file has all of them or none.
 pub(super) const MOTION: [&str; 5] = ["velocity_0", "velocity_1", "velocity_2", "t_center", "t_scale"];
-/// From when up to when a Gaussian is there, behind [`MOTION`]; a file has both or none.
+/// Begin and end of a Gaussian, behind [`MOTION`]; a file has both or none.
 pub(super) const SPAN: [&str; 2] = ["t_from", "t_to"];
-/// Those of FreeTimeGS: the time and the log of the standard deviation are of a sequence from 0 to 1.
+/// FreeTimeGS's (`.ftgs.ply`, version 1), in units of a sequence from 0 to 1.
 pub(super) const FREE_TIME: [&str; 5] = ["time", "log_duration", "velocity_0", "velocity_1", "velocity_2"];
-/// Those of Spacetime Gaussians; the first three `motion` are a velocity, the others and `omega` are higher orders and a turn.
+/// Those of Spacetime Gaussians; other `motion` and `omega` are higher orders and a turn.
 const SPACETIME: [&str; 5] = ["motion_0", "motion_1", "motion_2", "trbf_center", "trbf_scale"];
-/// A standard deviation, in lengths of the sequence, from which on nothing fades within it.
+/// A standard deviation, in sequences, from which on nothing fades.
 pub(super) const NEVER_FADES: f64 = 1e6;
 
-/// Columns of the temporal properties, and what they mean.
 pub(super) struct Temporal {
     columns: [Column; 5],
     form: Form,
@@ -34,20 +32,19 @@ enum Form {
     Spacetime(Vec<Column>),
 }
 
-/// The comments of a `.ftgs.ply`.
 struct FreeTime {
-    /// Normalised time of ours that one of the file's is: the file's sequence ends with its last frame, ours a frame later.
+    /// The file's sequence in our clip: it ends with its last frame, ours a frame later.
     rate: f64,
     use_velocity: bool,
     min_duration: f64,
 }
 
-/// Normalised time of ours that the whole sequence of a `.ftgs.ply` with so many frames is.
+/// See `FreeTime::rate`.
 pub(super) fn rate(frames: u32) -> f64 {
     if frames > 1 { f64::from(frames - 1) / f64::from(frames) } else { 1.0 }
 }
 
-/// True if a property of Spacetime Gaussians is of a higher order than a velocity, or a turn.
+/// True for a `motion` above the velocity, or an `omega`.
 fn is_higher(name: &str) -> bool {
     let is_number = |text: &str| !text.is_empty() && text.bytes().all(|byte| byte.is_ascii_digit());
     let of = |prefix: &str| name.strip_prefix(prefix).is_some_and(is_number) && !SPACETIME.contains(&name);
@@ -55,10 +52,6 @@ fn is_higher(name: &str) -> bool {
 }
 
 impl Temporal {
-    /// The temporal properties of `vertex`, if it has any.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where some are missing, or a comment says what is not supported.
     pub fn find(path: &Path, header: &Header, vertex: &Element) -> Result<Option<Self>> {
         let has = |name: &str| Column::find(vertex, name).is_some();
         let (names, form) = if has("trbf_center") || has("trbf_scale") {
@@ -90,7 +83,6 @@ impl Temporal {
         Ok(columns.try_into().ok().map(|columns| Temporal { columns, form, span }))
     }
 
-    /// True if the property `name` is one of these.
     pub fn reads(&self, name: &str) -> bool {
         match self.form {
             Form::Own => MOTION.contains(&name) || SPAN.contains(&name),
@@ -99,20 +91,16 @@ impl Temporal {
         }
     }
 
-    /// From when up to when the Gaussian of a row is there; `None` where the file does not say.
     pub fn span(&self, bytes: &[u8]) -> Option<[f32; 2]> {
         self.span.as_ref().map(|columns| columns.map(|column| column.f32(bytes)))
     }
 
-    /// True if colours of degree 0 are stored as they are, from 0 to 1, instead of as coefficients.
+    /// Colours from 0 to 1 instead of coefficients.
     pub fn has_plain_colors(&self) -> bool {
         matches!(self.form, Form::Spacetime(_))
     }
 
-    /// How the Gaussian of a row moves; `None` where it is static.
-    ///
-    /// # Errors
-    /// Why it cannot be held.
+    /// `None` of a static Gaussian; an error says why it cannot be held.
     pub fn motion(&self, bytes: &[u8]) -> std::result::Result<Option<Motion>, &'static str> {
         let values = self.columns.map(|column| column.f32(bytes));
         let [vx, vy, vz, t_center, t_scale] = match &self.form {
@@ -176,7 +164,6 @@ impl FreeTime {
     }
 }
 
-/// The comments of a `.ftgs.ply` of a scene of this degree.
 pub(super) fn free_time_comments(sh_degree: u32, clock: Option<Clock>) -> Vec<String> {
     let mut lines =
         vec!["ftgs_version 1".to_owned(), "time_units normalized".to_owned(), format!("sh_degree {sh_degree}")];
@@ -186,7 +173,7 @@ pub(super) fn free_time_comments(sh_degree: u32, clock: Option<Clock>) -> Vec<St
     lines
 }
 
-/// The temporal properties of a Gaussian as [`FREE_TIME`] has them; `None` for a static one.
+/// The properties [`FREE_TIME`] of a Gaussian; `None` is a static one.
 pub(super) fn free_time(motion: Option<Motion>, clock: Option<Clock>) -> [f32; 5] {
     let rate = clock.map_or(1.0, |clock| rate(clock.frames));
     let Some(Motion { velocity, t_center, t_scale }) = motion else {

@@ -1,5 +1,3 @@
-//! A scene as a file holds it.
-
 use super::clock::Clock;
 use super::four_dgs::{Sounds, World};
 use super::own::{Own, Rendering, own, unusual};
@@ -13,7 +11,7 @@ pub struct Scene {
     pub splats: Splats,
     /// When they are shown, from where, and how they are rendered.
     pub clip: Clip,
-    /// The reader's notes on everything that it left out, guessed or converted: a sentence each, without the file's name.
+    /// What the reader left out, guessed or converted: a sentence each, without the file's name.
     pub notes: Vec<String>,
 }
 
@@ -37,7 +35,7 @@ pub struct Clip {
 }
 
 impl Scene {
-    /// A scene of a file that says `own` of how it is rendered, if anything.
+    /// A scene whose file says `own` of its rendering.
     pub(super) fn new(splats: Splats, mut notes: Vec<String>, own: Option<&Own>) -> Self {
         let Rendering { constants, background, notes: wrong } = own.map(Rendering::of).unwrap_or_default();
         notes.extend(wrong);
@@ -52,19 +50,17 @@ impl From<Splats> for Scene {
 }
 
 impl Clip {
-    /// How the scene is rendered: all values, with the background of the first view where none is known.
+    /// All values, with the background of the first view where none is known.
     pub(super) fn own(&self) -> Own {
         let background = self.background.or(self.views.first().map(|view| view.background));
         own(&self.constants, background.unwrap_or_default())
     }
 
-    /// How the scene is rendered: the values that differ from the defaults.
     pub(super) fn unusual(&self) -> Own {
         unusual(&self.constants, self.background)
     }
 }
 
-/// The note on a scene whose `tag` says that it was trained for a renderer that compensates for its blur.
 pub(super) fn compensated(tag: &str) -> String {
     format!(
         "it was trained for a renderer that makes Gaussians fainter as blur makes them larger ({tag}); ivv does not, so thin and \
@@ -72,7 +68,6 @@ pub(super) fn compensated(tag: &str) -> String {
     )
 }
 
-/// The note on `n_cut` of `n` Gaussians that lose harmonics of degree `degree`.
 pub(super) fn cut_harmonics(degree: u32, n_cut: usize, n: usize) -> String {
     format!("harmonics of degree {degree} are cut to degree 3, of {n_cut} of {n} Gaussians")
 }

@@ -1,5 +1,4 @@
-//! PlayCanvas' SOG, version 2: `meta.json` and lossless WebP images whose pixels are the Gaussians' attributes, in a folder or
-//! bundled in one zip archive, a `.sog`.
+//! PlayCanvas' SOG, version 2: `meta.json` and lossless WebP images of the attributes, in a folder or a zip archive, a `.sog`.
 
 use std::io::{Cursor, Read};
 use std::path::Path;
@@ -16,13 +15,11 @@ use crate::files::archive::Archive;
 use crate::files::{cannot_read, open_file, read_bytes};
 use crate::scene::Splats;
 
-/// An image may have twice as many pixels as values and this many more; a larger one is refused undecoded.
+/// An image may have twice as many pixels as values and this many more; a larger one is refused before decoding.
 const SLACK_PIXELS: u64 = 256 * 256;
-/// Most bytes of `meta.json`.
 const MAX_META_BYTES: u64 = 1 << 20;
-/// Palette entries of spherical harmonics in a row of their image.
+/// Palette entries in a row of their image.
 const PALETTE_COLUMNS: usize = 64;
-/// The first bytes of a zip archive.
 const ZIP: &[u8] = b"PK\x03\x04";
 pub(super) const READER: Reader =
     Reader { what: "a SOG scene (version 2): a .sog, or its folder or meta.json", knows: is_sog, read: read_any };
@@ -35,7 +32,7 @@ struct Meta {
     count: u32,
     #[serde(default)]
     antialias: bool,
-    /// How the scene is drawn, by splat-transform: `antialiased`, `2dgs`; none of 3DGS.
+    /// `antialiased` or `2dgs`; none of 3DGS.
     model: Option<String>,
     means: Means,
     scales: Coded,
@@ -91,12 +88,6 @@ fn import(path: &Path) -> Result<Scene> {
     Ok(Scene { notes, ..gaussians(&files, &meta)?.into() })
 }
 
-/// Reads a SOG scene of version 2 from its `meta.json`, beside which the images lie, or from a bundle of them, a zip archive
-/// (`.sog`). Every Gaussian is static.
-///
-/// # Errors
-/// [`Error::Data`] naming the file and the entry when one cannot be read or decoded, is not lossless, has another size
-/// than the count needs (checked before it is decoded), or holds an index that leads nowhere.
 pub fn read_sog(path: &Path) -> Result<Splats> {
     import(path).map(|imported| imported.splats)
 }
@@ -133,7 +124,7 @@ fn gaussians(files: &Files, meta: &Meta) -> Result<Splats> {
             let reason = format!("palette entry {label}, there are {}", palette.count);
             return Err(Error::data(path, place, reason, REMEDY));
         }
-        // Entries lie side by side, so their pixels follow each other across rows too.
+        // Entries lie side by side, so their pixels follow each other.
         let first = usize::from(label) * palette.coefficients();
         splats.sh.push(dc(i));
         let rest = first..first + palette.coefficients();
@@ -186,7 +177,7 @@ impl Means {
 }
 
 impl Palette {
-    /// Pixels of an entry: one for each coefficient beyond degree 0.
+    /// Pixels of an entry.
     fn coefficients(&self) -> usize {
         (self.bands as usize + 1).pow(2) - 1
     }
@@ -213,7 +204,6 @@ fn rotation(path: &Path, file: &str, i: usize, [a, b, c, tag]: [u8; 4]) -> Resul
     Ok(complete_quaternion([a, b, c].map(entry), largest.into()).map(|v| v as f32))
 }
 
-/// Where a scene's files are.
 struct Files<'a> {
     /// `meta.json`, or the archive.
     path: &'a Path,
@@ -235,7 +225,7 @@ impl<'a> Files<'a> {
         text.map_err(|reason| Error::data(self.path, "file `meta.json`", reason, "give the .sog of a scene, version 2"))
     }
 
-    /// The file of an image of at most `most` pixels, which takes no more bytes than they take undecoded, and its headers.
+    /// An image of at most `most` pixels, which in the archive takes no more bytes than undecoded, and its headers.
     fn image(&self, name: &str, most: u64) -> Result<Vec<u8>> {
         if name.is_empty() || name.contains(['/', '\\']) || name.contains("..") {
             return Err(self.fault(name, "is not the plain name of a file beside this one".to_owned()));
@@ -250,11 +240,9 @@ impl<'a> Files<'a> {
     }
 }
 
-/// A decoded image, addressed by pixel number, row by row.
 struct Pixels(RgbaImage);
 
 impl Pixels {
-    /// Decodes the image `name`, which must have `n` pixels or a little more.
     fn read(files: &Files, name: &str, n: u64) -> Result<Self> {
         let most = 2 * n + SLACK_PIXELS;
         let bytes = files.image(name, most)?;

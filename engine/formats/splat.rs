@@ -9,13 +9,9 @@ use crate::files::{read_bytes, write_atomic};
 use crate::scene::Splats;
 use crate::scene::{SH_C0, dc_of_color};
 
-/// Position and scale as three f32 each, RGBA and the quaternion (w, x, y, z) as four bytes each.
+/// Position and scale as f32 each, RGBA and the quaternion (w, x, y, z) as bytes.
 const ROW_BYTES: usize = 32;
 
-/// Reads a `.splat` file: static Gaussians of degree 0.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be read, is empty or is not a whole number of rows.
 pub fn read_splat(path: &Path) -> Result<Splats> {
     let bytes = read_bytes(path)?;
     let (rows, rest) = bytes.as_chunks::<ROW_BYTES>();
@@ -52,14 +48,7 @@ pub(super) const WRITER: Writer = Writer {
     write: |path, splats, _, _| write_splat(path, splats).map(|()| Vec::new()),
 };
 
-/// Writes static Gaussians as a `.splat` file, in the order of `source_row`; what depends on the direction is lost.
-/// Gaussians with a parameter that is not finite, which are never drawn, are left out.
-///
-/// Largest errors of what is read back: none of positions; scales by rounding; colours 1/510, within [0, 1]; opacities
-/// 1/510; rotations 1/128 in an entry of the unit quaternion.
-///
-/// # Errors
-/// [`Error::Data`] when there is no Gaussian, one is dynamic, or the file cannot be written.
+/// Largest errors: colours and opacities 1/510, within [0, 1]; rotations 1/128 in an entry of the unit quaternion.
 pub fn write_splat(path: &Path, splats: &Splats) -> Result<()> {
     let rows = splats.static_rows(path)?;
     if rows.is_empty() {

@@ -1,4 +1,4 @@
-//! `.splatv` of antimatter15's player of dynamic scenes: 64 bytes a Gaussian, without view dependence.
+//! `.splatv` of antimatter15's player: 64 bytes a Gaussian, without view dependence.
 
 use std::path::Path;
 
@@ -21,20 +21,14 @@ pub(super) const WRITER: Writer = Writer {
     write: |path, splats, clip, _| write_splatv(path, splats, &clip.views).map(|()| Vec::new()),
 };
 
-/// First word of a file.
 const MAGIC: u32 = 0x674b;
-/// Width of the texture that the file is; four texels of 16 bytes are a Gaussian.
+/// Texels in a row of the texture; four of 16 bytes are a Gaussian.
 const TEXTURE_WIDTH: usize = 4096;
 const ROW_BYTES: usize = 64;
-/// Words of the end of a row: three pairs of bending, two of turning, which ours do not have.
+/// Bending and turning, which ours do not have.
 const UNUSED: [[f32; 2]; 5] = [[0.0; 2]; 5];
 
-/// Writes a scene as a `.splatv`, the largest and most opaque first. View dependence is lost, and positions are the only
-/// numbers that are not halves or bytes. Time runs from 0 to 1. Gaussians with a parameter that is not finite are left out; one
-/// that never fades has a tau of 65,504 clips.
-///
-/// # Errors
-/// [`Error::Data`] when no Gaussian is left, there is no view to start from, or the file cannot be written.
+/// The largest and most opaque first. All but positions are halves or bytes. One that never fades has a tau of 65,504 clips.
 pub fn write_splatv(path: &Path, splats: &Splats, views: &[View]) -> Result<()> {
     let remedy = "this is a fault of the program that made the scene";
     splats.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
@@ -85,16 +79,16 @@ fn push_row(splats: &Splats, i: usize, to: &mut Vec<u8>) {
     [[vx, vy], [vz, 0.0]].iter().chain(&UNUSED).chain([&time]).for_each(|pair| push_halves(*pair, to));
 }
 
-/// Appends two halves; what is beyond their range is its end.
+/// Appends two halves, clamped to their range.
 fn push_halves(pair: [f32; 2], to: &mut Vec<u8>) {
     let half = |v: f32| f16::from_f32(v.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()));
     pair.iter().for_each(|v| to.extend(half(*v).to_le_bytes()));
 }
 
-/// A camera as 3DGS writes it: its place, and its axes as columns.
+/// As 3DGS writes it: position, and axes as columns.
 fn camera(id: usize, view: &View) -> serde_json::Value {
     let pose = view.pose;
-    // The rows of the way back are the columns of this one.
+    // The rows of the inverse.
     let rotation = pose.rotation.to_cols_array_2d();
     let position = pose.center().to_array();
     json!({

@@ -1,6 +1,5 @@
-//! Niantic's SPZ, versions 2 and 3 (one gzip stream) and 4 (one zstd stream for each attribute).
-//!
-//! The `spz` crate (0.0.6) refuses version 4 and brings dozens of crates even without its features, hence own code.
+//! Niantic's SPZ, versions 2 and 3 (a gzip stream) and 4 (a zstd stream for each attribute). The `spz` crate (0.0.6) refuses
+//! version 4 and brings dozens of crates, hence own code.
 
 use std::io::Read;
 use std::path::Path;
@@ -15,9 +14,7 @@ use crate::error::{Error, Result};
 use crate::files::read_bytes;
 use crate::scene::Splats;
 
-/// First bytes of the header, in every version.
 pub(super) const MAGIC: [u8; 4] = *b"NGSP";
-/// First bytes of a gzip stream.
 const GZIP: [u8; 2] = [0x1f, 0x8b];
 pub(super) const READER: Reader = Reader {
     what: "an SPZ (version 2 to 4)",
@@ -26,35 +23,31 @@ pub(super) const READER: Reader = Reader {
     read: import,
 };
 
-/// Harmonics of the last degree are cut.
+/// Degree 4 is cut to 3.
 const MOST_DEGREE: u8 = 4;
 const HEADER_BYTES: usize = 16;
 pub(super) const HEADER_BYTES_V4: usize = 32;
-/// Trained with opacity compensation, which is said.
+/// Trained with opacity compensation.
 const FLAG_ANTIALIASED: u8 = 1;
-/// Vendor records are present: behind the attributes, or in front of the table of streams.
+/// Vendor records follow the attributes, or precede the table of streams.
 const FLAG_EXTENSIONS: u8 = 2;
-/// Adobe's record of how many bits harmonics have.
+/// Adobe's records: bits of harmonics, limits of a camera's orbit, axes.
 const HARMONICS: u32 = 0xADBE_0001;
-/// Adobe's record of the limits within which a camera may orbit.
 const ORBIT: u32 = 0xADBE_0002;
-/// Adobe's record of the axes in which the Gaussians are stored.
 const AXES: u32 = 0xADBE_0003;
-/// The contents of [`AXES`] that mean the format's own axes: unspecified, and right, up, back.
+/// [`AXES`] that mean the format's own: unspecified, and right, up, back.
 const OWN_AXES: [u32; 2] = [0, 4];
-/// Most bytes of records that are read behind the attributes.
 const MOST_RECORD_BYTES: u64 = 1 << 16;
-/// DEFLATE cannot expand a byte to more than this, so a longer promise is a lie. Zstandard could; Gaussians that differ do not.
+/// DEFLATE cannot expand a byte to more. Zstandard could, but not Gaussians that differ.
 const MAX_RATIO: u64 = 1032;
-/// So much a file of zstd streams may promise however small it is: few bytes hold Gaussians that are all the same.
+/// A file of zstd streams may promise this much however small it is: equal Gaussians take few bytes.
 const SMALL_BYTES: u64 = 16 << 20;
-/// The window that every zstd decoder must support; a stream may name this much even when it holds less.
+/// Every zstd decoder must support this window.
 const ZSTD_WINDOW: u64 = 8 << 20;
-/// The stored colour is `0.5 + 0.15 * f_dc`, wider than [0, 1] on purpose.
+/// The stored colour is `0.5 + 0.15 * f_dc`, wider than [0, 1].
 pub(super) const COLOR_SCALE: f64 = 0.15;
 const REMEDY: &str = "the file is damaged: copy or export it again";
 
-/// The first 16 bytes.
 struct Header {
     version: u32,
     count: usize,
@@ -99,20 +92,13 @@ impl Header {
         ((self.sh_degree as usize + 1).pow(2) - 1) * 3
     }
 
-    /// Bytes of the attributes in the file's order: position, alpha, colour, scale, rotation, spherical harmonics.
+    /// Bytes of position, alpha, colour, scale, rotation, harmonics, in the file's order.
     fn sizes(&self) -> [usize; 6] {
         let rotation = if self.version == 2 { 3 } else { 4 };
         [9, 1, 3, 3, rotation, self.n_rest()].map(|bytes| bytes * self.count)
     }
 }
 
-/// Reads an SPZ file: static Gaussians, turned from SPZ's axes (right, up, back) to those of PLY (right, down, front). Harmonics of
-/// degree 4 are left out.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be read, is of version 1 or of an unknown one, has a degree above 4 or vendor
-/// extensions that may change its meaning, or when a stream does not inflate to exactly the size that the header's
-/// count needs; no stream is inflated beyond it.
 pub fn read_spz(path: &Path) -> Result<Splats> {
     import(path).map(|imported| imported.splats)
 }
@@ -130,13 +116,13 @@ fn import(path: &Path) -> Result<Scene> {
     Ok(Scene { notes, ..splats.into() })
 }
 
-/// The header and the attributes behind each other, with what vendors added to versions 2 and 3.
+/// The header and the attributes, with vendor records behind them in versions 2 and 3.
 fn attributes(path: &Path) -> Result<(Header, Vec<u8>)> {
     let mut bytes = read_bytes(path)?;
     if bytes.starts_with(&GZIP) {
         let mut stream = GzDecoder::new(&bytes[..]);
         let mut start = Vec::new();
-        // Bytes that are missing after a fault here are reported as a missing header.
+        // A fault here becomes a missing header.
         let _ = stream.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut start);
         let header = Header::parse(path, &start)?;
         let size: usize = header.sizes().iter().sum();
@@ -160,7 +146,7 @@ fn attributes(path: &Path) -> Result<(Header, Vec<u8>)> {
     Ok((header, bytes.split_off(HEADER_BYTES)))
 }
 
-/// Exactly `size` bytes of `stream`; with `surplus` more may follow, which is left in the stream.
+/// Exactly `size` bytes of `stream`; with `surplus` more may follow.
 fn inflate(path: &Path, place: &str, stream: &mut dyn Read, size: usize, surplus: bool) -> Result<Vec<u8>> {
     let mut bytes = Vec::new();
     let read = stream.take(size as u64).read_to_end(&mut bytes);
@@ -177,7 +163,7 @@ fn inflate(path: &Path, place: &str, stream: &mut dyn Read, size: usize, surplus
     Ok(bytes)
 }
 
-/// The zstd streams of version 4, inflated and joined in the order of the older versions.
+/// The zstd streams of version 4 in the order of the older versions.
 fn inflate_streams(path: &Path, header: &Header, bytes: &[u8]) -> Result<Vec<u8>> {
     let fault = |place: &str, reason: String| Error::data(path, place, reason, REMEDY);
     let sizes = header.sizes();
@@ -228,7 +214,7 @@ fn inflate_streams(path: &Path, header: &Header, bytes: &[u8]) -> Result<Vec<u8>
     Ok(payload)
 }
 
-/// Refuses vendor records that change what the attributes mean, or may do so: all but those that are known not to.
+/// Refuses vendor records that are not known to leave the attributes' meaning alone.
 fn check_records(path: &Path, header: &Header, mut records: &[u8]) -> Result<()> {
     let fault = |reason: String, remedy: &str| Err(Error::data(path, "vendor records", reason, remedy));
     while !records.is_empty() {
@@ -255,7 +241,7 @@ fn check_records(path: &Path, header: &Header, mut records: &[u8]) -> Result<()>
     Ok(())
 }
 
-/// The Gaussians, and how many of them had numbers in harmonics that are cut.
+/// The Gaussians, and how many had numbers in harmonics that are cut.
 fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<(Splats, usize)> {
     let sizes = header.sizes();
     let size: usize = sizes.iter().sum();
@@ -304,7 +290,7 @@ fn decode(path: &Path, header: &Header, payload: &[u8]) -> Result<(Splats, usize
 pub(super) const SH_SIGNS: [f32; 15] =
     [-1.0, -1.0, 1.0, -1.0, 1.0, 1.0, -1.0, 1.0, -1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0];
 
-/// (x, y, z, w) of SPZ's axes to (w, x, y, z) of PLY's: half a turn about x, which keeps x and w.
+/// From SPZ's axes (x, y, z, w) to PLY's (w, x, y, z): half a turn about x.
 fn turn([x, y, z, w]: [f64; 4]) -> [f32; 4] {
     [w, x, -y, -z].map(|v| v as f32)
 }

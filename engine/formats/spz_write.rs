@@ -1,5 +1,3 @@
-//! Writer of SPZ, versions 3 and 4.
-
 use std::io::Write;
 use std::path::Path;
 
@@ -29,10 +27,9 @@ pub(super) const VERSION_4: Writer = Writer {
     write: |path, splats, clip, _| write_spz(path, splats, SpzVersion::V4, clip.world).map(|()| Vec::new()),
 };
 
-/// Positions are signed integers of so many bits, less the sign.
+/// Bits of a position without its sign.
 const POSITION_BITS: i32 = 23;
 
-/// The compression of a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SpzVersion {
     /// One gzip stream: what most programs read.
@@ -41,15 +38,9 @@ pub enum SpzVersion {
     V4,
 }
 
-/// Writes static Gaussians as an SPZ, in the order of `source_row` and turned to SPZ's axes (right, up, back): by half a turn about x,
-/// or not at all where `world` says that y is up. Gaussians with a parameter that is not finite, which are never drawn, are left out.
-///
-/// Largest errors of what is read back: positions 2^-24 of the largest coordinate's next power of two; log-scales 1/32,
-/// within [-10, 5.94]; rotations 0.003 in an entry of the unit quaternion; opacities 1/510; `f_dc` 1/76.5, within +-3.3;
-/// higher harmonics 1/256, within [-1, 0.99].
-///
-/// # Errors
-/// [`Error::Data`] when there is no Gaussian, one is dynamic, a coordinate is beyond 2^23, or the file cannot be written.
+/// Turns to SPZ's axes (right, up, back) by half a turn about x, or not at all where `world` says that y is up. Largest errors:
+/// positions 2^-24 of the largest coordinate's next power of two; log-scales 1/32, within [-10, 5.94]; rotations 0.003 in an
+/// entry; opacities 1/510; `f_dc` 1/76.5, within +-3.3; harmonics 1/256, within [-1, 0.99].
 pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion, world: Option<World>) -> Result<()> {
     let rows = splats.static_rows(path)?;
     if rows.is_empty() {
@@ -117,8 +108,8 @@ pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion, world: Optio
     })
 }
 
-/// (w, x, y, z) in PLY's axes, of which y and z are multiplied by `flip`, as the index of the largest entry of SPZ's (x, y, z, w)
-/// and, for each of the others, a sign and nine bits.
+/// (w, x, y, z) in PLY's axes, with y and z times `flip`: the index of the largest entry of (x, y, z, w); a sign and nine bits
+/// for each other.
 fn smallest_three([w, x, y, z]: [f32; 4], flip: f32) -> u32 {
     let stored = [x, flip * y, flip * z, w].map(f64::from);
     let norm = stored.iter().map(|v| v * v).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);

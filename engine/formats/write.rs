@@ -1,5 +1,3 @@
-//! One entry for writing every scene format.
-
 use std::path::Path;
 
 use super::format::{WriteOptions, Writer, Written};
@@ -7,7 +5,6 @@ use super::own::list;
 use super::scene::{Clip, Scene};
 use crate::error::{Error, Result};
 
-/// Writes a scene with the format that `options` ask for, or with that of `writers` whose ending `path` has.
 pub(super) fn write(path: &Path, scene: &Scene, options: &WriteOptions, writers: &'static [Writer]) -> Result<Written> {
     let writer = options.format.or_else(|| by_ending(path, writers)).ok_or_else(|| {
         let known: Vec<&str> = writers.iter().filter_map(|writer| writer.ending).collect();
@@ -20,7 +17,6 @@ pub(super) fn write(path: &Path, scene: &Scene, options: &WriteOptions, writers:
     Ok(Written { bytes, ..Written::of(&splats, |i| writer.keeps.non_finite || splats.is_finite(i), notes) })
 }
 
-/// The format of `writers` that the ending of `path` stands for, in any case.
 pub(super) fn by_ending(path: &Path, writers: &'static [Writer]) -> Option<&'static Writer> {
     let name = path.file_name()?.to_string_lossy().to_ascii_lowercase();
     let is_its = |writer: &&Writer| writer.ending.is_some_and(|ending| name.ends_with(ending));
@@ -28,7 +24,6 @@ pub(super) fn by_ending(path: &Path, writers: &'static [Writer]) -> Option<&'sta
     writers.iter().filter(is_its).max_by_key(|writer| writer.ending.map_or(0, str::len))
 }
 
-/// The parts of `clip` that `writer` has no place for.
 fn lost(writer: &Writer, clip: &Clip) -> Vec<String> {
     let unusual = clip.unusual();
     let mut lost = Vec::new();

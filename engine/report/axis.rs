@@ -1,31 +1,25 @@
-//! Axes of plots: what they span, and where their ticks are.
-
 use super::statistics::range;
 
-/// An axis of a plot.
 #[derive(Clone, Debug)]
 pub struct Axis {
-    /// What it shows.
     pub label: String,
     is_log: bool,
-    /// What its two ends stand for, the logarithm on a logarithmic axis.
+    /// Logarithms on a logarithmic axis.
     span: [f64; 2],
-    /// Values and what is written beside them.
     ticks: Vec<(f64, String)>,
 }
 
 impl Axis {
-    /// A linear axis with room around `values`, which are taken to be at least `least` apart.
+    /// Linear, with room around `values`, which are taken to be at least `least` apart.
     pub fn around(label: &str, values: impl IntoIterator<Item = f64>, least: f64) -> Self {
         Axis::ticked(label, padded(values, least), 4.0)
     }
 
-    /// A linear axis from `first` to `last`.
     pub fn between(label: &str, first: f64, last: f64) -> Self {
         Axis::ticked(label, [first, last], 5.0)
     }
 
-    /// A linear axis from a tick to a tick with `values` between; of equal values it is still of some length.
+    /// Linear, from a tick to a tick around `values`.
     pub fn rounded(label: &str, values: impl IntoIterator<Item = f64>) -> Self {
         let [low, high] = range(values);
         let height = if high > low { high - low } else { 1e-3 * high.abs().max(1.0) };
@@ -33,8 +27,7 @@ impl Axis {
         Axis::stepped(label, [(low / step).floor() * step, ((low + height) / step).ceil() * step], step)
     }
 
-    /// A logarithmic axis with room around `values`, which are taken to be at least a factor of `least` apart; those of `ticks`
-    /// that lie on it are written.
+    /// Logarithmic, with room around `values`, which are taken to be at least a factor of `least` apart.
     pub fn log(label: &str, values: impl IntoIterator<Item = f64>, least: f64, ticks: &[f64]) -> Self {
         let span = padded(values.into_iter().map(logarithm), least.ln());
         let shown = ticks.iter().filter(|tick| (span[0]..=span[1]).contains(&logarithm(**tick)));
@@ -42,7 +35,7 @@ impl Axis {
         Axis { label: label.to_owned(), is_log: true, span, ticks }
     }
 
-    /// A logarithmic axis from a power of ten to a power of ten with `values` between, each power written by `text`.
+    /// Logarithmic, in powers of ten around `values`.
     pub fn decades(label: &str, values: impl IntoIterator<Item = f64>, text: impl Fn(f64) -> String) -> Self {
         let [low, high] = range(values).map(f64::log10);
         let low = low.floor() as i32;
@@ -61,7 +54,6 @@ impl Axis {
         Axis { label: label.to_owned(), is_log: false, span, ticks }
     }
 
-    /// A linear axis with ticks at whole numbers only.
     pub fn in_whole_numbers(self) -> Self {
         let [first, last] = self.span;
         Axis::stepped(&self.label, self.span, round_step((last - first) / 5.0).max(1.0))
@@ -71,7 +63,7 @@ impl Axis {
         if self.is_log { self.span.map(f64::exp) } else { self.span }
     }
 
-    /// Where `value` is: 0 at one end, 1 at the other.
+    /// 0 at one end, 1 at the other.
     pub fn part(&self, value: f64) -> f64 {
         let value = if self.is_log { logarithm(value) } else { value };
         (value - self.span[0]) / (self.span[1] - self.span[0])
@@ -86,8 +78,6 @@ fn logarithm(value: f64) -> f64 {
     value.max(1e-9).ln()
 }
 
-/// What an axis spans that has room around `values`, which are taken to be at least `least` apart. Where there is none it is still
-/// of some length.
 fn padded(values: impl IntoIterator<Item = f64>, least: f64) -> [f64; 2] {
     let [low, high] = range(values);
     if low > high {
@@ -97,13 +87,12 @@ fn padded(values: impl IntoIterator<Item = f64>, least: f64) -> [f64; 2] {
     [middle - half, middle + half]
 }
 
-/// The smallest of 1, 2 or 5 times a power of ten that is not below `least`.
+/// 1, 2 or 5 times a power of ten, at least `least`.
 fn round_step(least: f64) -> f64 {
     let power = 10f64.powf(least.log10().floor());
     [1.0, 2.0, 5.0].into_iter().map(|m| m * power).find(|step| *step >= 0.999_999 * least).unwrap_or(10.0 * power)
 }
 
-/// The multiples of `step` from the first to the last.
 fn multiples([first, last]: [f64; 2], step: f64) -> impl Iterator<Item = f64> {
     let begin = (first / step - 1e-6).ceil();
     let n = ((last / step + 1e-6).floor() - begin) as i64;
@@ -111,7 +100,7 @@ fn multiples([first, last]: [f64; 2], step: f64) -> impl Iterator<Item = f64> {
     (0..=n).map(move |k| (begin + k as f64) * step + 0.0)
 }
 
-/// A tick's number with as many digits as `step` asks for.
+/// As many digits as `step` asks for.
 fn number(value: f64, step: f64) -> String {
     for (unit, suffix) in [(1e6, "M"), (1e3, "k")] {
         if step >= unit / 10.0 && value.abs() >= unit {

@@ -1,5 +1,3 @@
-//! What all reports are made of: plots as SVG, tables, pages and statistics.
-
 mod axis;
 mod page;
 mod plot;

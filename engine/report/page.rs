@@ -1,11 +1,10 @@
-//! The frame of a page, one HTML file that needs nothing else, and its bars.
+//! HTML pages in one file, and bars.
 
 use super::plot::{Anchor, inline, text};
 use std::fmt::Write;
 
-/// Height of a bar with its distance to the next.
+/// Height of a bar with its distance to the next; where bars begin; the longest.
 const BAR: f64 = 26.0;
-/// Where the bars begin, how long the longest is, and the room for what is written behind it.
 const LEFT: f64 = 130.0;
 const WIDTH: f64 = 190.0;
 
@@ -14,7 +13,7 @@ pub fn escape(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
 }
 
-/// A page with a title, HTML that stands below it, and its body, HTML too.
+/// `header` and `body` are HTML.
 pub fn page(title: &str, header: &str, body: &str) -> String {
     let title = escape(title);
     format!(
@@ -26,24 +25,21 @@ pub fn page(title: &str, header: &str, body: &str) -> String {
     )
 }
 
-/// A part of a page, with its heading.
 pub fn section(heading: &str, body: &str) -> String {
     format!("<section>\n<h2>{}</h2>\n{body}</section>\n", escape(heading))
 }
 
-/// A paragraph of less weight; `text` is no HTML.
 pub fn note(text: &str) -> String {
     format!("<p class=\"note\">{}</p>\n", escape(text))
 }
 
-/// A row of [`bars`].
 #[derive(Clone, Debug)]
 pub struct Bar {
     pub label: String,
     pub ms: f64,
 }
 
-/// A figure of horizontal bars of milliseconds.
+/// Horizontal bars.
 pub fn bars(id: &str, title: &str, rows: &[Bar]) -> String {
     let longest = rows.iter().map(|row| row.ms).fold(1e-9, f64::max);
     let total: f64 = rows.iter().map(|row| row.ms).sum();

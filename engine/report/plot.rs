@@ -5,81 +5,71 @@ use super::page::escape;
 use std::fmt::Write;
 
 const STYLE: &str = include_str!("plot.css");
-/// Colours that the style sheet has.
+/// In plot.css.
 const COLOURS: usize = 8;
-/// Height of a line of the legend, and of what stands above a row.
+/// Heights of a legend's line and of a heading.
 const LINE: f64 = 18.0;
 const HEADING: f64 = 24.0;
 
-/// Panels in rows below a legend.
 #[derive(Clone, Debug, Default)]
 pub struct Chart {
-    /// Width and height of a panel.
+    /// Width and height.
     pub panel: [f64; 2],
-    /// What the colours mean, from the first on; may be empty.
+    /// By colour; may be empty.
     pub legend: Vec<String>,
     pub rows: Vec<Row>,
 }
 
 #[derive(Clone, Debug)]
 pub struct Row {
-    /// What they all show; may be empty.
+    /// May be empty.
     pub heading: String,
     pub panels: Vec<Panel>,
 }
 
-/// A plot. The vertical axis runs upwards, or as its ends say.
 #[derive(Clone, Debug)]
 pub struct Panel {
     pub title: String,
-    /// Room left of the axes, above, right and below.
+    /// Left, top, right, bottom.
     pub margin: [f64; 4],
     pub x: Axis,
     pub y: Axis,
-    /// What is drawn, the last on top.
+    /// The last on top.
     pub series: Vec<Series>,
     pub notes: Vec<Note>,
-    /// Lines of text to the right of the axes.
+    /// Lines of text right of the axes.
     pub list: Vec<String>,
 }
 
-/// Marks of one colour.
 #[derive(Clone, Debug)]
 pub struct Series {
-    /// One of the colours; none is grey.
+    /// None is grey.
     pub colour: Option<usize>,
-    /// True if a line joins them.
     pub is_joined: bool,
-    /// In the order of the line.
     pub marks: Vec<Mark>,
 }
 
 #[derive(Clone, Debug, Default)]
 pub struct Mark {
-    /// On the two axes.
     pub at: [f64; 2],
-    /// The ends of an upright line through it.
+    /// Ends of a vertical line.
     pub range: Option<[f64; 2]>,
-    /// Of its circle, in units of the picture; 0 for none.
+    /// 0 for no circle.
     pub radius: f64,
-    /// Its tooltip; may be empty.
+    /// Tooltip; may be empty.
     pub title: String,
 }
 
-/// Words in a plot.
 #[derive(Clone, Debug)]
 pub struct Note {
-    /// On the two axes.
     pub at: [f64; 2],
-    /// Further right and down, in units of the picture.
+    /// Right and down, in units of the picture.
     pub shift: [f64; 2],
-    /// Which part of the text is there.
     pub anchor: Anchor,
     pub look: Look,
     pub text: String,
 }
 
-/// The part of a text that is where it is put.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Anchor {
     Start,
@@ -90,17 +80,16 @@ pub enum Anchor {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
     Plain,
-    /// A number in a circle.
+    /// In a circle.
     Number,
 }
 
 impl Chart {
-    /// A chart of one panel of this size.
     pub fn of(panel: Panel, size: [f64; 2]) -> Self {
         Chart { panel: size, legend: Vec::new(), rows: vec![Row { heading: String::new(), panels: vec![panel] }] }
     }
 
-    /// The picture as a file.
+    /// A file.
     pub fn svg(&self) -> String {
         let ([w, h], body) = self.draw();
         format!(
@@ -109,7 +98,7 @@ impl Chart {
         )
     }
 
-    /// The picture for a page: its id there, and what it shows for those who do not see it.
+    /// A part of a page.
     pub fn inline(&self, id: &str, label: &str) -> String {
         let (size, body) = self.draw();
         inline(id, label, size, &body)
@@ -177,7 +166,7 @@ impl Panel {
                     series.marks.iter().map(|mark| format!("{:.1},{:.1}", x(mark.at[0]), y(mark.at[1]))).collect();
                 let _ = writeln!(svg, "<polyline class=\"line {class}\" points=\"{}\"/>", at.join(" "));
             }
-            // Dots without a line may lie upon each other.
+            // Loose dots may overlap.
             let class = if series.is_joined { class } else { class + " loose" };
             svg.extend(series.marks.iter().map(|mark| mark.draw(&class, &x, &y)));
         }
@@ -221,7 +210,6 @@ impl Mark {
     }
 }
 
-/// The class of a colour; they come again after the last.
 fn colour(index: Option<usize>) -> String {
     index.map_or("grey".to_owned(), |index| format!("s{}", index % COLOURS))
 }
@@ -236,7 +224,6 @@ pub(super) fn text([x, y]: [f64; 2], anchor: Anchor, class: &str, words: &str) -
     format!("<text{class} x=\"{x:.1}\" y=\"{y:.1}\"{anchor}>{}</text>\n", escape(words))
 }
 
-/// A picture of a page.
 pub(super) fn inline(id: &str, label: &str, [w, h]: [f64; 2], body: &str) -> String {
     let label = escape(label);
     format!("<svg id=\"{id}\" viewBox=\"0 0 {w} {h}\" role=\"img\" aria-label=\"{label}\">\n{body}</svg>\n")

@@ -1,5 +1,3 @@
-//! Statistics of few numbers: measurements that are repeated, runs with several seeds.
-
 /// The mean; none of no value.
 pub fn mean(values: impl IntoIterator<Item = f64>) -> Option<f64> {
     let (n, sum) = values.into_iter().fold((0.0, 0.0), |(n, sum), value| (n + 1.0, sum + value));
@@ -47,7 +45,6 @@ pub fn mad(values: &[f64]) -> f64 {
     median(&values.iter().map(|value| (value - middle).abs()).collect::<Vec<_>>())
 }
 
-/// The standard error of the mean of at least two values.
 pub fn standard_error(values: &[f64]) -> Option<f64> {
     let (n, mean) = (values.len() as f64, mean(values.iter().copied())?);
     let variance = values.iter().map(|x| (x - mean).powi(2)).sum::<f64>() / (n - 1.0);
@@ -65,25 +62,22 @@ fn student(freedom: usize) -> f64 {
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Estimate {
     pub mean: f64,
-    /// Student's interval is the mean plus and minus this; none for less than two values.
+    /// None of fewer than two values.
     pub half_width: Option<f64>,
 }
 
 impl Estimate {
-    /// That of `values`; none when there is no value.
     pub fn new(values: &[f64]) -> Option<Self> {
         let half_width = standard_error(values).map(|error| student(values.len() - 1) * error);
         Some(Estimate { mean: mean(values.iter().copied())?, half_width })
     }
 
-    /// With a sign, and its interval where it has one.
     pub fn signed(&self, decimals: usize) -> String {
         let half = self.half_width.map_or(String::new(), |half| format!(" +- {half:.decimals$}"));
         format!("{:+.decimals$}{half}", self.mean)
     }
 }
 
-/// The median of paired ratios with its interval.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Ratio {
     pub median: f64,
@@ -99,9 +93,8 @@ impl std::fmt::Display for Ratio {
     }
 }
 
-/// `over[i] / under[i]`: their median, and between which of them it lies with 95 % confidence whatever their
-/// distribution: the k-th smallest and the k-th largest, with the largest k for which a fair coin thrown n times shows
-/// fewer than k heads with a probability of at most 2.5 %. Fewer than six pairs have the whole range.
+/// The median of `over[i] / under[i]`, and the order statistics that hold it with 95 % confidence (sign test). Fewer than six
+/// pairs have the whole range.
 pub fn paired_ratio(over: &[f64], under: &[f64]) -> Ratio {
     let mut ratios: Vec<f64> = over.iter().zip(under).map(|(over, under)| over / under).collect();
     ratios.sort_by(f64::total_cmp);

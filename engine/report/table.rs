@@ -1,20 +1,15 @@
-//! Tables, for a page, for Markdown and for a terminal.
-
 use super::page::escape;
 use std::fmt::Write;
 
-/// A table. Its first columns are text, the others are numbers.
+/// The first columns are text, the others numbers.
 #[derive(Clone, Debug)]
 pub struct Table {
     pub n_text: usize,
-    /// A head for each column.
     pub heads: Vec<String>,
-    /// As many cells in each as there are heads.
     pub rows: Vec<Vec<String>>,
 }
 
 impl Table {
-    /// A table whose first column is text.
     pub fn new(heads: &[&str], rows: impl IntoIterator<Item = Vec<String>>) -> Self {
         Table {
             n_text: 1,
@@ -23,7 +18,6 @@ impl Table {
         }
     }
 
-    /// The same with `n_text` columns of text.
     pub fn with_text(self, n_text: usize) -> Self {
         Table { n_text, ..self }
     }
@@ -32,7 +26,6 @@ impl Table {
         self.html_marked(|_| false)
     }
 
-    /// The same; rows that `is_marked` names by their index stand out.
     pub fn html_marked(&self, is_marked: impl Fn(usize) -> bool) -> String {
         let line = |cells: &[String], tag: &str| -> String {
             let class = |column: usize| if column < self.n_text { "" } else { " class=\"n\"" };
@@ -47,7 +40,7 @@ impl Table {
         html + "</table></div>\n"
     }
 
-    /// For a page, behind a fold; nothing where there is no row.
+    /// Behind a fold; empty where there is no row.
     pub fn folded(&self, title: &str) -> String {
         if self.rows.is_empty() {
             return String::new();
@@ -66,7 +59,7 @@ impl Table {
         format!("{}| {} |\n{rows}", line(&self.heads), rule.join(" | "))
     }
 
-    /// For a terminal: indented, with columns below each other; heads that say nothing are left out.
+    /// For a terminal.
     pub fn plain(&self) -> String {
         let all = || [&self.heads].into_iter().chain(&self.rows);
         let width = |column: usize| all().map(|row| row[column].chars().count()).max().unwrap_or(0);

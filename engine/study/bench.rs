@@ -1,5 +1,3 @@
-//! Runs beside each other: means over the seeds, differences to a baseline, and what several captures show together.
-
 use super::measure::Measure;
 use super::plan::{Arm, Base, Study};
 use super::runs::{RunResult, read};
@@ -11,14 +9,12 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
 
-/// On how many captures an arm must be better to be shown to help.
+/// Captures on which an arm must be better to be shown to help.
 const SHOWN_ON: usize = 2;
-/// Size of a plot, in units of the picture; then the room left of the axes, above, right and below.
 const PANEL: [f64; 2] = [420.0, 300.0];
 const MARGIN: [f64; 4] = [56.0, 30.0, 14.0, 44.0];
-/// Seconds that are written on an axis.
 const TICKS: [f64; 14] = [1.0, 2.0, 5.0, 10.0, 20.0, 30.0, 60.0, 120.0, 300.0, 600.0, 1200.0, 3600.0, 7200.0, 36000.0];
-/// The scores of runs that no study made.
+/// The scores of runs outside a study.
 const SCORES: [Measure; 7] = [
     Measure::Psnr,
     Measure::PsnrAligned,
@@ -29,40 +25,30 @@ const SCORES: [Measure; 7] = [
     Measure::Seconds,
 ];
 
-/// A finished run and its scores.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct BenchRun {
-    /// Name of its capture.
     pub capture: String,
-    /// Key of its arm.
+    /// Key of the arm.
     pub arm: String,
-    /// Length of the run; 0 where epochs give it.
+    /// 0 where epochs give it.
     pub steps: u64,
-    /// Its seed.
     pub seed: u64,
-    /// All that its capture allows.
     pub scores: BTreeMap<Measure, f64>,
-    /// Device, driver and version of the source.
+    /// Device, driver and revision.
     pub made_by: String,
-    /// The trunk of LPIPS, where there were weights.
+    /// The trunk of LPIPS.
     pub trunk: Option<String>,
 }
 
-/// Runs to be tabulated.
 pub struct Bench {
-    /// The arms, the scores and the baseline.
     pub study: Study,
-    /// Year-month-day, UTC.
     pub date: String,
-    /// Settings of all arms, in words.
     pub settings: String,
-    /// The most Gaussians of each capture's arms, where all have the same budget.
+    /// The most Gaussians by capture, where all arms have the same budget.
     pub budgets: BTreeMap<String, usize>,
-    /// In any order.
     pub runs: Vec<BenchRun>,
 }
 
-/// The verdict on an arm after several captures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Standing {
     Shown,
@@ -71,8 +57,7 @@ enum Standing {
 }
 
 impl Standing {
-    /// By the differences of `measure` to the baseline, one for each capture. An arm is better where the interval lies
-    /// on the better side of 0.
+    /// By an arm's differences to the baseline, one for each capture.
     fn of(measure: Measure, differences: &[Estimate]) -> Self {
         let gain = |d: &Estimate| if measure.is_less_better() { -d.mean } else { d.mean };
         let is_better = |d: &&Estimate| d.half_width.is_some_and(|half| gain(d) > half);
@@ -95,10 +80,7 @@ impl Standing {
 }
 
 impl BenchRun {
-    /// The run in `folder`, which has ended; `peripheral` is the test camera of that name in [`Measure`].
-    ///
-    /// # Errors
-    /// [`crate::Error::Data`] naming the file that is absent or not what `ivv train` writes.
+    /// `peripheral` is the camera of [`Measure::PsnrPeripheral`].
     pub fn read(
         folder: &Path,
         capture: &str,
@@ -130,11 +112,7 @@ impl BenchRun {
 }
 
 impl Bench {
-    /// Tabulates finished runs by their folders. Runs that differ in their seeds alone are an arm, and so are runs of
-    /// other devices or versions. `date` is when they are compared.
-    ///
-    /// # Errors
-    /// Those of [`BenchRun::read`].
+    /// Runs that differ only in seed, device or revision are an arm.
     pub fn of_runs(found: &[(&Path, RunResult)], date: String) -> Result<Self> {
         let mut images: BTreeMap<&str, Vec<&str>> = BTreeMap::new();
         let mut runs = Vec::new();
@@ -179,7 +157,6 @@ impl Bench {
         Ok(Bench { study, date, settings: "named by each row".to_owned(), budgets: BTreeMap::new(), runs })
     }
 
-    /// Captures, in the order of their runs.
     fn captures(&self) -> Vec<&str> {
         let mut captures: Vec<&str> = Vec::new();
         for run in &self.runs {
@@ -196,13 +173,13 @@ impl Bench {
         self.study.arms.iter().flat_map(move |arm| steps.clone().into_iter().map(move |steps| (arm, steps)))
     }
 
-    /// A score by seed, of an arm on a capture.
+    /// By seed.
     fn values(&self, capture: &str, arm: &str, steps: u64, score: Measure) -> BTreeMap<u64, f64> {
         let own = self.runs.iter().filter(|run| (&*run.capture, &*run.arm, run.steps) == (capture, arm, steps));
         own.filter_map(|run| Some((run.seed, *run.scores.get(&score)?))).collect()
     }
 
-    /// How much higher a score is than that of the baseline, paired by seed; of costs, as a part of the baseline's.
+    /// Own minus baseline, paired by seed; of costs, own / baseline - 1.
     fn difference(&self, capture: &str, arm: &Arm, steps: u64, score: Measure) -> Option<Estimate> {
         let own = self.values(capture, &arm.key, steps, score);
         let first = self.values(capture, &self.study.baseline, steps, score);
@@ -214,7 +191,6 @@ impl Bench {
         (arm.key != self.study.baseline).then(|| Estimate::new(&differences)).flatten()
     }
 
-    /// A table of all arms with a cell for each of `heads`.
     fn table(&self, heads: &[&str], cell: impl Fn(&Arm, u64, usize) -> String) -> String {
         let has_lengths = self.study.steps.len() > 1;
         let steps = ["steps"].into_iter().filter(|_| has_lengths);
@@ -230,7 +206,6 @@ impl Bench {
         Table::new(&all, rows.flatten()).markdown()
     }
 
-    /// Title, question, seeds, lengths, devices and settings, in Markdown.
     fn head(&self) -> String {
         let Study { title, question, arms, scores, seeds, steps, .. } = &self.study;
         let listed = |numbers: &[u64]| numbers.iter().map(u64::to_string).collect::<Vec<_>>().join(", ");
@@ -261,7 +236,6 @@ impl Bench {
         text + "\n"
     }
 
-    /// Everything in Markdown.
     pub fn markdown(&self) -> String {
         let Study { arms, scores, baseline, .. } = &self.study;
         let mut text = self.head();
@@ -293,7 +267,7 @@ impl Bench {
         text
     }
 
-    /// The verdicts on the arms over all captures, by the first score.
+    /// Verdicts by the first score.
     fn together(&self) -> String {
         let (captures, score) = (self.captures(), self.study.scores[0]);
         let heads: Vec<&str> = captures.iter().copied().chain(["all"]).collect();
@@ -315,7 +289,6 @@ impl Bench {
         )
     }
 
-    /// Everything for a program.
     pub fn json(&self) -> Value {
         let arm_of = |capture: &str, (arm, steps): (&Arm, u64)| {
             let of = |score: &Measure| {
@@ -335,8 +308,7 @@ impl Bench {
         })
     }
 
-    /// PSNR against the seconds of a run: a plot for each capture, a line for each arm, a mark for each length with the
-    /// range of its seeds.
+    /// PSNR over seconds: a plot for each capture, a line for each arm, a mark for each length.
     pub fn svg(&self) -> String {
         let panel = |capture: &str| {
             let line = |(colour, arm): (usize, &Arm)| {
@@ -367,7 +339,6 @@ impl Bench {
     }
 }
 
-/// Mean and standard error.
 fn mean_with_error(values: &[f64], decimals: usize) -> String {
     let Some(mean) = mean(values.iter().copied()) else { return "-".to_owned() };
     let error = standard_error(values).map_or(String::new(), |error| format!(" +- {error:.decimals$}"));

@@ -1,38 +1,28 @@
-//! Curves of a run's report, over the steps.
-
 use crate::report::statistics::{mean, range};
 use crate::report::{Axis, Chart, Mark, Panel, Series, escape};
 use std::fmt::Write;
 
-/// Size of a plot, in units of its own, which the page scales. Then the margins left of the axes, above, right and
-/// below.
+/// Size of a plot in its own units, and margins left, above, right, below.
 const SIZE: [f64; 2] = [440.0, 230.0];
 const MARGIN: [f64; 4] = [52.0, 12.0, 14.0, 36.0];
 /// Points of a line at most; more are averaged, which also calms a curve of single images.
 const MAX_POINTS: usize = 240;
 
-/// A curve.
 pub(super) struct Curve<'a> {
-    /// For the legend; a plot of one curve has none.
     pub name: &'a str,
-    /// (step, value), in order of the steps.
+    /// (step, value), by step.
     pub points: Vec<[f64; 2]>,
 }
 
-/// How a plot is drawn.
 pub(super) struct Plot<'a> {
-    /// Its id in the page.
     pub id: &'a str,
-    /// The label of the vertical axis.
     pub title: &'a str,
-    /// The vertical axis begins at 0.
     pub from_zero: bool,
-    /// Every point has a mark, with its value as tooltip; lines are averaged otherwise.
+    /// Every point has a mark; lines are averaged otherwise.
     pub marked: bool,
 }
 
 impl Plot<'_> {
-    /// A figure with the curves over the steps; without any point, with a note instead.
     pub fn figure(&self, curves: &[Curve]) -> String {
         let title = escape(self.title);
         let mark = |[step, value]: [f64; 2]| Mark {
@@ -71,7 +61,7 @@ impl Plot<'_> {
     }
 }
 
-/// The mean of each of at most [`MAX_POINTS`] runs of neighbours.
+/// Means of neighbours, at most [`MAX_POINTS`].
 fn thinned(points: &[[f64; 2]]) -> Vec<[f64; 2]> {
     let parts = points.chunks(points.len().div_ceil(MAX_POINTS).max(1));
     parts.map(|part| [0, 1].map(|k| mean(part.iter().map(|point| point[k])).unwrap_or(f64::NAN))).collect()

@@ -1,56 +1,47 @@
-//! The scores that runs are compared by.
-
 use crate::report::statistics::mean;
 use serde_json::Value;
 
-/// A quantity that runs are compared by.
+/// A score that runs are compared by, in the order of tables. `snake_case` in studies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Measure {
-    /// Gaussians at the beginning.
+    /// At the beginning.
     FirstGaussians,
-    /// Gaussians at the end.
     LastGaussians,
-    /// Mean PSNR of the test views, dB.
+    /// Mean over the test views, dB, as all PSNR.
     Psnr,
-    /// The same over moving pixels, by the capture's foreground masks.
+    /// Over the capture's foreground masks.
     PsnrForeground,
-    /// The same over pixels that a training camera sees, too, by the capture's co-visibility masks.
+    /// Over the pixels that a training camera sees, by the capture's co-visibility masks.
     PsnrCovisible,
-    /// The lowest PSNR of a test view, dB.
+    /// The lowest of a view.
     PsnrWorst,
-    /// Mean PSNR after the affine map of colours that brings each view closest to its image, dB.
+    /// After the affine map of colours that brings each view closest to its image.
     PsnrAligned,
-    /// Mean PSNR of the test camera farthest from the middle of all, dB.
+    /// Of the test camera farthest from the middle of all.
     PsnrPeripheral,
-    /// The same over pixels that a training camera sees, too, by the capture's co-visibility masks.
     PsnrPeripheralCovisible,
-    /// Mean PSNR of the test views of all cameras but that one, dB.
+    /// Of all test cameras but the peripheral one.
     PsnrInner,
-    /// The lowest PSNR of one of those views, dB.
     PsnrInnerWorst,
-    /// Mean SSIM of the test views.
     Ssim,
-    /// Change from a frame to the next in static pixels, relative to that of the images, which is their noise.
+    /// Change between frames in static pixels, over that of the images, which is noise.
     Flicker,
-    /// Mean LPIPS of the test views, if the runs have weights for it.
+    /// Of runs with weights for it.
     Lpips,
-    /// Seconds of stepping, reviews included; on an idle machine.
+    /// Of stepping, reviews included.
     Seconds,
-    /// Bytes of the numbers of the scene, see [`crate::scene::Summary::parameter_bytes`].
     SceneBytes,
-    /// Milliseconds a step, reviews included; on an idle machine.
+    /// Milliseconds, reviews included.
     StepTime,
-    /// Root mean square error of the learnt time offsets, frames, if the capture knows the true ones.
+    /// Root mean square, frames, where the true offsets are known.
     OffsetError,
 }
 
-/// Assumed least noise of images: half a step of 8 bits. Synthetic images without noise do not change at all where
-/// nothing moves.
+/// Least noise of images, half a step of 8 bits: synthetic images may have none.
 const LEAST_NOISE: f64 = 0.5 / 255.0;
 
 impl Measure {
-    /// All of them.
     pub const ALL: [Measure; 18] = [
         Measure::Psnr,
         Measure::PsnrAligned,
@@ -72,7 +63,7 @@ impl Measure {
         Measure::StepTime,
     ];
 
-    /// The head of its column, and the decimals that are shown.
+    /// Head of its column, and decimals.
     pub fn column(self) -> (&'static str, usize) {
         match self {
             Measure::FirstGaussians => ("first Gaussians", 0),
@@ -96,18 +87,17 @@ impl Measure {
         }
     }
 
-    /// True if a lower value is better.
     pub fn is_less_better(self) -> bool {
         self.is_cost() || matches!(self, Measure::Flicker | Measure::Lpips | Measure::OffsetError)
     }
 
-    /// Time, bytes and Gaussians, which are compared by their ratio and not by their difference.
+    /// Compared by ratio.
     pub fn is_cost(self) -> bool {
         matches!(self, Measure::Seconds | Measure::StepTime | Measure::SceneBytes)
             || matches!(self, Measure::FirstGaussians | Measure::LastGaussians)
     }
 
-    /// An arm that worsens it on a capture by more than this, in its unit, is harmful.
+    /// An arm that is worse by more on any capture is harmful.
     pub(super) fn harm(self) -> f64 {
         match self {
             Measure::Lpips | Measure::Ssim | Measure::OffsetError => 0.01,
@@ -115,7 +105,7 @@ impl Measure {
         }
     }
 
-    /// Reads it from one run's eval.json and train.json; none if its capture does not allow it.
+    /// From eval.json and train.json; none if the capture does not allow it.
     pub(super) fn of(self, eval: &Value, train: &Value, peripheral: Option<&str>) -> Option<f64> {
         let is_outer = |camera: &str| Some(camera) == peripheral;
         let is_inner = |camera: &str| peripheral.is_some_and(|other| other != camera);
@@ -143,7 +133,6 @@ impl Measure {
     }
 }
 
-/// A score of the test views of some cameras, of those that have it.
 fn scores(eval: &Value, score: &str, of: impl Fn(&str) -> bool) -> Vec<f64> {
     let views = eval["views"].as_array().into_iter().flatten();
     let some = views.filter(|view| view["camera"].as_str().is_some_and(&of));

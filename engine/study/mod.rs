@@ -1,4 +1,4 @@
-//! Studies: reports of finished runs, one by one and side by side.
+//! Reports of finished runs, one by one and side by side, and the studies of `ivv bench`.
 
 mod bench;
 mod curves;

@@ -1,4 +1,4 @@
-//! Studies: the settings to compare, the scores, seeds and lengths. They are JSON files.
+//! Studies, JSON files: arms, scores, seeds and lengths.
 
 use super::measure::Measure;
 use crate::error::{Error, Result};
@@ -10,7 +10,7 @@ use serde_json::Value;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// The studies that come with the engine: name and file.
+/// Name and file.
 const STUDIES: [(&str, &str); 10] = [
     ("trade", include_str!("../../assets/studies/trade.json")),
     ("presets", include_str!("../../assets/studies/presets.json")),
@@ -26,65 +26,57 @@ const STUDIES: [(&str, &str); 10] = [
 
 const REMEDY: &str = "see the manual's page Benchmarks and the studies in assets/studies";
 
-/// A set of settings to compare with others.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
-    /// The name of the folders of its runs.
+    /// Names the folders of its runs.
     pub key: String,
-    /// The name in tables; the key if the file has none.
+    /// In tables; the key if empty.
     #[serde(default)]
     pub name: String,
-    /// The preset that it starts from, by name or path.
+    /// Name or path.
     #[serde(default)]
     pub preset: Option<String>,
-    /// The settings that it changes, in the form of [`Config`].
+    /// Changes, in the form of [`Config`].
     #[serde(default = "nothing")]
     pub settings: Value,
-    /// The figures that a paper reports, on another capture.
+    /// Figures of a paper, on another capture.
     #[serde(default)]
     pub paper: BTreeMap<Measure, String>,
 }
 
-/// The settings that the arms of a study change.
+/// What the arms change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Base {
-    /// The given ones; LPIPS is measured and no part of the loss.
+    /// The given settings; LPIPS is measured and no part of the loss.
     #[default]
     Given,
-    /// The given ones, with the weights and rates of the paper, one background and no backdrop: LPIPS in the loss if
-    /// there are weights for it.
+    /// The same with the paper's weights and rates, one background, no backdrop, and LPIPS in the loss if it has weights.
     Paper,
 }
 
-/// A comparison of settings.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Study {
-    /// The title of the table.
     pub title: String,
-    /// The question, a sentence.
     pub question: String,
-    /// The arms, at least one.
+    /// At least one.
     pub arms: Vec<Arm>,
-    /// The columns, at least one. Captures are judged together by the first.
+    /// The columns, at least one. The first judges captures together.
     pub scores: Vec<Measure>,
-    /// Every arm runs once with each.
     pub seeds: Vec<u64>,
-    /// Lengths of the runs, each with its own schedule; without any, epochs give the length.
+    /// Lengths of runs, each with its own schedule; epochs if empty.
     #[serde(default, deserialize_with = "lengths")]
     pub steps: Vec<u64>,
-    /// Each arm may have twice as many Gaussians as the arm that begins with most, so that all can grow.
+    /// Each arm may have twice as many Gaussians as the largest start.
     #[serde(default)]
     pub equal_budgets: bool,
-    /// The settings that the arms change.
     #[serde(default)]
     pub base: Base,
-    /// The key of the arm that all others are compared with; the first if the file names none.
+    /// The arm that others are compared with; by default the first.
     #[serde(default)]
     pub baseline: String,
-    /// Its file.
     #[serde(skip)]
     pub file: PathBuf,
 }
@@ -93,7 +85,7 @@ fn nothing() -> Value {
     Value::Object(serde_json::Map::new())
 }
 
-/// A number of steps or several.
+/// A number or a list.
 fn lengths<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Vec<u64>, D::Error> {
     let value = Value::deserialize(from)?;
     let of = |value: &Value| value.as_u64().filter(|steps| *steps > 0);
@@ -102,10 +94,7 @@ fn lengths<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Vec
 }
 
 impl Study {
-    /// The engine's study of this name, or the one in the file of this path, which ends in `.json`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the studies that exist, or the file and what is wrong with it.
+    /// By name, or by the path of a `.json`.
     pub fn find(name: &str) -> Result<Self> {
         let path = Path::new(name);
         if path.extension().is_some_and(|extension| extension == "json") {
@@ -121,10 +110,6 @@ impl Study {
         Self::parse(Path::new(&format!("assets/studies/{name}.json")), text)
     }
 
-    /// The study that the file `path` holds as `text`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the file and what is wrong with it.
     pub fn parse(path: &Path, text: &str) -> Result<Self> {
         let fault = |place: &str, reason: String| Error::data(path, place, reason, REMEDY);
         let mut study: Study = serde_json::from_str(text).map_err(|e| fault("study", e.to_string()))?;
@@ -159,10 +144,7 @@ impl Study {
         Ok(study)
     }
 
-    /// The settings of `arm` where all arms share `shared`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the arm and its setting that is unknown or cannot be.
+    /// The settings of `arm`, where all arms share `shared`.
     pub fn config(&self, shared: &Config, arm: &Arm) -> Result<Config> {
         let fault = |reason: String| Error::data(&self.file, format!("arm {}", arm.key), reason, REMEDY);
         check_settings(&arm.settings).map_err(fault)?;
@@ -188,7 +170,6 @@ impl Study {
 }
 
 impl Base {
-    /// Applies it to `config`.
     fn apply(self, config: &mut Config) {
         config.loss.lpips = 0.0;
         if self == Base::Paper {
@@ -200,8 +181,7 @@ impl Base {
     }
 }
 
-/// The paper's rates: of velocities, times and tau its own, of all else those of 3DGS (Kerbl et al. 2023). It names
-/// none of offsets and grids, which keep the defaults.
+/// Velocities, times and tau: the paper's own. All else: 3DGS's (Kerbl et al. 2023).
 fn paper_rates() -> LearningRates {
     let constant = |rate: f64| Rate { start: rate, end: rate };
     LearningRates {

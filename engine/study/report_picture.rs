@@ -1,4 +1,4 @@
-//! Pictures of the report: truth, rendering and error map as inline PNG.
+//! Truth, rendering and error map as inline PNG.
 
 use crate::error::{Error, Result};
 use crate::parallel::{in_parallel, threads};
@@ -10,32 +10,25 @@ use base64::engine::general_purpose::STANDARD as BASE64;
 use image::{ExtendedColorType, ImageEncoder, ImageError, codecs::png::PngEncoder};
 use std::path::Path;
 
-/// Longest row of a picture in the report, pixels; larger pictures are averaged over squares.
+/// Larger pictures are averaged over squares.
 const MAX_WIDTH: u32 = 480;
-/// The error map's colours run from an error of 0 to 1 / GAIN.
+/// The ramp spans errors from 0 to 1 / GAIN.
 pub(super) const GAIN: f32 = 4.0;
-/// Colours of the error map at equal distances, dark to bright.
 pub(super) const RAMP: [[f32; 3]; 5] =
     [[0.0, 0.0, 0.0], [66.0, 10.0, 104.0], [188.0, 55.0, 84.0], [249.0, 142.0, 9.0], [252.0, 255.0, 164.0]];
-/// The colour of a pixel that the mask hides.
+/// Hidden by the mask.
 const HIDDEN: [f32; 3] = [128.0; 3];
 
-/// A test view that the report shows.
 #[derive(Clone, Debug)]
 pub struct Example {
-    /// Name of the view.
     pub view: String,
-    /// Why it is shown: worst, median, best; may be empty.
+    /// Worst, median, best, or empty.
     pub why: &'static str,
-    /// Its scores.
     pub scores: Scores,
-    /// The image.
     pub truth: Picture,
-    /// The rendering, of the same size.
     pub render: Frame,
 }
 
-/// The colour of a mean absolute error.
 fn heat(error: f32) -> [f32; 3] {
     // NaN becomes the brightest.
     let at = if error * GAIN < 1.0 { error * GAIN } else { 1.0 } * (RAMP.len() - 1) as f32;
@@ -44,10 +37,6 @@ fn heat(error: f32) -> [f32; 3] {
     std::array::from_fn(|c| RAMP[low][c] * (1.0 - t) + RAMP[low + 1][c] * t)
 }
 
-/// Truth, rendering and error map of each example, as URLs of inline PNGs.
-///
-/// # Errors
-/// [`Error::Data`] naming the view whose pictures cannot be encoded.
 pub(super) fn triples(examples: &[Example]) -> Result<Vec<[String; 3]>> {
     let of_example = |i: usize| {
         let Example { view, truth, render, .. } = &examples[i];
@@ -57,7 +46,6 @@ pub(super) fn triples(examples: &[Example]) -> Result<Vec<[String; 3]>> {
     in_parallel(examples.len(), threads(), of_example, |_| ())
 }
 
-/// Truth, rendering and error map, each as the URL of an inline PNG. The two are of one size.
 fn triple(truth: &Picture, render: &Frame) -> std::result::Result<[String; 3], ImageError> {
     let size = [truth.width, truth.height];
     let shown: Vec<[f32; 3]> = render.color.iter().map(|c| c.map(|x| 255.0 * x.clamp(0.0, 1.0))).collect();
@@ -70,7 +58,6 @@ fn triple(truth: &Picture, render: &Frame) -> std::result::Result<[String; 3], I
     Ok([url(&real, size)?, url(&shown, size)?, url(&errors, size)?])
 }
 
-/// Levels of 0 to 255 as an inline PNG, at most [`MAX_WIDTH`] pixels wide.
 fn url(pixels: &[[f32; 3]], size: [u32; 2]) -> std::result::Result<String, ImageError> {
     let (pixels, [w, h]) = reduced(pixels, size);
     let bytes: Vec<u8> = pixels.iter().flatten().map(|c| c.round() as u8).collect();
@@ -79,7 +66,6 @@ fn url(pixels: &[[f32; 3]], size: [u32; 2]) -> std::result::Result<String, Image
     Ok(format!("data:image/png;base64,{}", BASE64.encode(&png)))
 }
 
-/// Means over squares of pixels, so that the picture is at most [`MAX_WIDTH`] pixels wide; and its size.
 fn reduced(pixels: &[[f32; 3]], [width, height]: [u32; 2]) -> (Vec<[f32; 3]>, [u32; 2]) {
     let side = width.div_ceil(MAX_WIDTH).max(1);
     let (w, h) = (width.div_ceil(side), height.div_ceil(side));
@@ -93,7 +79,7 @@ fn reduced(pixels: &[[f32; 3]], [width, height]: [u32; 2]) -> (Vec<[f32; 3]>, [u
     ((0..h).flat_map(|y| (0..w).map(move |x| (y, x))).map(mean).collect(), [w, h])
 }
 
-/// The views of `examples` side by side, truth above rendering, each at most `MAX_WIDTH` pixels wide.
+/// Side by side, truth above rendering.
 pub fn strip(examples: &[Example]) -> Frame {
     let mut pairs = Vec::new();
     for Example { truth, render, .. } in examples {
@@ -119,7 +105,6 @@ pub fn strip(examples: &[Example]) -> Frame {
     Frame { width, height: 2 * height, color, ..Frame::default() }
 }
 
-/// Red, green and blue of a pixel, 0 to 255.
 fn levels(word: u32) -> [f32; 3] {
     let [r, g, b, _] = word.to_le_bytes();
     [r, g, b].map(f32::from)

@@ -1,4 +1,4 @@
-//! The report of a run: one HTML file that needs nothing else, neither files nor network nor scripts.
+//! The report of a run: one HTML file without scripts, other files or network.
 
 use super::curves::{Curve, Plot};
 use super::report_picture::{Example, GAIN, RAMP, triples};
@@ -16,32 +16,21 @@ use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
 
-/// A writer of a part of the page.
 type Written = std::result::Result<(), Box<dyn std::error::Error>>;
 
-/// The contents of a report.
 pub struct Report<'a> {
-    /// Name of the run.
     pub name: &'a str,
-    /// Capture and constants.
     pub run: &'a Run,
-    /// Settings.
     pub config: &'a Config,
     /// `train.json`; null if the run has none.
     pub totals: &'a Value,
-    /// `train.jsonl`.
     pub log: &'a Log,
-    /// Scores of the scene; none if the capture has no test image.
+    /// None without test images.
     pub scores: Option<&'a SceneScores>,
-    /// Test views.
     pub examples: &'a [Example],
 }
 
 impl Report<'_> {
-    /// Writes the report.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when `file` cannot be written or a picture cannot be encoded.
     #[tracing::instrument(level = "info", name = "write report", skip_all)]
     pub fn write(&self, file: &Path) -> Result<()> {
         let html = self.html().map_err(|e| Error::data(file, "", format!("cannot be made: {e}"), "report this"))?;
@@ -262,12 +251,12 @@ impl Report<'_> {
     }
 }
 
-/// The value as its file has it: the shortest decimals that are the number.
+/// The shortest decimals that are the number.
 fn as_written(value: &impl serde::Serialize) -> serde_json::Result<Value> {
     serde_json::from_str(&serde_json::to_string(value)?)
 }
 
-/// Every leaf of `value` with its path, and the same leaf of `default`.
+/// (Path, value, default) of every leaf.
 fn flatten(path: &str, value: &Value, default: &Value, rows: &mut Vec<(String, String, String)>) {
     match value {
         Value::Object(fields) => {
@@ -284,7 +273,6 @@ fn mib(bytes: f64) -> f64 {
     bytes / f64::from(1 << 20)
 }
 
-/// Seconds for a reader.
 fn duration(seconds: f64) -> String {
     let whole = seconds.round() as u64;
     match whole {

@@ -1,4 +1,4 @@
-//! Finished runs: their results, and how these change from one measurement to the next.
+//! Results of finished runs, and their history.
 
 use crate::error::{Error, Result};
 use crate::files::read_file;
@@ -9,56 +9,41 @@ use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-/// Settings that are not listed: they have columns of their own, or the preset stands before all others.
+/// They have columns of their own.
 const TOLD_APART: [&str; 4] = ["seed", "steps", "epochs", "preset"];
 
-/// The result of a finished run.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct RunResult {
-    /// The folder of its capture, without those above it.
+    /// Name of the folder.
     pub capture: String,
-    /// Its settings that are not the defaults, as for `--set`, in the order of their names; `defaults` if there is
-    /// none.
+    /// As [`differences`].
     pub settings: String,
-    /// Steps done.
     pub steps: u64,
-    /// Its seed.
     pub seed: u64,
-    /// Mean over the test images, dB.
+    /// Mean over test images, dB.
     pub psnr: f64,
-    /// The same after the affine map of colours that brings each view closest to its image, dB.
     pub psnr_aligned: f64,
-    /// The test camera with the lowest mean PSNR.
+    /// By mean PSNR.
     pub worst_camera: String,
-    /// That PSNR, dB.
     pub worst_psnr: f64,
-    /// Mean over the test images.
     pub ssim: f64,
-    /// Mean over the test images; none of runs without weights for it.
     pub lpips: Option<f64>,
-    /// The same of colours in [0, 1].
+    /// Of colours in [0, 1].
     pub lpips_unscaled: Option<f64>,
-    /// Gaussians at the end.
     pub gaussians: u64,
-    /// Bytes of their parameters.
     pub bytes: u64,
-    /// Seconds from the start of the process until its scene is written, before it is scored, with the first Gaussians
-    /// and the compilation of kernels. For a resumed run, those of its last process.
+    /// Wall clock of the last process until its scene is written, first Gaussians and compilation included.
     pub seconds: f64,
-    /// The same of all processors together, if known.
     pub cpu_seconds: Option<f64>,
-    /// Name of the device.
     pub device: String,
-    /// Name and version of its driver.
     pub driver: String,
-    /// The source that `ivv` was built from, as git names it; none if the build did not know.
     pub revision: Option<String>,
-    /// The images that were trained on and scored, to tell them from others. Empty in a history.
+    /// The images, to tell captures of one name apart. Empty in a history.
     #[serde(skip)]
     pub images: String,
 }
 
-/// The used part of `train.json`.
+/// Of `train.json`.
 #[derive(serde::Deserialize)]
 struct Totals {
     steps: u64,
@@ -76,7 +61,7 @@ struct Device {
     driver: String,
 }
 
-/// The used part of `eval.json`.
+/// Of `eval.json`.
 #[derive(serde::Deserialize)]
 struct Scored {
     psnr: f64,
@@ -94,10 +79,6 @@ struct ScoredView {
 }
 
 impl RunResult {
-    /// Reads the folder of a run that has ended and has test images.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the file that is absent or not what `ivv train` writes.
     pub fn read(folder: &Path) -> Result<Self> {
         let run = Run::read(folder)?;
         let config: Config = read(folder, "config.json")?;
@@ -137,7 +118,6 @@ impl RunResult {
     }
 }
 
-/// Reads a file of a finished run.
 pub(super) fn read<T: serde::de::DeserializeOwned>(folder: &Path, name: &str) -> Result<T> {
     let (file, remedy) =
         (folder.join(name), "give folders of runs that have ended (`ivv train --resume -o RUN` ends one)");
@@ -146,7 +126,7 @@ pub(super) fn read<T: serde::de::DeserializeOwned>(folder: &Path, name: &str) ->
     serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
 }
 
-/// The settings of `config` that are not those of its preset or the defaults; the preset first.
+/// The preset, and settings that differ from it or the defaults, as for `--set`; or `defaults`.
 pub fn differences(config: &Config) -> String {
     let value = |config: &Config| serde_json::to_value(config).unwrap_or(Value::Null);
     let mut base = value(&Config::default());
@@ -192,10 +172,8 @@ fn list(name: &str, base: &Value, own: &Value, told: &mut Vec<String>) {
     }
 }
 
-/// Width and height of a panel of a history.
 const PANEL: [f64; 2] = [250.0, 190.0];
 
-/// A score that a history shows.
 struct Shown {
     title: &'static str,
     of: fn(&RunResult) -> Option<f64>,
@@ -209,23 +187,21 @@ const SHOWN: [Shown; 5] = [
     Shown { title: "seconds of processors", of: |run| run.cpu_seconds },
 ];
 
-/// A measurement in a history.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Entry {
     /// Year-month-day, UTC.
     pub date: String,
-    /// Its runs.
     pub runs: Vec<RunResult>,
 }
 
-/// A file of measurements, the oldest first.
+/// The oldest first.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct History(pub Vec<Entry>);
 
 impl History {
-    /// The entries as a picture: a row for each capture and kind of settings, scores from the first entry to the last.
+    /// A row for each capture and kind of settings.
     pub fn svg(&self) -> String {
-        // Runs of a row are alike but for the code.
+        // Runs of a row differ in the code alone.
         let kind = |run: &RunResult| (run.capture.clone(), run.settings.clone(), run.steps);
         let kinds: BTreeSet<_> = self.0.iter().flat_map(|entry| &entry.runs).map(kind).collect();
         let row = |own: (String, String, u64)| {
@@ -235,7 +211,7 @@ impl History {
         Chart { panel: PANEL, rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
     }
 
-    /// A score of the runs that `is_own` selects, over the entries: mean and range. None if no run has it.
+    /// Mean and range over the entries; none if no run has the score.
     fn panel(&self, shown: &Shown, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
         let point = |(index, entry): (usize, &Entry)| {
             let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(shown.of).collect();

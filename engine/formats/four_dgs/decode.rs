@@ -1,5 +1,3 @@
-//! Reads `.4dgs` files.
-
 use super::ears::{EARS, Ears};
 use super::{MAGIC, RECORD, SOUND, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
@@ -33,7 +31,7 @@ fn import(path: &Path) -> Result<Scene> {
     Ok(Scene { clip, ..scene })
 }
 
-/// A `.4dgs`: what it says, and its Gaussians where they are in memory.
+/// A `.4dgs`, with or without its Gaussians.
 #[derive(Debug)]
 pub struct FourDgs {
     path: PathBuf,
@@ -43,42 +41,30 @@ pub struct FourDgs {
 }
 
 impl FourDgs {
-    /// True if the file begins as a `.4dgs` of any version does.
     pub fn is(path: &Path) -> bool {
         let mut start = Vec::new();
         let read = open_file(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut start));
         read.is_ok() && start == MAGIC
     }
 
-    /// Reads a whole file.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when it cannot be read, is damaged or cut short, or is of a temporal model other than
-    /// `gaussian-birth`, of a codec other than deflate, or of more than half a gigabyte in memory.
+    /// Reads a whole file: of the model `gaussian-birth`, deflated, at most half a gigabyte in memory.
     pub fn read(path: &Path) -> Result<Self> {
         let file = open_file(path).map_err(|fault| cannot_read(path, &fault))?;
         Self::of(path, std::io::BufReader::new(file))
     }
 
-    /// Reads a file that is in memory; faults name `path`.
-    ///
-    /// # Errors
-    /// As [`FourDgs::read`].
+    /// As [`FourDgs::read`], from memory; errors name `path`.
     pub fn of_bytes(path: &Path, bytes: &[u8]) -> Result<Self> {
         Self::of(path, bytes)
     }
 
-    /// Reads a file without its Gaussians, which may be more than memory holds; all of it where there is no index of its chunks at
-    /// its end.
-    ///
-    /// # Errors
-    /// As [`FourDgs::read`].
+    /// Reads all but the Gaussians, which may be more than memory holds; everything where the file has no index of its chunks.
     pub fn open(path: &Path) -> Result<Self> {
         open_file(path).map_err(|fault| cannot_read(path, &fault))?;
         let opened = FileReadable::open(path).and_then(|file| SceneReader::open_with(file, OpenMode::Indexed));
         let mut reader = match opened {
             Ok(reader) if !reader.chunk_index().is_empty() => reader,
-            // Whoever reads it whole says what is wrong with it.
+            // Reading it whole says what is wrong with it.
             _ => return Self::read(path),
         };
         let scene = front(&mut reader).map_err(|fault| not_read(path, &fault))?;
@@ -109,18 +95,17 @@ impl FourDgs {
         Ok(FourDgs { path: path.to_owned(), scene, ears, has_gaussians })
     }
 
-    /// The clock of the clip.
     pub fn clock(&self) -> Clock {
         let seconds = self.scene.duration_sec;
         Clock::of_file(self.own(), seconds)
     }
 
-    /// How the scene is rendered, by name; `None` in a file of another program.
+    /// How the scene is rendered; `None` in a file of another program.
     pub fn own(&self) -> Option<&Own> {
         self.scene.metadata.iter().find(|record| record.name == RECORD).map(|record| &record.entries)
     }
 
-    /// The parts of the file that are not read, a sentence each.
+    /// A sentence for each part of the file that is not read.
     pub fn notes(&self) -> Vec<String> {
         let records = self.scene.metadata.iter().map(|record| &record.name);
         let attachments = self.scene.attachments.iter().map(|attachment| &attachment.name);
@@ -141,29 +126,21 @@ impl FourDgs {
         notes
     }
 
-    /// Views to start from; none in a file of another program.
-    ///
-    /// # Errors
-    /// As [`read_views`](crate::scene::read_views).
+    /// Views to start from.
     pub fn views(&self) -> Result<Vec<View>> {
         let views = self.scene.attachments.iter().find(|attachment| attachment.name == VIEWS);
         views.map_or(Ok(Vec::new()), |views| parse_views(&self.path, &views.data))
     }
 
-    /// Which way is up, and how large it is; none where the file says neither.
     pub fn world(&self) -> Option<World> {
         World::of(&self.scene, self.own())
     }
 
-    /// The sound of the clip.
     pub fn sounds(&self) -> Sounds {
         Sounds::of(&self.scene, self.ears.clone())
     }
 
-    /// The Gaussians at all times; they are read where they are not in memory. Time 0 to 1 is the file's length.
-    ///
-    /// # Errors
-    /// As [`FourDgs::check_shown`] and [`FourDgs::read`].
+    /// The Gaussians, read again where they are not in memory. Time 0 to 1 is the file's length.
     pub fn splats(&self) -> Result<Splats> {
         if !self.has_gaussians {
             return Self::read(&self.path)?.splats();
@@ -183,21 +160,17 @@ impl FourDgs {
         Ok(splats)
     }
 
-    /// The temporal factor below which no Gaussian is shown, where that shows.
+    /// The temporal factor below which a Gaussian is hidden, where that shows.
     pub fn cutoff(&self) -> Option<f64> {
         Some(self.scene.header.cutoff).filter(|cutoff| *cutoff > INVISIBLE * (1.0 + 1e-9) && *cutoff <= 1.0)
     }
 
-    /// Gaussians of this file.
     pub(super) fn stored<'a>(&self, set: &'a GaussianSet) -> Stored<'a> {
         let clock = self.clock();
         Stored { set, seconds: clock.seconds(), frames: clock.frames, cutoff: self.cutoff() }
     }
 
-    /// Refuses what would be shown as it is not.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where tracks of objects move Gaussians, or where axes are left-handed, with which pictures are mirrored.
+    /// Refuses what would be drawn wrong: tracks of objects that move Gaussians, and left-handed axes, which mirror pictures.
     pub fn check_shown(&self) -> Result<()> {
         let n = self.scene.objects.tracks.iter().filter(|track| track.sample_count() > 0).count();
         if n > 0 {
@@ -212,7 +185,6 @@ impl FourDgs {
     }
 }
 
-/// The names of `all` but those `known`, quoted.
 fn others<'a>(all: impl Iterator<Item = &'a String>, known: &[&str]) -> Vec<String> {
     all.filter(|name| !known.contains(&name.as_str())).map(|name| format!("`{}`", name.escape_debug())).collect()
 }
@@ -222,7 +194,6 @@ pub(super) fn margin(seconds: f64, frames: u32) -> f64 {
     1e-3 * seconds / f64::from(frames)
 }
 
-/// Why a file is not read.
 pub(super) fn not_read(path: &Path, fault: &fourdgs::Error) -> Error {
     let remedy = match fault {
         fault if fault.is_unsupported_feature() => "save it with the model gaussian-birth and the codec deflate",
@@ -235,7 +206,6 @@ pub(super) fn not_read(path: &Path, fault: &fourdgs::Error) -> Error {
     Error::data(path, "", format!("not read: {fault}"), remedy)
 }
 
-/// All of a file but its Gaussians.
 fn front(reader: &mut SceneReader<FileReadable>) -> fourdgs::Result<fourdgs::Scene> {
     Ok(fourdgs::Scene {
         header: reader.header().clone(),
@@ -252,7 +222,6 @@ fn front(reader: &mut SceneReader<FileReadable>) -> fourdgs::Result<fourdgs::Sce
     })
 }
 
-/// Gaussians of a file, and what their numbers mean.
 #[derive(Clone, Copy)]
 pub(super) struct Stored<'a> {
     pub(super) set: &'a GaussianSet,
@@ -262,7 +231,7 @@ pub(super) struct Stored<'a> {
 }
 
 impl Stored<'_> {
-    /// The static Gaussians, and the others.
+    /// Static Gaussians, dynamic ones.
     pub(super) fn populations(&self) -> (Vec<usize>, Vec<usize>) {
         let Stored { set, .. } = self;
         (0..set.count()).partition(|i| {
@@ -270,8 +239,7 @@ impl Stored<'_> {
         })
     }
 
-    /// From when up to when Gaussian `i` is there, normalised time: where it could be seen at times of the clip at which the file
-    /// says that it is not.
+    /// The normalised times between which Gaussian `i` exists, where the file hides it at times when it could be seen.
     pub(super) fn span(&self, i: usize) -> [f32; 2] {
         let Stored { set, seconds, frames, cutoff } = *self;
         let [mu, sigma, from, to] =
@@ -289,7 +257,6 @@ impl Stored<'_> {
         [border(from > first + margin, from, f32::NEG_INFINITY), border(to < last - margin, to, f32::INFINITY)]
     }
 
-    /// How Gaussian `i` moves and fades.
     pub(super) fn motion(&self, i: usize) -> Motion {
         let Stored { set, seconds, .. } = self;
         let tau = f64::from(set.sigma_t[i]) * std::f64::consts::SQRT_2 / seconds;
@@ -300,7 +267,7 @@ impl Stored<'_> {
         }
     }
 
-    /// Appends Gaussian `i`, without what is temporal.
+    /// Appends Gaussian `i`, without its motion and span.
     pub(super) fn push(&self, to: &mut Splats, i: usize) {
         let set = self.set;
         let [x, y, z, w]: [f32; 4] = std::array::from_fn(|k| set.rotations[4 * i + k]);

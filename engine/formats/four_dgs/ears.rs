@@ -1,13 +1,8 @@
-//! Ears that a player hears with: responses to directions on a grid.
-
 use crate::error::{Error, Result};
 use std::path::Path;
 
-/// Name of the attachment that holds them.
 pub(super) const EARS: &str = "ears.bin";
-/// First bytes of it.
 const MAGIC: &[u8; 8] = b"IVVEARS1";
-/// Samples per second of all responses.
 const RATE: u32 = 48_000;
 /// Limits of a grid: rows, directions of a row, taps, bytes of text.
 const MOST_ROWS: u32 = 181;
@@ -31,8 +26,7 @@ pub struct Ears {
 }
 
 impl Ears {
-    /// Ears of the responses `[left, right]` in the order of [`Ears::grid`] for these `rows`, all of one length; `about` says where
-    /// they come from, of which 4096 bytes are kept.
+    /// Responses `[left, right]` of equal length, in the order of [`Ears::grid`]; `about` is their source, cut to 4096 bytes.
     #[doc(hidden)]
     pub fn new(mut about: String, rows: Vec<u32>, responses: &[[Vec<f32>; 2]]) -> Self {
         let most = about.char_indices().map(|(at, c)| at + c.len_utf8()).take_while(|end| *end <= MOST_TEXT as usize);
@@ -44,7 +38,7 @@ impl Ears {
         Ears { about, rows, taps, step, samples }
     }
 
-    /// Azimuth (counter-clockwise) and elevation of the directions of a grid, degrees, row by row.
+    /// Azimuth (counter-clockwise) and elevation of each direction of a grid, degrees, row by row.
     #[doc(hidden)]
     pub fn grid(rows: &[u32]) -> Vec<[f64; 2]> {
         let elevation = |row: usize| 180.0 * row as f64 / (rows.len().max(2) - 1) as f64 - 90.0;
@@ -55,24 +49,22 @@ impl Ears {
         rows.iter().enumerate().flat_map(row).collect()
     }
 
-    /// Directions of each row.
     #[doc(hidden)]
     pub fn rows(&self) -> &[u32] {
         &self.rows
     }
 
-    /// The response of direction `at` of the grid to an ear, 0 the left one.
+    /// The response of direction `at` of the grid to an ear; 0 is the left one.
     #[doc(hidden)]
     pub fn response(&self, at: usize, ear: usize) -> Vec<f32> {
         self.samples[(2 * at + ear) * self.taps..][..self.taps].iter().map(|x| f32::from(*x) * self.step).collect()
     }
 
-    /// Where they come from.
+    /// The source of the responses.
     pub fn about(&self) -> &str {
         &self.about
     }
 
-    /// The attachment.
     #[doc(hidden)]
     pub fn bytes(&self) -> Vec<u8> {
         let mut bytes = MAGIC.to_vec();
@@ -85,10 +77,7 @@ impl Ears {
         bytes
     }
 
-    /// Those of an attachment of the file `path`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where it is damaged, cut short or of another rate.
+    /// Parses an attachment of the file `path`.
     #[doc(hidden)]
     pub fn parse(path: &Path, bytes: &[u8]) -> Result<Self> {
         let fault = |reason: String| {

@@ -1,5 +1,3 @@
-//! Gaussians of ours as a `.4dgs`.
-
 use super::decode::margin;
 use super::grades::Grades;
 use super::harmonics::{HALF_STEP, Viewpoints};
@@ -16,50 +14,42 @@ use std::path::Path;
 
 /// The default cutoff: a temporal factor below it contributes no alpha to any pixel.
 const CUTOFF: f64 = 1.0 / 255.0;
-/// Level of deflate, 0 to 9, of a file that is soon done with.
+/// Level of deflate of a quick file.
 const QUICK: u32 = 1;
-/// A colour is off from here on.
+/// The error of a colour from which on it is counted as off.
 const OFF: f64 = 2.0 / 255.0;
 
-/// The contents of a file beside its Gaussians.
+/// The contents of a file beside its Gaussians, see [`Clip`](super::super::Clip).
 #[derive(Clone, Debug)]
 pub struct Contents<'a> {
-    /// The clock of the clip.
     pub clock: Clock,
-    /// Views to start from, in the scene's frame.
     pub views: &'a [View],
-    /// How the scene is rendered, by name.
     pub own: BTreeMap<String, String>,
-    /// The sound of the clip.
     pub sounds: &'a Sounds,
-    /// Which way is up, and how large it is, where that is known.
     pub world: Option<World>,
-    /// The temporal factor below which no Gaussian is shown, where that shows: of the `.4dgs` that the Gaussians are from.
     pub cutoff: Option<f64>,
-    /// True for a file of short use: it is made several times as fast, and larger.
+    /// Made several times as fast, and larger.
     pub is_quick: bool,
 }
 
-/// A scene as it will be stored.
+/// A scene in the format's numbers.
 #[derive(Debug)]
 pub struct Encoded {
-    /// All but colours, which depend on where they are seen from.
+    /// All but colours, which depend on the views.
     set: GaussianSet,
-    /// Coefficients of the harmonics of those that are stored, as in [`Splats::sh`].
+    /// As [`Splats::sh`].
     sh: Vec<[f32; 3]>,
-    /// Gaussians that are stored and not static.
     pub n_dynamic: usize,
-    /// Gaussians with a parameter that is not finite, which are left out.
+    /// Gaussians that are left out, since a parameter is not finite.
     pub n_left_out: usize,
-    /// Gaussians whose base colour lies beyond [0, 1] so that it shows, and is cut to that.
+    /// Gaussians whose base colour is cut to [0, 1], visibly.
     pub n_clamped_colors: usize,
-    /// Gaussians with a coefficient of higher harmonics beyond [-4, 4], which is cut to that.
+    /// Gaussians with a harmonic that is cut to [-4, 4].
     pub n_clamped_harmonics: usize,
 }
 
 impl Encoded {
-    /// The Gaussians of `splats` in the format's numbers; those with a parameter that is not finite, which are never drawn, are
-    /// left out.
+    /// Leaves out Gaussians with a parameter that is not finite.
     pub fn new(splats: &Splats, clock: Clock) -> Self {
         let seconds = clock.seconds();
         let k = splats.n_coefficients();
@@ -100,17 +90,15 @@ impl Encoded {
         Encoded { set, sh, n_dynamic, n_left_out, n_clamped_colors, n_clamped_harmonics }
     }
 
-    /// Gaussians that are stored.
     pub fn len(&self) -> usize {
         self.set.count()
     }
 
-    /// Whether none is.
     pub fn is_empty(&self) -> bool {
         self.set.is_empty()
     }
 
-    /// Gaussians whose colour is off by more than 2 levels of 255, root mean square, as `views` see them, at the finest grades.
+    /// Gaussians whose colour is off by more than 2 levels of 255 (root mean square over `views`) at the finest grades.
     pub fn n_off(&self, views: &[View]) -> usize {
         let (viewpoints, k) = (Viewpoints::new(views), self.set.sh_coefficients + 1);
         let is_off = |(place, coefficients): &(&[f32], &[[f32; 3]])| {
@@ -121,7 +109,6 @@ impl Encoded {
         self.set.positions.chunks_exact(3).zip(self.sh.chunks_exact(k)).filter(is_off).count()
     }
 
-    /// The Gaussians with the colours that `grades` allows, as seen from `viewpoints`.
     pub(super) fn colored(&self, viewpoints: &Viewpoints, grades: &Grades) -> GaussianSet {
         let (mut set, k) = (self.set.clone(), self.set.sh_coefficients + 1);
         set.sh_degree = grades.degree(set.sh_degree);
@@ -138,11 +125,7 @@ impl Encoded {
         set
     }
 
-    /// The file's bytes with attributes as fine as `grades` says. Colours are rounded so that they are right as the views of
-    /// `contents` see them. The same scene, contents and grades give the same bytes.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming `path` where a number has no place on the format's grids.
+    /// The file's bytes. Colours are rounded so that they are right in the views of `contents`.
     pub fn bytes(&self, path: &Path, contents: &Contents, grades: Grades) -> Result<Vec<u8>> {
         let mut colored = self.colored(&Viewpoints::new(contents.views), &grades);
         contents.forget_ends(&mut colored);
@@ -156,7 +139,7 @@ impl Encoded {
 }
 
 impl Contents<'_> {
-    /// A file with this beside the Gaussians that `measure` counted, and what stands before these.
+    /// The file that is begun, and the bytes before its chunks.
     fn begin<'a>(
         &'a self,
         path: &'a Path,
@@ -199,8 +182,7 @@ impl Contents<'_> {
         Ok((writing, front))
     }
 
-    /// Removes the ends of windows where the cutoff implies them: otherwise each of these windows would need its own entry in the
-    /// file's table.
+    /// Removes the ends of windows that the cutoff implies; each would need an entry of its own in the file's table.
     fn forget_ends(&self, set: &mut GaussianSet) {
         let Some(cutoff) = self.cutoff else { return };
         let seconds = self.clock.seconds();
@@ -216,10 +198,7 @@ impl Contents<'_> {
         }
     }
 
-    /// Reads a clip part by part, for what its file has to know before it begins; `look` receives what will be stored.
-    ///
-    /// # Errors
-    /// Those of the clip.
+    /// Reads a clip part by part, for what its file needs to know before it begins; `look` receives each part.
     pub fn measure(&self, clip: &mut dyn Parts, mut look: impl FnMut(&Encoded)) -> Result<Measure> {
         let mut measure = Measure::new();
         let mut count = |splats: &Splats| {
@@ -234,9 +213,6 @@ impl Contents<'_> {
     }
 
     /// Writes a clip that [`Contents::measure`] has read, at the finest grades, with one part at a time in memory.
-    ///
-    /// # Errors
-    /// As [`Encoded::bytes`]; those of the clip.
     pub fn write(&self, path: &Path, clip: &mut dyn Parts, measure: &Measure) -> Result<()> {
         let (mut writing, front) = self.begin(path, measure, Grades::default(), clip.sh_degree() as u8)?;
         let seconds = self.clock.seconds();

@@ -1,5 +1,3 @@
-//! Scenes as `.4dgs`, whole or part by part.
-
 use super::FourDgs;
 use super::encode::{Contents, Encoded};
 use super::losses::Losses;
@@ -24,11 +22,7 @@ pub(in crate::internals::formats) const WRITER: Writer = Writer {
 };
 
 impl FourDgs {
-    /// The bytes that [`write`](crate::internals::formats::write) would write; faults name `path`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where the scene has dynamic Gaussians and no clock, too many of its colours would change, or a number has no
-    /// place on the format's grids.
+    /// The bytes that [`write`](crate::internals::formats::write) would write; errors name `path`.
     pub fn encode(path: &Path, scene: &Scene, options: &WriteOptions) -> Result<(Vec<u8>, Written)> {
         let splats = options.moment(&scene.splats);
         let (bytes, notes) = encode(path, &splats, &scene.clip, options)?;
@@ -37,9 +31,6 @@ impl FourDgs {
     }
 
     /// Writes a clip with one part at a time in memory, at the finest grades.
-    ///
-    /// # Errors
-    /// As [`FourDgs::encode`]; those of `parts`.
     pub fn write_parts(path: &Path, parts: &mut dyn Parts, clip: &Clip, options: &WriteOptions) -> Result<Written> {
         let contents = Contents::of(path, clip, false, options)?;
         let (mut losses, mut written) = (Losses::default(), Written::default());
@@ -57,10 +48,7 @@ impl FourDgs {
 }
 
 impl<'a> Contents<'a> {
-    /// The contents of a file of `clip`; `is_still` if its Gaussians are all static.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming `path` when Gaussians move and the clip has no clock.
+    /// Refuses a moving `clip` without a clock.
     pub fn of(path: &Path, clip: &'a Clip, is_still: bool, options: &WriteOptions) -> Result<Self> {
         let clock = match clip.clock {
             Some(clock) => clock,
@@ -87,7 +75,6 @@ fn encode(path: &Path, splats: &Splats, clip: &Clip, options: &WriteOptions) -> 
 }
 
 impl Encoded {
-    /// The losses of a file of it, as `views` see it.
     pub fn losses(&self, views: &[View]) -> Losses {
         let mut losses = Losses::default();
         losses.count(self, views);

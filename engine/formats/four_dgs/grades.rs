@@ -1,12 +1,10 @@
-//! How finely each attribute of a `.4dgs` is stored: multiples of the finest grid, whose smaller symbols take fewer bytes.
-
 use fourdgs::GaussianSet;
 use fourdgs::quantization::{
     Bounds, Profile, Steps, dequantize_rotation, life_class, motion_step, mu_step, quantize_rotation, rint, support_k,
 };
 
-/// How many times the grid of an attribute is halved in fineness. With 0 throughout the largest errors are: of a place 0.02 of
-/// the median standard deviation, of a standard deviation and a life 0.5 %, of colours and opacities half a step of 255.
+/// How many times the grid of each attribute is halved. With 0 the largest errors are: of a position 0.02 of the median
+/// standard deviation, of standard deviations and lives 0.5 %, of colours and opacities half a step of 255.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Grades {
     /// Places.
@@ -23,26 +21,23 @@ pub struct Grades {
     pub motion: u8,
     /// Times and logs of the lives.
     pub time: u8,
-    /// Harmonics of degree 1, 2 and 3; [`Grades::LEFT_OUT`] leaves a band out, and those above it.
+    /// Harmonics of degree 1, 2 and 3; 6 leaves a band out, and those above it.
     pub bands: [u8; 3],
 }
 
 impl Grades {
-    /// Grade of a band that is not stored. The format has at least three bits for one that is.
+    /// A band that is not stored. The format has at least three bits for one that is.
     #[doc(hidden)]
     pub const LEFT_OUT: u8 = 6;
-    /// Coarsest grade of an attribute.
     #[doc(hidden)]
     pub const COARSEST: u8 = 6;
-    /// Attributes.
     #[doc(hidden)]
     pub const N: usize = 10;
 
-    /// Names of the attributes, in order.
     const NAMES: [&str; Self::N] =
         ["position", "scale", "rotation", "color", "opacity", "motion", "time", "sh 1", "sh 2", "sh 3"];
 
-    /// The grade of an attribute by its number.
+    /// By number, in the order of the fields.
     #[doc(hidden)]
     pub fn of(&mut self, attribute: usize) -> &mut u8 {
         match attribute {
@@ -57,19 +52,19 @@ impl Grades {
         }
     }
 
-    /// Degree of the harmonics that are stored of `degree`.
+    /// The degree that is stored of `degree`.
     #[doc(hidden)]
     pub fn degree(&self, degree: u8) -> u8 {
         let stored = self.bands.iter().take_while(|grade| **grade < Self::LEFT_OUT).count();
         degree.min(stored as u8)
     }
 
-    /// Bits of each band that is stored of `degree`.
+    /// Bits of each stored band.
     pub(super) fn bits(&self, degree: u8) -> Vec<u8> {
         self.bands[..usize::from(self.degree(degree))].iter().map(|grade| 8 - grade).collect()
     }
 
-    /// A standard deviation on the grid of its grade. Steps of logs do not depend on the scene.
+    /// Steps of logs do not depend on the scene.
     pub(super) fn scale(&self, value: f32) -> f32 {
         if self.scale == 0 {
             return value;
@@ -77,13 +72,11 @@ impl Grades {
         of_log(value, Steps::of(&Bounds::for_profile(Profile::Fine, 1.0)).scale_log * times(self.scale))
     }
 
-    /// A coordinate on the grid of its grade, in a file of these steps.
     pub(super) fn place(&self, value: f32, steps: &Steps) -> f32 {
         if self.position == 0 { value } else { to(value, steps.pos * times(self.position)) as f32 }
     }
 
-    /// The Gaussians with every number on the grid of its attribute's grade, so that the format's own grid, which is as fine or
-    /// finer, holds it as it is, in a file of these steps.
+    /// The Gaussians with every number on the grid of its grade, which the format's own grid holds exactly.
     pub(super) fn on(&self, set: &GaussianSet, steps: &Steps, cutoff: f64) -> GaussianSet {
         let mut set = set.clone();
         set.scales.iter_mut().for_each(|s| *s = self.scale(*s));
@@ -124,7 +117,6 @@ impl Grades {
     }
 }
 
-/// Names and grades, separated by commas.
 impl std::fmt::Display for Grades {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut grades = *self;
@@ -141,7 +133,7 @@ fn of_log(value: f32, step: f64) -> f32 {
     (rint(f64::from(value).ln() / step) as f64 * step).exp() as f32
 }
 
-/// How many of the format's steps are one of a grade.
+/// Steps of the format in a step of a grade.
 fn times(grade: u8) -> f64 {
     f64::from(1u32 << grade.min(Grades::COARSEST))
 }

@@ -12,32 +12,28 @@ use crate::scene::View;
 use fourdgs::quantization::{SH_QUANT_HI, SH_QUANT_LO, quantize_sh, sh_coefficient};
 use std::f64::consts::PI;
 
-/// Coefficients at most.
 const K: usize = 16;
 /// Weight of the mean over all directions against that over the cameras: what nobody looks at stays about as it is.
 const ANYWHERE: f64 = 0.02;
 /// A base colour this far beyond [0, 1] shows in no picture of 8 bits.
 pub(super) const HALF_STEP: f64 = 0.5 / 255.0;
 
-/// The coefficients of one Gaussian, [coefficient][channel].
+/// [coefficient][channel].
 type Coefficients = [[f64; 3]; K];
-/// Lower triangle of the factor of the norm of their errors.
+/// Lower triangle.
 type Factor = [[f64; K]; K];
 
-/// The colour of a Gaussian as it is stored.
 pub(super) struct Rounded {
     /// From 0 to 1.
     pub(super) base: [f64; 3],
-    /// Of the harmonics, [coefficient][channel]; that of the base colour means nothing.
+    /// [coefficient][channel]; entry 0 means nothing.
     pub(super) bytes: [[u8; 3]; K],
-    /// Root mean square over the views that see it of what a channel is off by, of the worst one; over all directions where no
-    /// view does.
+    /// Root mean square error of the worst channel over the views that see it, or over all directions where none does.
     pub(super) off: f64,
     /// True if a view sees it, or there are no views.
     pub(super) is_seen: bool,
 }
 
-/// Where Gaussians are seen from.
 pub(super) struct Viewpoints<'a> {
     views: &'a [View],
     centers: Vec<[f64; 3]>,
@@ -48,7 +44,7 @@ impl<'a> Viewpoints<'a> {
         Viewpoints { views, centers: views.iter().map(|view| view.pose.center().to_array()).collect() }
     }
 
-    /// Base colours and harmonics on the format's grids that look like the `coefficients` of a Gaussian at `place`.
+    /// The colours on the format's grids that look like the `coefficients` of a Gaussian at `place`.
     pub(super) fn round(&self, place: [f64; 3], coefficients: &[[f32; 3]], grades: &Grades) -> Rounded {
         let k = coefficients.len();
         let mut exact = Coefficients::default();
@@ -95,8 +91,8 @@ impl<'a> Viewpoints<'a> {
         Rounded { base, bytes, off, is_seen: n_views > 0 || self.views.is_empty() }
     }
 
-    /// The squared error of a colour, summed over the views that see `place`, as a quadratic form of the errors of `k`
-    /// coefficients; and how many those views are.
+    /// The squared error of a colour, summed over the views that see `place`, as a quadratic form of the coefficients' errors;
+    /// and the number of those views.
     fn norm(&self, place: [f64; 3], k: usize) -> (Factor, usize) {
         let (mut norm, mut n) = (Factor::default(), 0);
         for (view, center) in self.views.iter().zip(&self.centers) {
@@ -116,13 +112,12 @@ impl<'a> Viewpoints<'a> {
     }
 }
 
-/// Weight of the square of a coefficient's error beside `n` views. The mean of the square of every basis function over the sphere
-/// is 1 / 4 pi.
+/// Weight of a coefficient's squared error beside `n` views. A basis function's mean square over the sphere is 1 / 4 pi.
 fn anywhere_of(n: usize) -> f64 {
     ANYWHERE * n.max(1) as f64 / (4.0 * PI)
 }
 
-/// The byte of a harmonic that is nearest to `wanted`, and what it stands for; nothing in a band that is left out.
+/// The byte of a harmonic nearest to `wanted`, and its value; 0 in a band that is left out.
 fn grade(harmonic: usize, grades: &Grades, wanted: f64) -> (u8, f64) {
     let band = (harmonic as f64).sqrt() as usize;
     let grade = grades.bands[..band].iter().copied().max().unwrap_or(0);
@@ -147,7 +142,6 @@ fn factor(norm: &Factor, order: &[usize; K], k: usize) -> Factor {
     l
 }
 
-/// True if a place is within a view's picture.
 fn sees(view: &View, place: [f64; 3]) -> bool {
     let (at, intrinsics) = (view.pose.to_camera(place.into()), view.intrinsics);
     at.z > 0.0 && intrinsics.holds(intrinsics.project(at))

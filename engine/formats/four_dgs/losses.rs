@@ -1,5 +1,3 @@
-//! Colours of Gaussians that a `.4dgs` cannot hold.
-
 use super::encode::Encoded;
 use crate::error::{Error, Result};
 use crate::scene::View;
@@ -9,7 +7,6 @@ use std::path::Path;
 /// Part of the Gaussians whose colours may be off by more than shows.
 const MOST_OFF: f64 = 0.1;
 
-/// Counts of Gaussians, and of those whose colours a file changes.
 #[derive(Debug, Default)]
 pub struct Losses {
     n: usize,
@@ -19,7 +16,6 @@ pub struct Losses {
 }
 
 impl Losses {
-    /// Adds those of `encoded`, as `views` see them.
     pub fn count(&mut self, encoded: &Encoded, views: &[View]) {
         self.n += encoded.len();
         self.n_clamped_colors += encoded.n_clamped_colors;
@@ -27,10 +23,7 @@ impl Losses {
         self.n_off += encoded.n_off(views);
     }
 
-    /// The note on what is cut, if anything is.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming `path` where too many colours are off, unless they may be clamped.
+    /// The note on colours that are cut, if any. Refuses a file that makes too many colours wrong, unless `clamp_colors`.
     pub fn judge(&self, path: &Path, clamp_colors: bool) -> Result<Option<String>> {
         let Losses { n, n_clamped_colors, n_clamped_harmonics, n_off } = *self;
         if n_off as f64 > MOST_OFF * n as f64 && !clamp_colors {

@@ -32,11 +32,10 @@ pub use summary::FourDgsSummary;
 pub use world::World;
 pub use write::Measure;
 
-/// First bytes of a file, without the number of its version.
 const MAGIC: [u8; 4] = [0x89, b'4', b'D', b'G'];
-/// Name of the metadata record that holds what is this project's own.
+/// Metadata record of this project's own values.
 const RECORD: &str = "ivv";
-/// Name of the metadata record that says how loud sources of sound are from where.
+/// Metadata record of the law of loudness.
 const SOUND: &str = "ivv.sound";
-/// Name of the attachment that holds views to start from, a cameras file.
+/// Attachment with the views to start from.
 const VIEWS: &str = "views.json";

@@ -1,5 +1,3 @@
-//! A `.4dgs` of which those chunks are in memory that are seen.
-
 use super::FourDgs;
 use super::decode::{margin, not_read};
 use crate::error::Result;
@@ -8,33 +6,28 @@ use fourdgs::reader::OpenMode;
 use fourdgs::{FileReadable, SceneReader};
 use std::path::{Path, PathBuf};
 
-/// A file is read chunk by chunk where at most this part of its Gaussians is needed at one time.
+/// Chunks are read one by one where no time needs more than this part of the Gaussians.
 const FEW: f64 = 0.5;
 
-/// A `.4dgs` of which no Gaussian is in memory.
+/// A `.4dgs` that is read chunk by chunk.
 pub struct FourDgsParts {
     path: PathBuf,
     file: FourDgs,
     reader: SceneReader<FileReadable>,
-    /// Chunks that are there all the time: static Gaussians, and some of the others.
+    /// Chunks that last the whole clip.
     lasting: Vec<u32>,
-    /// By part, its chunks.
     chunks: Vec<Vec<u32>>,
     parts: Vec<Part>,
 }
 
 impl FourDgsParts {
-    /// Opens a file; `None` where some time needs most of its Gaussians, or where it lacks the index of its
-    /// chunks.
-    ///
-    /// # Errors
-    /// As [`FourDgs::splats`].
+    /// `None` where some time needs most of the Gaussians, or where the file has no index of its chunks.
     pub fn open(path: &Path) -> Result<Option<Self>> {
         let file = FourDgs::open(path)?;
         file.check_shown()?;
         let clock = file.clock();
         let seconds = clock.seconds();
-        // Ends may be rounded to singles. What lasts up to one, but for a moment, is taken as it is where the file is read whole.
+        // Ends may be rounded to singles.
         let margin = margin(seconds, clock.frames);
         let is_begin = |time: f64| time <= margin;
         let is_end = |time: f64| time >= seconds - margin;
@@ -72,7 +65,6 @@ impl FourDgsParts {
         Ok(Some(opened))
     }
 
-    /// The file without its Gaussians.
     pub fn file(&self) -> &FourDgs {
         &self.file
     }
@@ -128,7 +120,7 @@ impl Parts for FourDgsParts {
     }
 }
 
-/// The most Gaussians of `parts` that are there at one time.
+/// The most Gaussians that exist at one time.
 fn fullest(parts: &[Part]) -> usize {
     let at = |time: f64| parts.iter().filter(|part| part.from <= time && time < part.to).map(|part| part.n).sum();
     parts.iter().map(|part| at(part.from)).max().unwrap_or(0)

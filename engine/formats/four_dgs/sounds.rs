@@ -1,5 +1,3 @@
-//! Sources of sound of a clip.
-
 use super::SOUND;
 use super::ears::{EARS, Ears};
 use fourdgs::{Attachment, AudioSource, AudioSourceKeyframe, Metadata, SceneExtras};
@@ -21,8 +19,8 @@ pub struct Sound {
     pub start: f64,
     /// See `start`; positive.
     pub seconds: f64,
-    /// Seconds of the clip, which increase, and where it is then, in the scene's frame. Between them it moves along lines, before
-    /// and after them it rests.
+    /// (Seconds of the clip, increasing; position in the scene's frame.) The source moves along lines between them, and rests
+    /// outside.
     pub places: Vec<(f64, [f64; 3])>,
 }
 
@@ -35,8 +33,8 @@ pub struct Sounds {
 }
 
 impl Sounds {
-    /// Sources that were recorded at `mic`, in the scene's frame: from a distance r a listener hears them with the factor
-    /// `max(r_m, r_min) / max(r, r_min)`, r_m the distance of the source from `mic`; distances in units of the scene.
+    /// Sources recorded at `mic`, in the scene's frame. A listener at the distance r hears them with the factor `max(r_m,
+    /// r_min) / max(r, r_min)`, where r_m is their distance from `mic`, in units of the scene.
     pub fn new(mic: [f64; 3], r_min: f64, sounds: Vec<Sound>) -> Self {
         let mic = mic.map(|x| x.to_string()).join(" ");
         let law = [("mic", mic), ("r_min", r_min.to_string())].map(|(name, value)| (name.to_owned(), value)).into();
@@ -58,12 +56,11 @@ impl Sounds {
         Sounds { sources: sounds.into_iter().enumerate().map(source).collect(), law, ears: None }
     }
 
-    /// The same for a player that hears with `ears`, or with its own where there are none.
+    /// With the ears of a player, which has its own where there are none.
     pub fn heard_with(self, ears: Option<Ears>) -> Self {
         Sounds { ears, ..self }
     }
 
-    /// Those of a file that has these ears.
     pub(super) fn of(scene: &fourdgs::Scene, ears: Option<Ears>) -> Self {
         let law = scene.metadata.iter().find(|record| record.name == SOUND);
         Sounds {
@@ -84,29 +81,27 @@ impl Sounds {
         }
     }
 
-    /// How many there are.
+    /// Number of sources.
     pub fn len(&self) -> usize {
         self.sources.len()
     }
 
-    /// Whether there is no sound.
+    /// True without a source.
     pub fn is_empty(&self) -> bool {
         self.sources.is_empty()
     }
 
-    /// The ears that a player hears them with.
+    /// The ears of the player.
     pub fn ears(&self) -> Option<&Ears> {
         self.ears.as_ref()
     }
 
-    /// The sources, as the format has them: payloads, and places over time.
     #[doc(hidden)]
     pub fn sources(&self) -> &[AudioSource] {
         &self.sources
     }
 
-    /// Where they were recorded, in the scene's frame, and the least distance that the law of [`Sounds::new`] counts, units of
-    /// the scene. Of a file that does not say where, a source is as loud as its payload at the distance 1 and below.
+    /// `mic` and `r_min` of [`Sounds::new`]. Without `mic`, a source is as loud as its payload at the distance 1 and below.
     #[doc(hidden)]
     pub fn law(&self) -> (Option<[f64; 3]>, f64) {
         let numbers = |name: &str| -> Vec<f64> {
@@ -117,7 +112,6 @@ impl Sounds {
         (numbers("mic").try_into().ok(), r_min.unwrap_or(R_MIN))
     }
 
-    /// Bytes of their recordings.
     #[doc(hidden)]
     pub fn n_bytes(&self) -> usize {
         self.sources.iter().map(|source| source.data.len()).sum()

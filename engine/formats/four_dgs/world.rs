@@ -1,39 +1,35 @@
-//! Which way is up in a clip, and how large it is.
-
 use fourdgs::{CoordinateFrame, SceneExtras};
 use std::collections::BTreeMap;
 
-/// Name of the entry of our own record that holds the direction, since the format knows axes alone.
+/// Entry of our own record, since the format knows axes alone.
 const UP: &str = "up";
-/// Name of the header's attribute that says in words how its axes are, such as `y-up-right-handed`.
+/// Attribute of the header, such as `y-up-right-handed`.
 const AXES: &str = "coordinate_system";
-/// The format's numbers of a right-handed and of a left-handed frame, and of metres.
+/// The format's numbers.
 const RIGHT: u8 = 1;
 const LEFT: u8 = 2;
 const METRE: u8 = 1;
 
-/// Which way is up in a clip, and how large it is: a headset needs both.
+/// The direction that is up, and the size of a unit, for headsets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct World {
     /// A direction of the scene's frame, not 0.
     pub up: [f64; 3],
-    /// Metres of a unit of the scene, positive; none where nobody knows.
+    /// Metres of a unit of the scene, positive; none where unknown.
     pub metres_per_unit: Option<f64>,
 }
 
 impl World {
-    /// The format's number of the axis nearest to upwards: x, y, z, and then against them.
+    /// The format's number of the axis nearest to upwards: x, y, z, -x, -y, -z.
     fn up_axis(&self) -> u8 {
         let longest = (0..3).fold(0, |best, axis| if self.up[axis].abs() > self.up[best].abs() { axis } else { best });
         longest as u8 + if self.up[longest] < 0.0 { 3 } else { 0 }
     }
 
-    /// True if the axis nearest to upwards is y, and not -y.
     pub(in crate::internals::formats) fn is_y_up(&self) -> bool {
         self.up_axis() == 1
     }
 
-    /// Puts it into our own record, and as the nearest axis into the format's.
     pub(super) fn put_into(&self, own: &mut BTreeMap<String, String>, extras: &mut SceneExtras) {
         own.insert(UP.to_owned(), self.up.map(|x| x.to_string()).join(" "));
         let up_axis = self.up_axis();
@@ -48,7 +44,7 @@ impl World {
         });
     }
 
-    /// That of a file, in our own record `own`, in the format's, or in the header's text; none where it says nothing.
+    /// By our own record, the format's, or the header's text.
     pub(super) fn of(scene: &fourdgs::Scene, own: Option<&BTreeMap<String, String>>) -> Option<Self> {
         let frame = scene.provenance.frame();
         let is_direction = |up: &[f64; 3]| up.iter().all(|x| x.is_finite()) && *up != [0.0; 3];
@@ -65,18 +61,18 @@ impl World {
         };
         let text = || scene.header.attributes.get(AXES).and_then(|text| axis_of_text(text));
         let up = told.or_else(|| frame.map(|frame| frame.up_axis).or_else(text).map(of_axis))?;
-        // By the number, or else by the name of the unit.
+        // By the number, or by the unit's name.
         Some(World { up, metres_per_unit: scene.provenance.metres_per_unit("").filter(|metres| metres.is_finite()) })
     }
 
-    /// True if the file's axes are left-handed: by the format's frame, or by the header's text where it has none.
+    /// By the format's frame, or by the header's text where it has none.
     pub(super) fn is_left_handed(scene: &fourdgs::Scene) -> bool {
         let text = || scene.header.attributes.get(AXES).is_some_and(|text| text.contains("left-handed"));
         scene.provenance.frame().map_or_else(text, |frame| frame.handedness == LEFT)
     }
 }
 
-/// The number of the axis that a text of axes names as upwards, if it begins with one: `y-up`, `-z-up`.
+/// The axis of `y-up...` or `-z-up...`.
 fn axis_of_text(text: &str) -> Option<u8> {
     let (rest, first) = text.strip_prefix('-').map_or((text, 0), |rest| (rest, 3));
     let axis = ["x-up", "y-up", "z-up"].iter().position(|name| rest.starts_with(*name))?;

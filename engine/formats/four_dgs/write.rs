@@ -21,27 +21,26 @@ use std::path::Path;
 /// not whole parts, so that the description of a chunk costs little.
 const SHORTEST_CHUNK: f64 = 0.5;
 const LEAST_IN_CHUNK: usize = 256;
-/// And at most so many: a player shows what it has of a large scene, and players refuse chunks without bounds.
+/// Players refuse chunks without bounds, and show what they have of a large scene.
 const MOST_IN_CHUNK: usize = 1 << 19;
 /// Bits of a standard deviation, as a single, by which they are counted to find the median: it is found to 0.05 %.
 const COUNTED_BITS: u32 = 20;
-/// By how much the times of a Gaussian are taken to be longer than they are, for the rounding of whoever reads them.
+/// Widening of the times of a Gaussian, for the rounding of readers.
 const MARGIN: f64 = 1e-6;
 
-/// The properties of a clip that the grids of its file depend on, found before the file is written.
+/// What the grids of a file depend on.
 #[derive(Clone, Debug)]
 pub struct Measure {
     n: u64,
     lowest: [f64; 3],
     highest: [f64; 3],
-    /// Standard deviations by their first bits.
+    /// Histogram by the first bits.
     scales: Vec<u64>,
-    /// Bits of from when and up to when Gaussians are there, seconds, which are not negative.
+    /// Bits of the ends of windows, seconds, not negative.
     windows: BTreeSet<[u32; 2]>,
 }
 
 impl Measure {
-    /// Of no Gaussian yet.
     pub(super) fn new() -> Self {
         Measure {
             n: 0,
@@ -52,7 +51,6 @@ impl Measure {
         }
     }
 
-    /// Counts the Gaussians of `set` in, which will be stored as finely as `grades` says.
     pub(super) fn count(&mut self, set: &GaussianSet, grades: &Grades) {
         self.n += set.count() as u64;
         for place in set.positions.chunks_exact(3) {
@@ -66,7 +64,6 @@ impl Measure {
         self.windows.extend(windows.map(|(from, to)| [from.to_bits(), to.to_bits()]));
     }
 
-    /// The median standard deviation, or a little less.
     fn median(&self) -> f64 {
         let half = self.scales.iter().sum::<u64>() / 2;
         let mut below = 0;
@@ -78,7 +75,6 @@ impl Measure {
     }
 }
 
-/// A file that is being written.
 pub(super) struct Writing<'a> {
     path: &'a Path,
     grades: Grades,
@@ -89,7 +85,6 @@ pub(super) struct Writing<'a> {
     steps: Steps,
     origin: [f64; 3],
     windows: Vec<[u32; 2]>,
-    /// Bits of the harmonics, by band.
     bits: Vec<u8>,
     n: u64,
     corners: Vec<f64>,
@@ -105,7 +100,6 @@ struct Node {
 }
 
 impl<'a> Writing<'a> {
-    /// A file of the Gaussians that `measure` counted, whose harmonics have the degree `sh_degree`; faults name `path`.
     pub(super) fn new(
         path: &'a Path,
         measure: &Measure,
@@ -140,9 +134,6 @@ impl<'a> Writing<'a> {
     }
 
     /// The bytes before the chunks.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where `extras` cannot be stored.
     pub(super) fn front(&mut self, options: &WriteOptions, extras: &SceneExtras) -> Result<Vec<u8>> {
         let path = self.path;
         let fault = |fault: fourdgs::Error| {
@@ -210,11 +201,7 @@ impl<'a> Writing<'a> {
         }
     }
 
-    /// The chunks of a part of the Gaussians, all of which are there within `stretch`, seconds; their colours are as the file's grades
-    /// allow.
-    ///
-    /// # Errors
-    /// [`Error::Data`] where a number has no place on the format's grids.
+    /// The chunks of Gaussians that exist within `stretch`, seconds.
     pub(super) fn chunks(&mut self, part: &GaussianSet, stretch: [f64; 2]) -> Result<Vec<u8>> {
         let set = self.grades.on(part, &self.steps, self.cutoff);
         let all = [&set.positions, &set.scales, &set.rotations, &set.colors, &set.motions, &set.mu_t];
@@ -268,7 +255,7 @@ impl<'a> Writing<'a> {
         bytes
     }
 
-    /// When Gaussian `i` may be seen, seconds of the clip, a little longer.
+    /// When Gaussian `i` may be seen, seconds, with a margin.
     fn support(&self, bins: &Bins, i: usize) -> [f64; 2] {
         let [from, to] = self.windows[bins.window[i] as usize].map(|bits| f64::from(f32::from_bits(bits)));
         let is_lasting = bins.flags[i] & op::FLAG_NEVER_FADES != 0;
@@ -280,7 +267,6 @@ impl<'a> Writing<'a> {
         [first.max(from).max(0.0), last.min(to).min(self.seconds)]
     }
 
-    /// The streams of a chunk.
     fn streams(&self, bins: &Bins, members: &[usize]) -> Result<Vec<u8>> {
         let mut bytes = Vec::new();
         for (attribute, values, n) in [
@@ -302,12 +288,12 @@ impl<'a> Writing<'a> {
         Ok(bytes)
     }
 
-    /// The harmonics of a chunk, a record for each band.
+    /// Bands of harmonics, a record each.
     fn bands(&self, set: &GaussianSet, members: &[usize]) -> Result<Vec<(u8, Vec<u8>)>> {
         let (row, Some(harmonics)) = (3 * set.sh_coefficients, &set.sh) else { return Ok(Vec::new()) };
         let mut records = Vec::new();
         for band in 1..=self.bits.len() {
-            // Those before the band, without that of the base colour, and those up to its end; one channel after the other.
+            // One channel after the other.
             let columns = band * band - 1..(band + 1) * (band + 1) - 1;
             let mut values = Vec::with_capacity(3 * columns.len() * members.len());
             for i in members {
@@ -334,7 +320,6 @@ impl<'a> Writing<'a> {
         Error::data(self.path, "", format!("cannot be stored: {fault}"), remedy)
     }
 
-    /// The numbers of `set` in steps of the format's grids.
     fn bins(&self, set: &GaussianSet) -> Bins {
         let steps = &self.steps;
         let mut bins = Bins::default();
@@ -382,8 +367,8 @@ struct Bins {
     window: Vec<i64>,
 }
 
-/// Gives each Gaussian of `node` to the shortest stretch that holds all of the time in which it may be seen, halving it up to `depth`
-/// times; a half that too few would be in gives its own back.
+/// Gives each Gaussian of `node` to the shortest stretch that holds all of its life, halving up to `depth` times. A half with
+/// too few Gaussians gives them back.
 fn settle(supports: &[[f64; 2]], node: Node, depth: u32, nodes: &mut Vec<Node>) {
     let Node { stretch: [from, to], level, members: mut rest } = node;
     let middle = 0.5 * (from + to);
