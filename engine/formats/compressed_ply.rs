@@ -1,14 +1,12 @@
 //! The compressed PLY of PlayCanvas and SuperSplat: 256 Gaussians share a chunk of ranges, each takes four words.
 
-use std::path::Path;
-
 use super::decode::{complete_quaternion, logit_of_byte};
 use super::ply_known::{compensation, judge};
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header, Scalar};
 use crate::files::ply_rows::{Column, Rows};
-use crate::scene::Splats;
-use crate::scene::dc_of_color;
+use crate::scene::{Splats, dc_of_color};
+use std::path::Path;
 
 /// Gaussians that share one row of `chunk`.
 const CHUNK: usize = 256;
@@ -77,16 +75,14 @@ pub(super) fn read_compressed(path: &Path, header: &Header, mut rows: Rows) -> R
 }
 
 fn columns<const N: usize>(path: &Path, element: &Element, names: [&str; N], scalar: Scalar) -> Result<[Column; N]> {
-    let mut found = Vec::with_capacity(N);
-    for name in names {
-        match Column::find(element, name) {
-            Some(column) if column.is(scalar) && element.row_size().is_some() => found.push(column),
-            _ => {
-                let place = format!("element `{}`, property `{name}`", element.name);
-                return Err(Error::data(path, place, format!("is missing or not of type {scalar:?}"), REMEDY));
-            }
-        }
-    }
+    let find = |name: &&str| {
+        let found = Column::find(element, name).filter(|column| column.is(scalar) && element.row_size().is_some());
+        found.ok_or_else(|| {
+            let place = format!("element `{}`, property `{name}`", element.name);
+            Error::data(path, place, format!("is missing or not of type {scalar:?}"), REMEDY)
+        })
+    };
+    let found = names.iter().map(find).collect::<Result<Vec<Column>>>()?;
     Ok(std::array::from_fn(|i| found[i]))
 }
 
@@ -103,10 +99,8 @@ impl Packed {
     fn read_chunks(&mut self, path: &Path, element: &Element, rows: &mut Rows) -> Result<()> {
         let position = columns(path, element, POSITION, Scalar::F32)?;
         let scale = columns(path, element, SCALE, Scalar::F32)?;
-        let color = match Column::find(element, COLOR[0]) {
-            Some(_) => Some(columns(path, element, COLOR, Scalar::F32)?),
-            None => None,
-        };
+        let has_colors = Column::find(element, COLOR[0]).is_some();
+        let color = has_colors.then(|| columns(path, element, COLOR, Scalar::F32)).transpose()?;
         rows.read(element, |_, row| {
             self.position.push(position.map(|c| c.f32(row)));
             self.scale.push(scale.map(|c| c.f32(row)));
@@ -116,8 +110,7 @@ impl Packed {
 
     fn unpack(self, n_rest: usize) -> Splats {
         let per_channel = n_rest / 3;
-        let sh_degree = (n_rest / 3 + 1).isqrt() as u32 - 1;
-        let mut splats = Splats::new(sh_degree);
+        let mut splats = Splats::new((per_channel + 1).isqrt() as u32 - 1);
         splats.n_static = self.words.len();
         for (i, &[position, rotation, scale, color]) in self.words.iter().enumerate() {
             let chunk = i / CHUNK;

@@ -1,14 +1,16 @@
 //! The interface of a scene format.
 
-use std::borrow::Cow;
-use std::ffi::OsStr;
-use std::path::Path;
-
 use super::four_dgs::Grades;
+use super::own::list;
 use super::scene::{Clip, Scene};
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::files::{cannot_read, open_file};
 use crate::scene::Splats;
 use crate::settings::Constants;
+use std::borrow::Cow;
+use std::ffi::OsStr;
+use std::io::Read;
+use std::path::Path;
 
 pub(super) const ELSEWHERE: &str = "export it as .4dgs or PLY, or as it is at one time (--time)";
 
@@ -24,6 +26,14 @@ pub(super) struct Start<'a> {
     pub path: &'a Path,
     /// The first four bytes, or fewer where there are no more; none of a folder.
     pub bytes: &'a [u8],
+}
+
+/// The first four bytes of a file, or fewer where there are no more.
+pub(super) fn first_bytes(path: &Path) -> Result<Vec<u8>> {
+    let mut bytes = Vec::new();
+    let read = open_file(path).and_then(|file| file.take(4).read_to_end(&mut bytes));
+    read.map_err(|fault| cannot_read(path, &fault))?;
+    Ok(bytes)
 }
 
 impl Start<'_> {
@@ -44,10 +54,35 @@ pub struct Writer {
     /// Which parts of a clip it stores.
     pub keeps: Keeps,
     /// Writes a file, and returns a note for each thing that it lost.
-    pub(super) write: WriteScene,
+    pub(super) write: fn(&Path, &Splats, &Clip, &WriteOptions) -> Result<Vec<String>>,
 }
 
-pub(super) type WriteScene = fn(&Path, &Splats, &Clip, &WriteOptions) -> Result<Vec<String>>;
+impl Writer {
+    /// A note for each part of `clip` that the format has no place for.
+    pub(super) fn lost(&self, clip: &Clip) -> Vec<String> {
+        let unusual = clip.unusual();
+        let mut lost = Vec::new();
+        if !self.keeps.constants && !unusual.is_empty() {
+            lost.push(format!("the format {} has no place for {}; viewers use theirs", self.name, list(&unusual)));
+        }
+        if !self.keeps.sounds && !clip.sounds.is_empty() {
+            lost.push(format!("the format {} has no place for sound", self.name));
+        }
+        lost
+    }
+}
+
+/// The finite Gaussians for a format of one moment, in the order of their rows; an error where one is dynamic or there is none.
+pub(super) fn static_rows(path: &Path, splats: &Splats, ending: &str) -> Result<Vec<usize>> {
+    let rows = splats.static_rows(path)?;
+    require_some(path, &rows, ending)?;
+    Ok(rows)
+}
+
+pub(super) fn require_some(path: &Path, rows: &[usize], ending: &str) -> Result<()> {
+    let none = || Error::data(path, "", "there is no Gaussian to write", format!("a {ending} needs at least one"));
+    if rows.is_empty() { Err(none()) } else { Ok(()) }
+}
 
 /// The parts of a [`Clip`] that a format stores.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -1,18 +1,15 @@
 //! glTF with `KHR_gaussian_splatting`, as a binary file.
 
-use std::path::Path;
-
-use glam::{DQuat, DVec3};
-use serde_json::{Value, json};
-
 use super::decode::level;
-use super::format::{Keeps, Writer};
+use super::format::{Keeps, Writer, static_rows};
 use super::four_dgs::World;
 use super::spz::SH_SIGNS;
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
-use crate::scene::SH_C0;
-use crate::scene::Splats;
+use crate::scene::{SH_C0, Splats};
+use glam::{DQuat, DVec3};
+use serde_json::{Value, json};
+use std::path::Path;
 
 pub(super) const WRITER: Writer = Writer {
     name: "glb",
@@ -61,10 +58,7 @@ impl Attributes {
 /// Turns to glTF's axes (right, up, back). The node turns and scales the Gaussians as `world` says: y up, metres. Colours of
 /// points serve programs without the extension; nothing else loses anything.
 pub fn write_glb(path: &Path, splats: &Splats, world: Option<World>) -> Result<()> {
-    let rows = splats.static_rows(path)?;
-    if rows.is_empty() {
-        return Err(Error::data(path, "", "there is no Gaussian to write", "a .glb needs at least one"));
-    }
+    let rows = static_rows(path, splats, ".glb")?;
     let k = splats.n_coefficients();
     let n_bytes = rows.len() as u64 * (4 * (3 + 4 + 3 + 1 + 3 * k as u64) + 4);
     if n_bytes + (1 << 16) > MOST_BYTES {

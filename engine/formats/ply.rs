@@ -1,34 +1,32 @@
 //! 3DGS's PLY (SPEC 9).
 
-use std::io::{self, Read, Write};
-use std::path::Path;
-
-use super::clock::Clock;
 use super::compressed_ply::{is_compressed, read_compressed};
-use super::format::{ELSEWHERE, Keeps, Reader, Writer};
+use super::format::{ELSEWHERE, Keeps, Reader, Writer, first_bytes, require_some};
 use super::own::Own;
 use super::ply_known::network_beside;
 use super::ply_layout::Layout;
-use super::ply_time::{FREE_TIME, MOTION, SPAN, free_time, free_time_comments};
-use super::scene::Scene;
+use super::ply_time::{FREE_TIME, OWN_TIME, free_time, free_time_comments};
+use super::scene::{Clock, Scene};
 use crate::error::{Error, Result};
 use crate::files::ply_header::Header;
 use crate::files::ply_rows::Rows;
-use crate::files::{cannot_read, open_file, write_atomic};
+use crate::files::write_atomic;
 use crate::scene::{ALWAYS, Motion, Splats};
+use std::io::{self, Write};
+use std::path::Path;
 
 /// ASCII or binary of either byte order; properties by name, of any scalar type (rounded to f32). Skips what changes no
 /// picture, harmonics of degree 4 and above, and notes it. The discs of 2DGS become thin; mip-splatting's 3D filter is worked
 /// in. Temporal properties are ours, those of a `.ftgs.ply`, or those of Spacetime Gaussians along lines.
 pub fn read_ply(path: &Path) -> Result<Splats> {
-    import(path).map(|imported| imported.splats)
+    read(path).map(|scene| scene.splats)
 }
 
-fn import(path: &Path) -> Result<Scene> {
+fn read(path: &Path) -> Result<Scene> {
     let (header, rows) = Rows::open(path)?;
     let own = own(&header);
-    let read = if is_compressed(&header) { read_compressed } else { read_vertices };
-    let (splats, mut notes) = read(path, &header, rows)?;
+    let vertices = if is_compressed(&header) { read_compressed } else { read_vertices };
+    let (splats, mut notes) = vertices(path, &header, rows)?;
     notes.extend(network_beside(path));
     Ok(Scene::new(splats, notes, own.as_ref()))
 }
@@ -39,8 +37,7 @@ fn read_vertices(path: &Path, header: &Header, mut rows: Rows) -> Result<(Splats
         return Err(Error::data(path, "header", "has no element `vertex`", remedy));
     };
     let mut layout = Layout::new(path, header, vertex)?;
-    let mut still = Splats::new(layout.sh_degree);
-    let mut moving = Splats::new(layout.sh_degree);
+    let [mut still, mut moving] = [0, 1].map(|_| Splats::new(layout.sh_degree));
     let (mut refused, mut n_cut) = (None, 0);
     for element in &header.elements {
         if element.name == "vertex" {
@@ -79,17 +76,11 @@ pub(super) fn own_comments(own: &Own) -> Vec<String> {
 
 /// How the scene is rendered; none in a file of another program or format.
 pub fn ply_own(path: &Path) -> Result<Option<Own>> {
-    if !is_ply(path)? {
-        return Ok(None);
-    }
-    Rows::open(path).map(|(header, _)| own(&header))
+    if is_ply(path)? { Rows::open(path).map(|(header, _)| own(&header)) } else { Ok(None) }
 }
 
 pub(super) fn is_ply(path: &Path) -> Result<bool> {
-    let mut start = Vec::new();
-    let read = open_file(path).and_then(|file| file.take(STARTS[0].len() as u64).read_to_end(&mut start));
-    read.map_err(|fault| cannot_read(path, &fault))?;
-    Ok(STARTS.iter().any(|known| **known == start[..]))
+    first_bytes(path).map(|bytes| STARTS.contains(&&bytes[..]))
 }
 
 const STARTS: [&[u8]; 2] = [b"ply\n", b"ply\r"];
@@ -99,7 +90,7 @@ const OWN: &str = "ivv ";
 pub(super) const READER: Reader = Reader {
     what: "a 3DGS, FreeTimeGS, Spacetime Gaussians or PlayCanvas compressed PLY",
     knows: |start| STARTS.contains(&start.bytes),
-    read: import,
+    read,
 };
 
 pub(super) const WRITER: Writer = Writer {
@@ -125,15 +116,17 @@ pub fn write_ply(path: &Path, splats: &Splats) -> Result<()> {
 
 /// As [`write_ply`], with `own` in comments of the header.
 pub fn write_ply_with(path: &Path, splats: &Splats, own: &Own) -> Result<()> {
-    let names: Vec<&str> = match (splats.motion.is_empty(), splats.span.is_empty()) {
-        (true, _) => Vec::new(),
-        (false, true) => MOTION.to_vec(),
-        (false, false) => MOTION.into_iter().chain(SPAN).collect(),
+    let names = match (splats.motion.is_empty(), splats.span.is_empty()) {
+        (true, _) => &[],
+        (false, true) => &OWN_TIME[..5],
+        (false, false) => &OWN_TIME[..],
     };
-    write_rows(path, splats, &own_comments(own), &names, |dynamic| own_time(splats, dynamic), |_| true)
+    let temporal = |dynamic: Option<usize>| own_time(splats, dynamic);
+    let rows = (0..splats.len()).collect();
+    write_rows(path, splats, rows, &own_comments(own), names, temporal)
 }
 
-/// [`MOTION`] and [`SPAN`] of a dynamic Gaussian, or those of a static one.
+/// [`OWN_TIME`] of a Gaussian by its index among the dynamic ones; `None` is a static one.
 pub(super) fn own_time(splats: &Splats, dynamic: Option<usize>) -> [f32; 7] {
     let still = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: f32::INFINITY };
     let Motion { velocity: [x, y, z], t_center, t_scale } = dynamic.map_or(still, |at| splats.motion[at]);
@@ -148,43 +141,36 @@ pub fn write_ftgs(path: &Path, splats: &Splats, clock: Option<Clock>) -> Result<
 }
 
 fn write_free_time(path: &Path, splats: &Splats, clock: Option<Clock>, own: &Own) -> Result<()> {
-    if !(0..splats.len()).any(|i| splats.is_finite(i)) {
-        return Err(Error::data(path, "", "there is no Gaussian to write", "a .ftgs.ply needs at least one"));
-    }
+    let rows: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
+    require_some(path, &rows, ".ftgs.ply")?;
     splats.refuse_spans(path, "this format", ELSEWHERE)?;
     let mut comments = free_time_comments(splats.sh_degree, clock);
     comments.extend(own_comments(own));
     let temporal = |dynamic: Option<usize>| free_time(dynamic.map(|at| splats.motion[at]), clock);
-    write_rows(path, splats, &comments, &FREE_TIME, temporal, |i| splats.is_finite(i))
+    write_rows(path, splats, rows, &comments, &FREE_TIME, temporal)
 }
 
-/// Writes the rows that `keep` accepts. `temporal` gives the values of the properties `names`, and maybe more, by the index
-/// among the dynamic Gaussians.
+/// Writes the Gaussians `rows` in the order of `source_row`. `temporal` gives at least the values of the properties `names`, by the
+/// index among the dynamic Gaussians.
 fn write_rows<const N: usize>(
     path: &Path,
     splats: &Splats,
+    mut rows: Vec<usize>,
     comments: &[String],
     names: &[&str],
     temporal: impl Fn(Option<usize>) -> [f32; N],
-    keep: impl Fn(usize) -> bool,
 ) -> Result<()> {
     let remedy = "this is a fault of the program that made the scene";
     splats.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
-    let mut order: Vec<usize> = (0..splats.len()).filter(|i| keep(*i)).collect();
-    order.sort_by_key(|&i| splats.source_row[i]);
+    rows.sort_by_key(|&i| splats.source_row[i]);
     write_atomic(path, |to| {
-        write_header(to, splats.sh_degree, order.len(), comments, names)?;
+        write_header(to, splats.sh_degree, rows.len(), comments, names)?;
         let mut row = Vec::new();
-        for &i in &order {
+        rows.iter().try_for_each(|&i| {
             row.clear();
-            push_row(splats, i, &mut row);
-            if !names.is_empty() {
-                let values = temporal(i.checked_sub(splats.n_static));
-                values.iter().take(names.len()).for_each(|v| row.extend(v.to_le_bytes()));
-            }
-            to.write_all(&row)?;
-        }
-        Ok(())
+            push_row(splats, i, &temporal(i.checked_sub(splats.n_static))[..names.len()], &mut row);
+            to.write_all(&row)
+        })
     })
 }
 
@@ -199,20 +185,22 @@ pub(super) fn write_header(
     writeln!(to, "ply\nformat binary_little_endian 1.0")?;
     comments.iter().try_for_each(|line| writeln!(to, "comment {line}"))?;
     writeln!(to, "element vertex {n}")?;
-    let mut names: Vec<String> = ["x", "y", "z", "nx", "ny", "nz"].map(str::to_owned).to_vec();
-    names.extend((0..3).map(|i| format!("f_dc_{i}")));
-    names.extend((0..n_rest).map(|i| format!("f_rest_{i}")));
-    names.push("opacity".to_owned());
-    names.extend((0..3).map(|i| format!("scale_{i}")));
-    names.extend((0..4).map(|i| format!("rot_{i}")));
-    names.extend(temporal.iter().map(|name| (*name).to_owned()));
-    for name in names {
-        writeln!(to, "property float {name}")?;
-    }
+    let plain = |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+    let numbered = |prefix: &str, n: usize| (0..n).map(|i| format!("{prefix}_{i}")).collect();
+    let parts = [
+        plain(&["x", "y", "z", "nx", "ny", "nz"]),
+        numbered("f_dc", 3),
+        numbered("f_rest", n_rest),
+        plain(&["opacity"]),
+        numbered("scale", 3),
+        numbered("rot", 4),
+        plain(temporal),
+    ];
+    parts.iter().flatten().try_for_each(|name| writeln!(to, "property float {name}"))?;
     writeln!(to, "end_header")
 }
 
-pub(super) fn push_row(splats: &Splats, i: usize, row: &mut Vec<u8>) {
+pub(super) fn push_row(splats: &Splats, i: usize, temporal: &[f32], row: &mut Vec<u8>) {
     let mut push = |values: &[f32]| values.iter().for_each(|v| row.extend(v.to_le_bytes()));
     push(&splats.position[i]);
     push(&[0.0; 3]);
@@ -225,4 +213,5 @@ pub(super) fn push_row(splats: &Splats, i: usize, row: &mut Vec<u8>) {
     push(&[splats.opacity[i]]);
     push(&splats.scale[i]);
     push(&splats.rotation[i]);
+    push(temporal);
 }

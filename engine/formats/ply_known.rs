@@ -1,11 +1,10 @@
 //! Which properties of a PLY change the picture: by the names that known methods write, or else by the words of a name.
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
 use super::scene::compensated;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
+use std::collections::BTreeMap;
+use std::path::Path;
 
 /// Properties that are in so many files that a note would only disturb.
 const SILENT: [&str; 10] = ["nx", "ny", "nz", "nxx", "red", "green", "blue", "alpha", "normal_x", "normal_y"];
@@ -13,7 +12,7 @@ const SILENT: [&str; 10] = ["nx", "ny", "nz", "nxx", "red", "green", "blue", "al
 /// Files with properties of their own.
 struct Method {
     /// Without numbers; any of them identifies the method.
-    names: &'static [&'static str],
+    names: &'static str,
     what: &'static str,
     remedy: &'static str,
 }
@@ -23,55 +22,37 @@ const PLAIN: &str = "export it as a plain 3DGS PLY with the program that trained
 const METHODS: [Method; 7] = [
     Method {
         // Colours of more than three numbers.
-        names: &["f_t", "f_dc"],
+        names: "f_t f_dc",
         what: "go through a network that makes the colours (the full model of Spacetime Gaussians)",
         remedy: "train it as ours_lite, whose PLY is read where motion is along lines",
     },
     Method {
-        names: &[
-            "xyz_disp",
-            "motion_xyz",
-            "motion_rot",
-            "opacity_c",
-            "opacity_v",
-            "motion_opacity_c",
-            "motion_opacity_v",
-        ],
+        names: "xyz_disp motion_xyz motion_rot opacity_c opacity_v motion_opacity_c motion_opacity_v",
         what: "move and fade Gaussians between key frames (Ex4DGS)",
         remedy: ONE_MOMENT,
     },
     Method {
-        names: &["t", "scale_t", "rot_r"],
+        names: "t scale_t rot_r",
         what: "make the Gaussians four-dimensional (4D Gaussian Splatting)",
         remedy: ONE_MOMENT,
     },
     Method {
-        names: &["f_offset", "f_anchor_feat", "f_kernel_feat"],
+        names: "f_offset f_anchor_feat f_kernel_feat",
         what: "are of anchors, from which networks make the Gaussians (Scaffold-GS and its kin)",
         remedy: "export the Gaussians that the networks make as a 3DGS PLY, or train with a method without networks",
     },
     Method {
-        names: &["binding"],
+        names: "binding",
         what: "tie the Gaussians to a mesh that moves (GaussianAvatars)",
         remedy: "export one pose of it as a plain 3DGS PLY with the program that trained it",
     },
     Method {
-        names: &["beta", "sb_params", "sb"],
+        names: "beta sb_params sb",
         what: "give each splat a shape that is no Gaussian (Beta Splatting)",
         remedy: PLAIN,
     },
     Method {
-        names: &[
-            "asg",
-            "f_asg",
-            "roughness",
-            "metallic",
-            "metalness",
-            "albedo",
-            "base_color",
-            "refl_strength",
-            "specular",
-        ],
+        names: "asg f_asg roughness metallic metalness albedo base_color refl_strength specular",
         what: "are materials, from which a renderer with lights makes the colours",
         remedy: PLAIN,
     },
@@ -117,7 +98,7 @@ pub(super) fn judge(
         Err(Error::data(path, place, format!("{} {what}, and ivv does not read them", list(own())), remedy))
     };
     for method in &METHODS {
-        refuse(&|stem| method.names.contains(&stem), method.what, method.remedy)?;
+        refuse(&|stem| method.names.split(' ').any(|name| name == stem), method.what, method.remedy)?;
     }
     let says = |stem: &str, words: &str| !has_word(stem, HARMLESS) && has_word(stem, words);
     let what = "move Gaussians, or say when they are there, by the words of their names";

@@ -1,7 +1,5 @@
 //! The columns of a PLY that make a Gaussian.
 
-use std::path::Path;
-
 use super::decode::logit_of_byte;
 use super::ply_known::{compensation, judge, stem};
 use super::ply_time::Temporal;
@@ -9,8 +7,8 @@ use super::scene::cut_harmonics;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header, Scalar};
 use crate::files::ply_rows::Column;
-use crate::scene::Splats;
-use crate::scene::dc_of_color;
+use crate::scene::{Splats, dc_of_color};
+use std::path::Path;
 
 /// The highest degree that is kept, and the highest that a file may have.
 const DEGREE: usize = 3;

@@ -1,17 +1,16 @@
 //! PLY files of clips longer than memory: static Gaussians, then the dynamic ones part by part, which comments of the header
 //! list. Other readers see a plain scene.
 
-use std::path::{Path, PathBuf};
-
 use super::own::Own;
 use super::ply::{is_ply, own_comments, own_time, push_row, write_header};
 use super::ply_layout::Layout;
-use super::ply_time::{MOTION, SPAN};
+use super::ply_time::OWN_TIME;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Encoding, Header};
 use crate::files::ply_rows::Rows;
 use crate::files::write_made;
 use crate::scene::{Part, Parts, Splats};
+use std::path::{Path, PathBuf};
 
 /// Comment: number of static Gaussians.
 const STILL: &str = "ivv_static";
@@ -23,7 +22,6 @@ pub struct PlyParts {
     path: PathBuf,
     header: Header,
     vertex: Element,
-    row_size: usize,
     layout: Layout,
     n_static: u64,
     parts: Vec<Part>,
@@ -54,10 +52,8 @@ impl PlyParts {
         if told != Some(vertex.count) {
             return Err(fault(format!("do not tell of the {} Gaussians that there are", vertex.count)));
         }
-        let layout = Layout::new(path, &header, vertex)?;
-        let row_size = vertex.row_size().unwrap_or(0);
-        let (vertex, header) = (vertex.clone(), header.clone());
-        Ok(Some(PlyParts { path: path.to_owned(), header, vertex, row_size, layout, n_static, parts }))
+        let (layout, vertex) = (Layout::new(path, &header, vertex)?, vertex.clone());
+        Ok(Some(PlyParts { path: path.to_owned(), header, vertex, layout, n_static, parts }))
     }
 
     pub fn n_static(&self) -> usize {
@@ -67,7 +63,7 @@ impl PlyParts {
     /// Static and dynamic Gaussians of `n` rows from `first` on.
     fn rows(&self, first: u64, n: u64) -> Result<[Splats; 2]> {
         let (_, mut rows) = Rows::open(&self.path)?;
-        rows.seek(&self.header, self.row_size, first)?;
+        rows.seek(&self.header, self.vertex.row_size().unwrap_or(0), first)?;
         let [mut still, mut moving] = [0, 1].map(|_| Splats::new(self.layout.sh_degree));
         let mut refused = None;
         rows.read(&Element { count: n, ..self.vertex.clone() }, |row, bytes| {
@@ -134,7 +130,6 @@ pub fn write_parts(path: &Path, clip: &mut dyn Parts, own: &Own) -> Result<()> {
         .chain(parts.iter().map(|part| format!("{PART} {} {} {}", part.n, part.from, part.to)))
         .chain(own_comments(own))
         .collect();
-    let names: Vec<&str> = MOTION.into_iter().chain(SPAN).collect();
     let n = still.len() + parts.iter().map(|part| part.n).sum::<usize>();
     if u32::try_from(n).is_err() {
         let reason = format!("the clip has {n} Gaussians, a PLY of ours holds at most {}", u32::MAX);
@@ -142,14 +137,13 @@ pub fn write_parts(path: &Path, clip: &mut dyn Parts, own: &Own) -> Result<()> {
     }
     write_made(path, |put| {
         let mut bytes = Vec::new();
-        write_header(&mut bytes, clip.sh_degree(), n, &comments, &names)
+        write_header(&mut bytes, clip.sh_degree(), n, &comments, &OWN_TIME)
             .map_err(|fault| Error::data(path, "header", fault.to_string(), REMEDY))?;
         put(&bytes)?;
         let mut rows = |splats: &Splats| {
             (0..splats.len()).try_for_each(|i| {
                 bytes.clear();
-                push_row(splats, i, &mut bytes);
-                own_time(splats, i.checked_sub(splats.n_static)).iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+                push_row(splats, i, &own_time(splats, i.checked_sub(splats.n_static)), &mut bytes);
                 put(&bytes)
             })
         };

@@ -1,17 +1,15 @@
 //! When a Gaussian of a PLY exists and how it moves.
 
-use std::path::Path;
-
-use super::clock::Clock;
+use super::scene::Clock;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header};
 use crate::files::ply_rows::Column;
 use crate::scene::{ALWAYS, Motion};
+use std::path::Path;
 
-/// Ours: a file has all of them or none.
-pub(super) const MOTION: [&str; 5] = ["velocity_0", "velocity_1", "velocity_2", "t_center", "t_scale"];
-/// Begin and end of a Gaussian, behind [`MOTION`]; a file has both or none.
-pub(super) const SPAN: [&str; 2] = ["t_from", "t_to"];
+/// Ours: a file has the first five or none, and with them the span, `t_from` and `t_to`, or not.
+pub(super) const OWN_TIME: [&str; 7] =
+    ["velocity_0", "velocity_1", "velocity_2", "t_center", "t_scale", "t_from", "t_to"];
 /// FreeTimeGS's (`.ftgs.ply`, version 1), in units of a sequence from 0 to 1.
 pub(super) const FREE_TIME: [&str; 5] = ["time", "log_duration", "velocity_0", "velocity_1", "velocity_2"];
 /// Those of Spacetime Gaussians; other `motion` and `omega` are higher orders and a turn.
@@ -20,9 +18,9 @@ const SPACETIME: [&str; 5] = ["motion_0", "motion_1", "motion_2", "trbf_center",
 pub(super) const NEVER_FADES: f64 = 1e6;
 
 pub(super) struct Temporal {
-    columns: [Column; 5],
+    /// The span, where the file has it, is behind the first five.
+    columns: Vec<Column>,
     form: Form,
-    span: Option<[Column; 2]>,
 }
 
 enum Form {
@@ -57,42 +55,35 @@ impl Temporal {
         let (names, form) = if has("trbf_center") || has("trbf_scale") {
             let higher = vertex.properties.iter().filter(|property| is_higher(&property.name));
             let columns = higher.filter_map(|property| Column::find(vertex, &property.name)).collect();
-            (SPACETIME, Form::Spacetime(columns))
+            (&SPACETIME[..], Form::Spacetime(columns))
         } else if has("time") && has("log_duration") {
-            (FREE_TIME, Form::FreeTime(FreeTime::of(path, header)?))
-        } else if MOTION.iter().any(|name| has(name)) {
-            (MOTION, Form::Own)
+            (&FREE_TIME[..], Form::FreeTime(FreeTime::of(path, header)?))
+        } else if OWN_TIME[..5].iter().any(|name| has(name)) {
+            let n = if OWN_TIME[5..].iter().any(|name| has(name)) { 7 } else { 5 };
+            (&OWN_TIME[..n], Form::Own)
         } else {
             return Ok(None);
         };
-        let missing = |name: &str| {
+        let find = |name: &&str| {
             let place = format!("element `vertex`, property `{name}`");
-            Error::data(path, place, "is missing", "export the scene again, with all temporal properties")
+            let missing =
+                || Error::data(path, place, "is missing", "export the scene again, with all temporal properties");
+            Column::find(vertex, name).ok_or_else(missing)
         };
-        let mut columns = Vec::with_capacity(names.len());
-        for name in names {
-            columns.push(Column::find(vertex, name).ok_or_else(|| missing(name))?);
-        }
-        let span = match (&form, SPAN.map(has)) {
-            (Form::Own, [true, _] | [_, true]) => {
-                let [from, to] = SPAN.map(|name| Column::find(vertex, name).ok_or_else(|| missing(name)));
-                Some([from?, to?])
-            }
-            _ => None,
-        };
-        Ok(columns.try_into().ok().map(|columns| Temporal { columns, form, span }))
+        Ok(Some(Temporal { columns: names.iter().map(find).collect::<Result<_>>()?, form }))
     }
 
     pub fn reads(&self, name: &str) -> bool {
         match self.form {
-            Form::Own => MOTION.contains(&name) || SPAN.contains(&name),
+            Form::Own => OWN_TIME.contains(&name),
             Form::FreeTime(_) => FREE_TIME.contains(&name),
             Form::Spacetime(_) => SPACETIME.contains(&name) || is_higher(name),
         }
     }
 
     pub fn span(&self, bytes: &[u8]) -> Option<[f32; 2]> {
-        self.span.as_ref().map(|columns| columns.map(|column| column.f32(bytes)))
+        let [_, _, _, _, _, from, to] = self.columns[..] else { return None };
+        Some([from.f32(bytes), to.f32(bytes)])
     }
 
     /// Colours from 0 to 1 instead of coefficients.
@@ -102,11 +93,8 @@ impl Temporal {
 
     /// `None` of a static Gaussian; an error says why it cannot be held.
     pub fn motion(&self, bytes: &[u8]) -> std::result::Result<Option<Motion>, &'static str> {
-        let values = self.columns.map(|column| column.f32(bytes));
-        let [vx, vy, vz, t_center, t_scale] = match &self.form {
-            Form::FreeTime(_) => [values[2], values[3], values[4], values[0], values[1]],
-            _ => values,
-        };
+        let order = if matches!(self.form, Form::FreeTime(_)) { [2, 3, 4, 0, 1] } else { [0, 1, 2, 3, 4] };
+        let [vx, vy, vz, t_center, t_scale] = order.map(|at: usize| self.columns[at].f32(bytes));
         let (velocity, rests) = ([vx, vy, vz], [vx, vy, vz] == [0.0; 3]);
         match &self.form {
             Form::Own => {
@@ -165,12 +153,12 @@ impl FreeTime {
 }
 
 pub(super) fn free_time_comments(sh_degree: u32, clock: Option<Clock>) -> Vec<String> {
-    let mut lines =
-        vec!["ftgs_version 1".to_owned(), "time_units normalized".to_owned(), format!("sh_degree {sh_degree}")];
+    let degree = format!("sh_degree {sh_degree}");
     // No minimum for short lives.
-    lines.extend(["use_velocity 1", "min_duration 1e-30", "opacity_floor 0"].map(str::to_owned));
-    lines.extend(clock.map(|clock| format!("n_frames {}", clock.frames)));
-    lines
+    let lines =
+        ["ftgs_version 1", "time_units normalized", &degree, "use_velocity 1", "min_duration 1e-30", "opacity_floor 0"];
+    let frames = clock.map(|clock| format!("n_frames {}", clock.frames));
+    lines.map(str::to_owned).into_iter().chain(frames).collect()
 }
 
 /// The properties [`FREE_TIME`] of a Gaussian; `None` is a static one.

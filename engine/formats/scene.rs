@@ -1,4 +1,5 @@
-use super::clock::Clock;
+//! A scene as a file holds it.
+
 use super::four_dgs::{Sounds, World};
 use super::own::{Own, Rendering, own, unusual};
 use crate::scene::{Splats, View};
@@ -32,6 +33,25 @@ pub struct Clip {
     pub background: Option<[f32; 3]>,
     /// The temporal factor, 0 to 1, below which a `.4dgs` of another program hides a Gaussian, where that shows.
     pub cutoff: Option<f64>,
+}
+
+/// The clock of a clip: normalised time 0 to 1 is 0 to `frames / fps` seconds.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clock {
+    /// Frames per second, positive.
+    pub fps: f64,
+    /// Frames of the clip, at least 1.
+    pub frames: u32,
+}
+
+impl Clock {
+    /// A scene in which nothing changes: one frame.
+    pub const STILL: Clock = Clock { fps: 1.0, frames: 1 };
+
+    /// Length of the clip, seconds.
+    pub fn seconds(self) -> f64 {
+        f64::from(self.frames) / self.fps
+    }
 }
 
 impl Scene {

@@ -1,19 +1,17 @@
 //! PlayCanvas' SOG, version 2: `meta.json` and lossless WebP images of the attributes, in a folder or a zip archive, a `.sog`.
 
-use std::io::{Cursor, Read};
-use std::path::Path;
-
-use image::codecs::webp::WebPDecoder;
-use image::{DynamicImage, ImageDecoder, RgbaImage};
-use serde::Deserialize;
-
 use super::decode::{complete_quaternion, logit_of_byte};
-use super::format::{Reader, Start};
+use super::format::{Reader, first_bytes};
 use super::scene::{Scene, compensated};
 use crate::error::{Error, Result};
 use crate::files::archive::Archive;
-use crate::files::{cannot_read, open_file, read_bytes};
+use crate::files::read_bytes;
 use crate::scene::Splats;
+use image::codecs::webp::WebPDecoder;
+use image::{DynamicImage, ImageDecoder, RgbaImage};
+use serde::Deserialize;
+use std::io::Cursor;
+use std::path::Path;
 
 /// An image may have twice as many pixels as values and this many more; a larger one is refused before decoding.
 const SLACK_PIXELS: u64 = 256 * 256;
@@ -21,8 +19,11 @@ const MAX_META_BYTES: u64 = 1 << 20;
 /// Palette entries in a row of their image.
 const PALETTE_COLUMNS: usize = 64;
 const ZIP: &[u8] = b"PK\x03\x04";
-pub(super) const READER: Reader =
-    Reader { what: "a SOG scene (version 2): a .sog, or its folder or meta.json", knows: is_sog, read: read_any };
+pub(super) const READER: Reader = Reader {
+    what: "a SOG scene (version 2): a .sog, or its folder or meta.json",
+    knows: |start| start.bytes == ZIP || start.path.is_dir() || start.ends_in("json"),
+    read: |path| if path.is_dir() { read(&path.join("meta.json")) } else { read(path) },
+};
 
 const REMEDY: &str = "the scene is damaged: copy or export it again";
 
@@ -68,15 +69,7 @@ struct Palette {
     files: [String; 2],
 }
 
-fn is_sog(start: &Start) -> bool {
-    start.bytes == ZIP || start.path.is_dir() || start.ends_in("json")
-}
-
-fn read_any(path: &Path) -> Result<Scene> {
-    if path.is_dir() { import(&path.join("meta.json")) } else { import(path) }
-}
-
-fn import(path: &Path) -> Result<Scene> {
+fn read(path: &Path) -> Result<Scene> {
     let files = Files::open(path)?;
     let meta = Meta::read(&files)?;
     let notes = match meta.model.as_deref() {
@@ -86,10 +79,6 @@ fn import(path: &Path) -> Result<Scene> {
         Some(model) => vec![format!("it is of the model `{}`, and is read as one of 3DGS", model.escape_debug())],
     };
     Ok(Scene { notes, ..gaussians(&files, &meta)?.into() })
-}
-
-pub fn read_sog(path: &Path) -> Result<Splats> {
-    import(path).map(|imported| imported.splats)
 }
 
 fn gaussians(files: &Files, meta: &Meta) -> Result<Splats> {
@@ -145,8 +134,8 @@ impl Meta {
             return fault("field `version`", format!("is {}, only 2 is supported", meta.version));
         }
         let rest = meta.rest.as_ref().map(|palette| ("shN", &palette.codebook));
-        for (name, codebook) in [("scales", &meta.scales.codebook), ("sh0", &meta.sh0.codebook)].into_iter().chain(rest)
-        {
+        let codebooks = [("scales", &meta.scales.codebook), ("sh0", &meta.sh0.codebook)];
+        for (name, codebook) in codebooks.into_iter().chain(rest) {
             if codebook.len() != 256 {
                 let reason = format!("has {} entries, a byte addresses 256", codebook.len());
                 return fault(&format!("field `{name}.codebook`"), reason);
@@ -212,11 +201,8 @@ struct Files<'a> {
 
 impl<'a> Files<'a> {
     fn open(path: &'a Path) -> Result<Self> {
-        let mut start = Vec::new();
-        let read = open_file(path).and_then(|file| file.take(ZIP.len() as u64).read_to_end(&mut start));
-        read.map_err(|fault| cannot_read(path, &fault))?;
-        let archive = (start == ZIP).then(|| Archive::open(path, REMEDY)).transpose()?;
-        Ok(Files { path, archive })
+        let is_archive = first_bytes(path)? == ZIP;
+        Ok(Files { path, archive: is_archive.then(|| Archive::open(path, REMEDY)).transpose()? })
     }
 
     fn meta(&self) -> Result<Vec<u8>> {

@@ -1,18 +1,17 @@
 //! The `.splat` format of antimatter15's viewer: 32 bytes a Gaussian, no header, no view dependence.
 
-use std::path::Path;
-
 use super::decode::{byte_of_logit, level, logit_of_byte};
-use super::format::{Keeps, Reader, Writer};
+use super::format::{Keeps, Reader, Writer, static_rows};
+use super::scene::Scene;
 use crate::error::{Error, Result};
 use crate::files::{read_bytes, write_atomic};
-use crate::scene::Splats;
-use crate::scene::{SH_C0, dc_of_color};
+use crate::scene::{SH_C0, Splats, dc_of_color};
+use std::path::Path;
 
 /// Position and scale as f32 each, RGBA and the quaternion (w, x, y, z) as bytes.
 const ROW_BYTES: usize = 32;
 
-pub fn read_splat(path: &Path) -> Result<Splats> {
+fn read(path: &Path) -> Result<Scene> {
     let bytes = read_bytes(path)?;
     let (rows, rest) = bytes.as_chunks::<ROW_BYTES>();
     if rows.is_empty() || !rest.is_empty() {
@@ -34,11 +33,10 @@ pub fn read_splat(path: &Path) -> Result<Splats> {
         splats.opacity.push(logit_of_byte(row[27]));
         splats.rotation.push(std::array::from_fn(|k| (f32::from(row[28 + k]) - 128.0) / 128.0));
     }
-    Ok(splats)
+    Ok(splats.into())
 }
 
-pub(super) const READER: Reader =
-    Reader { what: "a .splat", knows: |start| start.ends_in("splat"), read: |path| read_splat(path).map(Into::into) };
+pub(super) const READER: Reader = Reader { what: "a .splat", knows: |start| start.ends_in("splat"), read };
 
 pub(super) const WRITER: Writer = Writer {
     name: "splat",
@@ -50,10 +48,7 @@ pub(super) const WRITER: Writer = Writer {
 
 /// Largest errors: colours and opacities 1/510, within [0, 1]; rotations 1/128 in an entry of the unit quaternion.
 pub fn write_splat(path: &Path, splats: &Splats) -> Result<()> {
-    let rows = splats.static_rows(path)?;
-    if rows.is_empty() {
-        return Err(Error::data(path, "", "there is no Gaussian to write", "a .splat needs at least one"));
-    }
+    let rows = static_rows(path, splats, ".splat")?;
     let k = splats.n_coefficients();
     write_atomic(path, |to| {
         for &i in &rows {

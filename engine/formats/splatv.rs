@@ -1,17 +1,14 @@
 //! `.splatv` of antimatter15's player: 64 bytes a Gaussian, without view dependence.
 
-use std::path::Path;
-
-use exr::prelude::f16;
-use serde_json::json;
-
 use super::decode::{byte_of_logit, level};
-use super::format::{ELSEWHERE, Keeps, Writer};
+use super::format::{ELSEWHERE, Keeps, Writer, require_some};
+use super::ply::own_time;
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
-use crate::scene::SH_C0;
-use crate::scene::View;
-use crate::scene::{Motion, Splats};
+use crate::scene::{SH_C0, Splats, View};
+use exr::prelude::f16;
+use serde_json::json;
+use std::path::Path;
 
 pub(super) const WRITER: Writer = Writer {
     name: "splatv",
@@ -34,9 +31,7 @@ pub fn write_splatv(path: &Path, splats: &Splats, views: &[View]) -> Result<()> 
     splats.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
     splats.refuse_spans(path, "this format", ELSEWHERE)?;
     let mut order: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_finite(i)).collect();
-    if order.is_empty() {
-        return Err(Error::data(path, "", "there is no Gaussian to write", "a .splatv needs at least one"));
-    }
+    require_some(path, &order, ".splatv")?;
     if views.is_empty() {
         let remedy = "give --cameras, or the folder of a run, whose capture is there";
         return Err(Error::data(path, "", "expected a view to start from, found none", remedy));
@@ -62,8 +57,7 @@ pub fn write_splatv(path: &Path, splats: &Splats, views: &[View]) -> Result<()> 
 }
 
 fn push_row(splats: &Splats, i: usize, to: &mut Vec<u8>) {
-    let still = Motion { velocity: [0.0; 3], t_center: 0.0, t_scale: f32::INFINITY };
-    let motion = i.checked_sub(splats.n_static).map_or(still, |dynamic| splats.motion[dynamic]);
+    let [vx, vy, vz, t_center, t_scale, ..] = own_time(splats, i.checked_sub(splats.n_static));
     splats.position[i].iter().for_each(|x| to.extend(x.to_le_bytes()));
     let norm = splats.rotation[i].iter().map(|v| v * v).sum::<f32>().sqrt().max(f32::MIN_POSITIVE);
     let [w, x, y, z] = splats.rotation[i].map(|v| v / norm);
@@ -72,10 +66,8 @@ fn push_row(splats: &Splats, i: usize, to: &mut Vec<u8>) {
     let color = splats.sh[i * splats.n_coefficients()].map(|dc| level(0.5 + SH_C0 * f64::from(dc)));
     to.extend(color);
     to.push(byte_of_logit(splats.opacity[i]));
-    let [vx, vy, vz] = motion.velocity;
     // The player divides by it.
-    let tau = motion.t_scale.exp().max(f16::MIN_POSITIVE.to_f32());
-    let time = [motion.t_center, tau];
+    let time = [t_center, t_scale.exp().max(f16::MIN_POSITIVE.to_f32())];
     [[vx, vy], [vz, 0.0]].iter().chain(&UNUSED).chain([&time]).for_each(|pair| push_halves(*pair, to));
 }
 
@@ -87,12 +79,11 @@ fn push_halves(pair: [f32; 2], to: &mut Vec<u8>) {
 
 /// As 3DGS writes it: position, and axes as columns.
 fn camera(id: usize, view: &View) -> serde_json::Value {
-    let pose = view.pose;
+    let (pose, lens) = (view.pose, view.intrinsics);
     // The rows of the inverse.
     let rotation = pose.rotation.to_cols_array_2d();
-    let position = pose.center().to_array();
     json!({
-        "id": id, "img_name": view.name, "width": view.intrinsics.width, "height": view.intrinsics.height, "position": position,
-        "rotation": rotation, "fx": view.intrinsics.fx, "fy": view.intrinsics.fy,
+        "id": id, "img_name": view.name, "width": lens.width, "height": lens.height, "position": pose.center().to_array(),
+        "rotation": rotation, "fx": lens.fx, "fy": lens.fy,
     })
 }

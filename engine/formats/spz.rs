@@ -1,18 +1,16 @@
 //! Niantic's SPZ, versions 2 and 3 (a gzip stream) and 4 (a zstd stream for each attribute). The `spz` crate (0.0.6) refuses
 //! version 4 and brings dozens of crates, hence own code.
 
-use std::io::Read;
-use std::path::Path;
-
-use flate2::bufread::GzDecoder;
-use ruzstd::decoding::StreamingDecoder;
-
 use super::decode::{complete_quaternion, logit_of_byte};
 use super::format::Reader;
 use super::scene::{Scene, compensated, cut_harmonics};
 use crate::error::{Error, Result};
 use crate::files::read_bytes;
 use crate::scene::Splats;
+use flate2::bufread::GzDecoder;
+use ruzstd::decoding::StreamingDecoder;
+use std::io::Read;
+use std::path::Path;
 
 pub(super) const MAGIC: [u8; 4] = *b"NGSP";
 const GZIP: [u8; 2] = [0x1f, 0x8b];
@@ -20,7 +18,7 @@ pub(super) const READER: Reader = Reader {
     what: "an SPZ (version 2 to 4)",
     // Two bytes are weak evidence: the first coordinate of a .splat may begin with them.
     knows: |start| start.bytes == MAGIC || (start.bytes.starts_with(&GZIP) && !start.ends_in("splat")),
-    read: import,
+    read,
 };
 
 /// Degree 4 is cut to 3.
@@ -84,6 +82,16 @@ impl Header {
         Ok(Header { version, count: count as usize, sh_degree, fractional_bits, n_streams: n_streams.into(), flags })
     }
 
+    /// Refuses a count that a file of `n_bytes` cannot hold; a small one may promise `least` bytes.
+    fn check_count(&self, path: &Path, n_bytes: usize, least: u64) -> Result<()> {
+        let size: usize = self.sizes().iter().sum();
+        if size as u64 <= least.max(MAX_RATIO * n_bytes as u64) {
+            return Ok(());
+        }
+        let reason = format!("{} Gaussians need {size} bytes, a file of {n_bytes} cannot hold them", self.count);
+        Err(Error::data(path, "header, byte 8", reason, REMEDY))
+    }
+
     fn has_records(&self) -> bool {
         self.flags & FLAG_EXTENSIONS != 0
     }
@@ -99,11 +107,7 @@ impl Header {
     }
 }
 
-pub fn read_spz(path: &Path) -> Result<Splats> {
-    import(path).map(|imported| imported.splats)
-}
-
-fn import(path: &Path) -> Result<Scene> {
+fn read(path: &Path) -> Result<Scene> {
     let (header, payload) = attributes(path)?;
     let mut notes = Vec::new();
     if header.flags & FLAG_ANTIALIASED != 0 {
@@ -125,12 +129,8 @@ fn attributes(path: &Path) -> Result<(Header, Vec<u8>)> {
         // A fault here becomes a missing header.
         let _ = stream.by_ref().take(HEADER_BYTES as u64).read_to_end(&mut start);
         let header = Header::parse(path, &start)?;
-        let size: usize = header.sizes().iter().sum();
-        if size as u64 > MAX_RATIO * bytes.len() as u64 {
-            let reason =
-                format!("{} Gaussians need {size} bytes, a file of {} cannot hold them", header.count, bytes.len());
-            return Err(Error::data(path, "header, byte 8", reason, REMEDY));
-        }
+        header.check_count(path, bytes.len(), 0)?;
+        let size = header.sizes().iter().sum();
         let mut payload = inflate(path, "gzip stream", &mut stream, size, header.has_records())?;
         if header.has_records() {
             let read = stream.take(MOST_RECORD_BYTES).read_to_end(&mut payload);
@@ -139,26 +139,21 @@ fn attributes(path: &Path) -> Result<(Header, Vec<u8>)> {
         return Ok((header, payload));
     }
     let header = Header::parse(path, &bytes)?;
-    if header.version == 4 {
-        let payload = inflate_streams(path, &header, &bytes)?;
-        return Ok((header, payload));
-    }
-    Ok((header, bytes.split_off(HEADER_BYTES)))
+    let payload =
+        if header.version == 4 { inflate_streams(path, &header, &bytes)? } else { bytes.split_off(HEADER_BYTES) };
+    Ok((header, payload))
 }
 
 /// Exactly `size` bytes of `stream`; with `surplus` more may follow.
 fn inflate(path: &Path, place: &str, stream: &mut dyn Read, size: usize, surplus: bool) -> Result<Vec<u8>> {
+    let fault = |reason: String| Error::data(path, place, reason, REMEDY);
     let mut bytes = Vec::new();
-    let read = stream.take(size as u64).read_to_end(&mut bytes);
-    read.map_err(|fault| Error::data(path, place, format!("does not inflate: {fault}"), REMEDY))?;
-    let mut more = [0];
     // Reading on to the end also lets the decoder verify its checksum.
-    let after = if surplus { Ok(0) } else { stream.read(&mut more) };
-    let after = after.map_err(|fault| Error::data(path, place, format!("does not inflate: {fault}"), REMEDY))?;
-    if bytes.len() != size || after != 0 {
-        let relation = if after != 0 { "more than " } else { "" };
-        let reason = format!("inflates to {relation}{} bytes, the header's count needs {size}", bytes.len());
-        return Err(Error::data(path, place, reason, REMEDY));
+    let most = size as u64 + u64::from(!surplus);
+    stream.take(most).read_to_end(&mut bytes).map_err(|cause| fault(format!("does not inflate: {cause}")))?;
+    if bytes.len() != size {
+        let found = if bytes.len() > size { format!("more than {size}") } else { bytes.len().to_string() };
+        return Err(fault(format!("inflates to {found} bytes, the header's count needs {size}")));
     }
     Ok(bytes)
 }
@@ -181,12 +176,7 @@ fn inflate_streams(path: &Path, header: &Header, bytes: &[u8]) -> Result<Vec<u8>
     if header.has_records() {
         check_records(path, header, &bytes[HEADER_BYTES_V4..table])?;
     }
-    let size: usize = sizes.iter().sum();
-    if size as u64 > SMALL_BYTES.max(MAX_RATIO * bytes.len() as u64) {
-        let reason =
-            format!("{} Gaussians need {size} bytes, a file of {} cannot hold them", header.count, bytes.len());
-        return Err(fault("header, byte 8", reason));
-    }
+    header.check_count(path, bytes.len(), SMALL_BYTES)?;
     let mut payload = Vec::new();
     let mut at = table + entries.len();
     for (index, (entry, &size)) in entries.as_chunks::<16>().0.iter().zip(sizes).enumerate() {
@@ -224,8 +214,8 @@ fn check_records(path: &Path, header: &Header, mut records: &[u8]) -> Result<()>
             Some((u32::from_le_bytes(*kind), content, rest))
         });
         let Some((kind, content, rest)) = record else {
-            let reason =
-                format!("expected kind, length and content of each, found {} bytes that are not", records.len());
+            let n = records.len();
+            let reason = format!("expected kind, length and content of each, found {n} bytes that are not");
             return fault(reason, "save it without extensions");
         };
         if kind == AXES && !OWN_AXES.iter().any(|own| content == own.to_le_bytes()) {

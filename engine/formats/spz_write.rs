@@ -1,16 +1,14 @@
-use std::io::Write;
-use std::path::Path;
-
-use flate2::{Compression, write::GzEncoder};
-use ruzstd::encoding::{CompressionLevel, compress_to_vec};
-
 use super::decode::{byte_of_logit, level};
-use super::format::{Keeps, Writer};
+use super::format::{Keeps, Writer, static_rows};
 use super::four_dgs::World;
 use super::spz::{COLOR_SCALE, HEADER_BYTES_V4, MAGIC, SH_SIGNS};
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::scene::Splats;
+use flate2::{Compression, write::GzEncoder};
+use ruzstd::encoding::{CompressionLevel, compress_to_vec};
+use std::io::Write;
+use std::path::Path;
 
 pub(super) const VERSION_3: Writer = Writer {
     name: "spz",
@@ -42,10 +40,7 @@ pub enum SpzVersion {
 /// positions 2^-24 of the largest coordinate's next power of two; log-scales 1/32, within [-10, 5.94]; rotations 0.003 in an
 /// entry; opacities 1/510; `f_dc` 1/76.5, within +-3.3; harmonics 1/256, within [-1, 0.99].
 pub fn write_spz(path: &Path, splats: &Splats, version: SpzVersion, world: Option<World>) -> Result<()> {
-    let rows = splats.static_rows(path)?;
-    if rows.is_empty() {
-        return Err(Error::data(path, "", "there is no Gaussian to write", "an .spz needs at least one"));
-    }
+    let rows = static_rows(path, splats, ".spz")?;
     let is_turned = world.is_none_or(|world| !world.is_y_up());
     // The factor of y and z.
     let flip = if is_turned { -1.0_f32 } else { 1.0 };

@@ -4,7 +4,7 @@ use std::fs;
 use std::io::Write;
 use std::path::Path;
 
-use ivv::internals::formats::{SpzVersion, World, read_ply, read_scene, read_splat, read_spz, write_spz};
+use ivv::internals::formats::{SpzVersion, World, read_ply, read_scene, write_spz};
 use ivv::internals::scene::Splats;
 
 use super::{Folder, fault};
@@ -144,7 +144,7 @@ fn the_axes_of_spz_are_turned_with_everything_that_depends_on_them() {
     // x, y and z are 0.2, -0.3 and 0.4 of 1/sqrt(2): a sign and nine bits each; w is the largest.
     let rotation = 3 << 30 | 102 << 20 | (0x200 | 153) << 10 | 204;
     let rest: Vec<u8> = (0..45).map(|i| 128_u8.wrapping_add((i * 37 % 101) as u8).wrapping_sub(50)).collect();
-    let scene = read_spz(&folder.write("a.spz", spz(3, rotation, &rest))).unwrap();
+    let scene = read_scene(&folder.write("a.spz", spz(3, rotation, &rest))).unwrap();
     assert_eq!(scene.position, [[1.0, -2.0, 3.0]]);
     let [w, x, y, z] = scene.rotation[0].map(|v| f64::from(v) * std::f64::consts::SQRT_2);
     assert!(w > 1.2 && (x - 0.2).abs() < 2e-3 && (y - 0.3).abs() < 2e-3 && (z + 0.4).abs() < 2e-3);
@@ -166,12 +166,12 @@ fn a_scene_whose_y_is_up_is_not_turned_over_on_its_way_into_an_spz() {
     let folder = Folder::new("spz-up");
     let rotation = 3 << 30 | 102 << 20 | (0x200 | 153) << 10 | 204;
     let rest: Vec<u8> = (0..45).map(|i| 128_u8.wrapping_add((i * 37 % 101) as u8).wrapping_sub(50)).collect();
-    let scene = read_spz(&folder.write("a.spz", spz(3, rotation, &rest))).unwrap();
+    let scene = read_scene(&folder.write("a.spz", spz(3, rotation, &rest))).unwrap();
     let written = |up: Option<[f64; 3]>| {
         let path = folder.file("b.spz");
         let world = up.map(|up| World { up, metres_per_unit: None });
         write_spz(&path, &scene, SpzVersion::V3, world).unwrap();
-        (fs::read(&path).unwrap(), read_spz(&path).unwrap())
+        (fs::read(&path).unwrap(), read_scene(&path).unwrap())
     };
     let (bytes, turned) = written(None);
     assert_eq!(turned.position, scene.position);
@@ -202,7 +202,7 @@ fn vendor_records_are_left_alone_where_they_change_nothing_and_refused_where_the
     for degree in [0, 1] {
         let rest = vec![130_u8; if degree == 0 { 0 } else { 9 }];
         let raw = raw_spz(degree, 3 << 30, &rest);
-        let plain = read_spz(&folder.write("plain.spz", gzip(&raw))).unwrap();
+        let plain = read_scene(&folder.write("plain.spz", gzip(&raw))).unwrap();
         let streams = folder.file("streams.spz");
         write_spz(&streams, &plain, SpzVersion::V4, None).unwrap();
         let streams = fs::read(streams).unwrap();
@@ -227,9 +227,9 @@ fn vendor_records_are_left_alone_where_they_change_nothing_and_refused_where_the
             for (name, bytes) in [("behind.spz", gzip(&behind)), ("bare.spz", behind), ("before.spz", before)] {
                 let path = folder.write(name, bytes);
                 match says {
-                    None => assert_eq!(read_spz(&path).unwrap().position, plain.position, "{name}"),
+                    None => assert_eq!(read_scene(&path).unwrap().position, plain.position, "{name}"),
                     Some(says) => {
-                        let told = fault(read_spz(&path), &path);
+                        let told = fault(read_scene(&path), &path);
                         assert!(told.contains(says), "{name}: {told}");
                     }
                 }
@@ -256,13 +256,13 @@ fn survives_cuts(folder: &Folder, name: &str, bytes: &[u8], read: fn(&Path) -> i
 #[test]
 fn files_of_every_format_that_are_cut_give_errors_and_never_a_panic() {
     let folder = Folder::new("damage");
-    survives_cuts(&folder, "one.spz", &spz(1, 3 << 30, &[130; 9]), read_spz);
+    survives_cuts(&folder, "one.spz", &spz(1, 3 << 30, &[130; 9]), read_scene);
     survives_cuts(&folder, "a.compressed.ply", &compressed(3, true), read_scene);
     let Some(fixtures) = shared("data/splat_fixtures") else { return };
     for name in ["minimal-raw.spz", "minimal-v2.spz", "minimal-v3.spz", "minimal-v4.spz"] {
-        survives_cuts(&folder, name, &fs::read(fixtures.join(name)).unwrap(), read_spz);
+        survives_cuts(&folder, name, &fs::read(fixtures.join(name)).unwrap(), read_scene);
     }
-    survives_cuts(&folder, "minimal.splat", &fs::read(fixtures.join("minimal.splat")).unwrap(), read_splat);
+    survives_cuts(&folder, "minimal.splat", &fs::read(fixtures.join("minimal.splat")).unwrap(), read_scene);
 }
 
 #[test]
@@ -273,7 +273,7 @@ fn a_count_that_the_file_cannot_hold_is_refused_before_it_is_believed() {
     raw.extend(u32::MAX.to_le_bytes());
     raw.extend([3, 12, 0, 0]);
     let path = folder.write("count.spz", gzip(&raw));
-    assert!(fault(read_spz(&path), &path).contains("4294967295 Gaussians"));
+    assert!(fault(read_scene(&path), &path).contains("4294967295 Gaussians"));
     // Version 4, whose streams of zstd can promise more of a byte: 2^28 Gaussians of degree 0.
     let mut streams = raw.clone();
     streams[4] = 4;
@@ -285,13 +285,13 @@ fn a_count_that_the_file_cannot_hold_is_refused_before_it_is_believed() {
         streams.extend([0, size << 28].map(u64::to_le_bytes).concat());
     }
     let path = folder.write("streams.spz", streams);
-    assert!(fault(read_spz(&path), &path).contains("268435456 Gaussians need 5368709120 bytes"));
+    assert!(fault(read_scene(&path), &path).contains("268435456 Gaussians need 5368709120 bytes"));
     // Ten megabytes of zeros behind a header that needs twenty bytes.
     raw[8..12].copy_from_slice(&1_u32.to_le_bytes());
     raw[12] = 0;
     raw.resize(10 << 20, 0);
     let path = folder.write("bomb.spz", gzip(&raw));
-    assert!(fault(read_spz(&path), &path).contains("more than 20 bytes"));
+    assert!(fault(read_scene(&path), &path).contains("more than 20 bytes"));
     for (at, value, says) in [
         (4, 1, "version 1"),
         (4, 5, "version 5"),
@@ -302,7 +302,7 @@ fn a_count_that_the_file_cannot_hold_is_refused_before_it_is_believed() {
         let mut raw = raw[..36].to_vec();
         raw[at] = value;
         let path = folder.write("field.spz", gzip(&raw));
-        let told = fault(read_spz(&path), &path);
+        let told = fault(read_scene(&path), &path);
         assert!(told.contains(says), "{told}");
     }
 }
@@ -377,7 +377,7 @@ fn opacities_of_0_and_255_stay_finite_and_on_the_right_side_of_the_thresholds() 
     let mut bytes = row.to_vec();
     row[27] = 255;
     bytes.extend(row);
-    let scene = read_splat(&folder.write("a.splat", bytes)).unwrap();
+    let scene = read_scene(&folder.write("a.splat", bytes)).unwrap();
     let alpha = |i: usize| 1.0 / (1.0 + (-scene.opacity[i]).exp());
     assert!(0.0 < alpha(0) && alpha(0) < 1.0 / 255.0);
     assert!(0.99 < alpha(1) && alpha(1) < 1.0);

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use image::{ExtendedColorType, codecs::webp::WebPEncoder};
-use ivv::internals::formats::{read_scene, read_sog};
+use ivv::internals::formats::read_scene;
 
 use crate::common::zip;
 
@@ -78,7 +78,7 @@ pub fn scene(folder: &Folder, change: impl FnOnce(String) -> String) -> PathBuf 
 #[test]
 fn every_attribute_is_decoded_from_its_image() {
     let folder = Folder::new("sog");
-    let scene = read_sog(&scene(&folder, |text| text)).unwrap();
+    let scene = read_scene(&scene(&folder, |text| text)).unwrap();
     scene.check().unwrap();
     let e = |v: f64| v.exp_m1() as f32;
     assert_eq!(scene.position[0], [e(1.0), e(2.0), e(3.0)]);
@@ -121,16 +121,16 @@ fn every_fault_of_a_scene_is_named() {
         if to.contains("scales") {
             folder.write("scales.webp", webp(2, 1, &[[0, 1, 2, 255], [3, 4, 5, 251]]));
         }
-        let told = fault(read_sog(&path), &path);
+        let told = fault(read_scene(&path), &path);
         let says = says.replace("is 255", "is 251");
         assert!(told.contains(&says), "{from:?} -> {to:?}: {told:?} does not say {says:?}");
     }
     let path = scene(&folder, |text| text);
-    let whole = read_sog(&path).unwrap();
+    let whole = read_scene(&path).unwrap();
     let image = std::fs::read(folder.file("sh0.webp")).unwrap();
     for n in 0..image.len() {
         folder.write("sh0.webp", &image[..n]);
-        match read_sog(&path) {
+        match read_scene(&path) {
             // The container pads to an even length.
             Ok(scene) => assert!(n + 1 == image.len() && scene == whole, "cut at {n}"),
             outcome => {
@@ -139,17 +139,17 @@ fn every_fault_of_a_scene_is_named() {
         }
     }
     std::fs::remove_file(folder.file("sh0.webp")).unwrap();
-    fault(read_sog(&path), &folder.file("sh0.webp"));
+    fault(read_scene(&path), &folder.file("sh0.webp"));
     // A small file that would inflate to 64 megabytes for two Gaussians.
     folder.write("sh0.webp", webp(4096, 4096, &vec![[0; 4]; 1 << 24]));
-    assert!(fault(read_sog(&path), &path).contains("has 4096 x 4096 pixels for 2 values"));
+    assert!(fault(read_scene(&path), &path).contains("has 4096 x 4096 pixels for 2 values"));
 }
 
 #[test]
 fn a_bundle_is_the_same_scene_as_its_folder() {
     let folder = Folder::new("sog-bundle");
     let path = scene(&folder, |text| text);
-    let whole = read_sog(&path).unwrap();
+    let whole = read_scene(&path).unwrap();
     let names = ["means_l", "means_u", "scales", "quats", "sh0", "shN_centroids", "shN_labels"];
     let names = names.iter().map(|name| format!("{name}.webp")).chain(["meta.json".to_owned()]);
     let mut files: Vec<(String, Vec<u8>)> =

@@ -15,8 +15,8 @@ use std::path::{Path, PathBuf};
 #[derive(clap::Args)]
 #[command(mut_args(of_cameras))]
 pub struct Args {
-    /// A scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG; or the folder of a run: its
-    /// scene.ply, or its newest checkpoint if it has not ended. With --cameras a capture, or the folder of a run.
+    /// A scene file, of any format in the manual's page Files, or the folder of a SOG; or the folder of a run: its scene.ply, or its newest
+    /// checkpoint if it has not ended. With --cameras a capture, or the folder of a run.
     #[arg(value_name = "SCENE|RUN|CAPTURE")]
     scene: PathBuf,
     /// Instead writes the views of the capture, or of the run's capture, to this file (JSON).
@@ -108,7 +108,7 @@ fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
         contents.library,
         contents.cutoff
     );
-    for source in &contents.audio_sources {
+    for source in file.sounds().sources() {
         let kind = if source.spatial { "from a place" } else { "from everywhere" };
         out!("sound:         `{}`, {:.3} s of {}, {kind}", source.name, source.duration_sec, source.codec);
     }

@@ -2,19 +2,18 @@ use super::ears::{EARS, Ears};
 use super::{MAGIC, RECORD, SOUND, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
-use crate::internals::formats::clock::Clock;
-use crate::internals::formats::format::Reader;
+use crate::internals::formats::format::{Reader, first_bytes};
 use crate::internals::formats::own::Own;
-use crate::internals::formats::scene::{Clip, Scene};
-use crate::scene::dc_of_color;
-use crate::scene::parse_views;
-use crate::scene::{ALWAYS, Motion, Splats, View};
+use crate::internals::formats::scene::{Clip, Clock, Scene};
+use crate::scene::{ALWAYS, Motion, Splats, View, dc_of_color, parse_views};
 use fourdgs::quantization::sh_coefficient;
 use fourdgs::reader::OpenMode;
 use fourdgs::{FileReadable, GaussianSet, SceneReader};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
+/// Frames per second of a file that does not say.
+const FPS: f64 = 30.0;
 /// Largest threshold of visibility that changes no picture: one step of 8 bits.
 const INVISIBLE: f64 = 1.0 / 255.0;
 /// Opacities are taken this far inside of 0 and 1, whose logits are infinite.
@@ -42,9 +41,7 @@ pub struct FourDgs {
 
 impl FourDgs {
     pub fn is(path: &Path) -> bool {
-        let mut start = Vec::new();
-        let read = open_file(path).and_then(|file| file.take(MAGIC.len() as u64).read_to_end(&mut start));
-        read.is_ok() && start == MAGIC
+        first_bytes(path).is_ok_and(|bytes| bytes == MAGIC)
     }
 
     /// Reads a whole file: of the model `gaussian-birth`, deflated, at most half a gigabyte in memory.
@@ -90,14 +87,23 @@ impl FourDgs {
             let reason = format!("expected 0 to 3, found {found}");
             return Err(Error::data(path, "header, field sh_degree", reason, "export the file again, with degree 3"));
         }
-        let ears = scene.attachments.iter().find(|attachment| attachment.name == EARS);
-        let ears = ears.map(|ears| Ears::parse(path, &ears.data)).transpose()?;
+        let ears = attachment(&scene, EARS).map(|data| Ears::parse(path, data)).transpose()?;
         Ok(FourDgs { path: path.to_owned(), scene, ears, has_gaussians })
     }
 
     pub fn clock(&self) -> Clock {
         let seconds = self.scene.duration_sec;
-        Clock::of_file(self.own(), seconds)
+        if seconds <= 0.0 {
+            return Clock { fps: FPS, frames: 1 };
+        }
+        let said = self.own().and_then(|own| {
+            let clock = Clock { fps: own.get("fps")?.parse().ok()?, frames: own.get("frames")?.parse().ok()? };
+            ((clock.seconds() - seconds).abs() <= 1e-6 * seconds).then_some(clock)
+        });
+        said.unwrap_or_else(|| {
+            let frames = (seconds * FPS).round().clamp(1.0, f64::from(u32::MAX));
+            Clock { fps: frames / seconds, frames: frames as u32 }
+        })
     }
 
     /// How the scene is rendered; `None` in a file of another program.
@@ -109,10 +115,8 @@ impl FourDgs {
     pub fn notes(&self) -> Vec<String> {
         let records = self.scene.metadata.iter().map(|record| &record.name);
         let attachments = self.scene.attachments.iter().map(|attachment| &attachment.name);
-        let mut notes = Vec::new();
-        if self.scene.camera.is_some() {
-            notes.push("its camera path is not read".to_owned());
-        }
+        let path = self.scene.camera.is_some().then(|| "its camera path is not read".to_owned());
+        let mut notes: Vec<String> = path.into_iter().collect();
         for (what, names) in [
             ("metadata record", others(records, &[RECORD, SOUND])),
             ("attachment", others(attachments, &[VIEWS, EARS])),
@@ -128,8 +132,7 @@ impl FourDgs {
 
     /// Views to start from.
     pub fn views(&self) -> Result<Vec<View>> {
-        let views = self.scene.attachments.iter().find(|attachment| attachment.name == VIEWS);
-        views.map_or(Ok(Vec::new()), |views| parse_views(&self.path, &views.data))
+        attachment(&self.scene, VIEWS).map_or(Ok(Vec::new()), |data| parse_views(&self.path, data))
     }
 
     pub fn world(&self) -> Option<World> {
@@ -150,12 +153,10 @@ impl FourDgs {
         let stored = self.stored(set);
         let (still, moving) = stored.populations();
         let mut splats = Splats::new(u32::from(set.sh_degree));
-        still.iter().chain(&moving).for_each(|i| stored.push(&mut splats, *i));
-        splats.n_static = still.len();
-        splats.motion = moving.iter().map(|i| stored.motion(*i)).collect();
-        let spans: Vec<[f32; 2]> = moving.iter().map(|i| stored.span(*i)).collect();
-        if spans.iter().any(|span| *span != ALWAYS) {
-            splats.span = spans;
+        stored.push_all(&mut splats, &still, false);
+        stored.push_all(&mut splats, &moving, true);
+        if splats.span.iter().all(|span| *span == ALWAYS) {
+            splats.span.clear();
         }
         Ok(splats)
     }
@@ -172,17 +173,22 @@ impl FourDgs {
 
     /// Refuses what would be drawn wrong: tracks of objects that move Gaussians, and left-handed axes, which mirror pictures.
     pub fn check_shown(&self) -> Result<()> {
+        let refuse = |reason: &str, remedy: &str| Err(Error::data(&self.path, "", reason, remedy));
         let n = self.scene.objects.tracks.iter().filter(|track| track.sample_count() > 0).count();
         if n > 0 {
             let reason = format!("{n} of its objects move their Gaussians along tracks, which is not supported");
-            return Err(Error::data(&self.path, "", reason, "save it without tracks of objects"));
+            return refuse(&reason, "save it without tracks of objects");
         }
         if World::is_left_handed(&self.scene) {
             let reason = "expected right-handed axes, found left-handed ones, with which pictures would be mirrored";
-            return Err(Error::data(&self.path, "", reason, "save it with right-handed axes"));
+            return refuse(reason, "save it with right-handed axes");
         }
         Ok(())
     }
+}
+
+fn attachment<'a>(scene: &'a fourdgs::Scene, name: &str) -> Option<&'a [u8]> {
+    scene.attachments.iter().find(|attachment| attachment.name == name).map(|attachment| &attachment.data[..])
 }
 
 fn others<'a>(all: impl Iterator<Item = &'a String>, known: &[&str]) -> Vec<String> {
@@ -224,7 +230,7 @@ fn front(reader: &mut SceneReader<FileReadable>) -> fourdgs::Result<fourdgs::Sce
 
 #[derive(Clone, Copy)]
 pub(super) struct Stored<'a> {
-    pub(super) set: &'a GaussianSet,
+    set: &'a GaussianSet,
     seconds: f64,
     frames: u32,
     cutoff: Option<f64>,
@@ -240,14 +246,14 @@ impl Stored<'_> {
     }
 
     /// The normalised times between which Gaussian `i` exists, where the file hides it at times when it could be seen.
-    pub(super) fn span(&self, i: usize) -> [f32; 2] {
+    fn span(&self, i: usize) -> [f32; 2] {
         let Stored { set, seconds, frames, cutoff } = *self;
         let [mu, sigma, from, to] =
             [&set.mu_t, &set.sigma_t, &set.win_lo, &set.win_hi].map(|values| f64::from(values[i]));
         let half = |threshold: f64| sigma * fourdgs::quantization::support_k(threshold);
-        let (from, to) = match cutoff {
-            Some(cutoff) if sigma.is_finite() => (from.max(mu - half(cutoff)), to.min(mu + half(cutoff))),
-            _ => (from, to),
+        let (from, to) = match cutoff.filter(|_| sigma.is_finite()) {
+            Some(cutoff) => (from.max(mu - half(cutoff)), to.min(mu + half(cutoff))),
+            None => (from, to),
         };
         let (first, last) = ((mu - half(INVISIBLE)).max(0.0), (mu + half(INVISIBLE)).min(seconds));
         let margin = margin(seconds, frames);
@@ -257,7 +263,7 @@ impl Stored<'_> {
         [border(from > first + margin, from, f32::NEG_INFINITY), border(to < last - margin, to, f32::INFINITY)]
     }
 
-    pub(super) fn motion(&self, i: usize) -> Motion {
+    fn motion(&self, i: usize) -> Motion {
         let Stored { set, seconds, .. } = self;
         let tau = f64::from(set.sigma_t[i]) * std::f64::consts::SQRT_2 / seconds;
         Motion {
@@ -267,8 +273,18 @@ impl Stored<'_> {
         }
     }
 
-    /// Appends Gaussian `i`, without its motion and span.
-    pub(super) fn push(&self, to: &mut Splats, i: usize) {
+    /// Appends Gaussians; the static ones come first.
+    pub(super) fn push_all(&self, to: &mut Splats, members: &[usize], are_dynamic: bool) {
+        members.iter().for_each(|i| self.push(to, *i));
+        if are_dynamic {
+            to.motion.extend(members.iter().map(|i| self.motion(*i)));
+            to.span.extend(members.iter().map(|i| self.span(*i)));
+        } else {
+            to.n_static = to.len();
+        }
+    }
+
+    fn push(&self, to: &mut Splats, i: usize) {
         let set = self.set;
         let [x, y, z, w]: [f32; 4] = std::array::from_fn(|k| set.rotations[4 * i + k]);
         let opacity = f64::from(set.colors[4 * i + 3]).clamp(EDGE, 1.0 - EDGE);

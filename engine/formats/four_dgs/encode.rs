@@ -5,7 +5,7 @@ use super::write::{Measure, Writing};
 use super::{RECORD, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::files::write_made;
-use crate::internals::formats::clock::Clock;
+use crate::internals::formats::scene::Clock;
 use crate::scene::{ALWAYS, Part, Parts, SH_C0, Splats, View};
 use fourdgs::quantization::{Profile, SH_QUANT_HI, SH_QUANT_LO, support_k};
 use fourdgs::{Attachment, GaussianSet, Metadata, SceneExtras, WriteOptions};

@@ -7,8 +7,7 @@
 //! the squared error over them. A base colour that is cut comes before all others.
 
 use super::Grades;
-use crate::scene::SH_C0;
-use crate::scene::View;
+use crate::scene::{SH_C0, View};
 use fourdgs::quantization::{SH_QUANT_HI, SH_QUANT_LO, quantize_sh, sh_coefficient};
 use std::f64::consts::PI;
 

@@ -16,7 +16,8 @@ pub struct FourDgsParts {
     reader: SceneReader<FileReadable>,
     /// Chunks that last the whole clip.
     lasting: Vec<u32>,
-    chunks: Vec<Vec<u32>>,
+    /// The chunk of each part but the last, which is of those that last.
+    brief: Vec<u32>,
     parts: Vec<Part>,
 }
 
@@ -46,7 +47,7 @@ impl FourDgsParts {
             let to = if is_end(entry.t1) { f64::INFINITY } else { to };
             Part { from, to, n: n(chunk) }
         };
-        let mut parts: Vec<Part> = brief.iter().map(part).collect();
+        let parts: Vec<Part> = brief.iter().map(part).collect();
         let always: usize = lasting.iter().map(n).sum();
         let total = always + parts.iter().map(|part| part.n).sum::<usize>();
         if (always + fullest(&parts)) as f64 > FEW * total as f64 {
@@ -54,14 +55,9 @@ impl FourDgsParts {
         }
         let reader = FileReadable::open(path).and_then(|file| SceneReader::open_with(file, OpenMode::Indexed));
         let reader = reader.map_err(|fault| not_read(path, &fault))?;
-        let mut chunks: Vec<Vec<u32>> = brief.iter().map(|chunk| vec![*chunk]).collect();
-        chunks.push(lasting.clone());
-        parts.push(Part { from: f64::NEG_INFINITY, to: f64::INFINITY, n: 0 });
-        let mut opened = FourDgsParts { path: path.to_owned(), file, reader, lasting, chunks, parts };
-        let moving = opened.read(&opened.lasting.clone(), true)?.len();
-        if let Some(last) = opened.parts.last_mut() {
-            last.n = moving;
-        }
+        let mut opened = FourDgsParts { path: path.to_owned(), file, reader, lasting, brief, parts };
+        let n = opened.part(opened.brief.len())?.len();
+        opened.parts.push(Part { from: f64::NEG_INFINITY, to: f64::INFINITY, n });
         Ok(Some(opened))
     }
 
@@ -80,16 +76,7 @@ impl FourDgsParts {
             let (still, others) = stored.populations();
             // A Gaussian in a chunk that is not always there is not always there.
             let (still, others) = if is_brief { (Vec::new(), (0..set.count()).collect()) } else { (still, others) };
-            for i in if moving { others } else { still } {
-                stored.push(&mut splats, i);
-                if moving {
-                    splats.motion.push(stored.motion(i));
-                    splats.span.push(stored.span(i));
-                }
-            }
-        }
-        if !moving {
-            splats.n_static = splats.len();
+            stored.push_all(&mut splats, if moving { &others } else { &still }, moving);
         }
         if splats.span.iter().all(|span| *span == ALWAYS) {
             splats.span.clear();
@@ -116,7 +103,8 @@ impl Parts for FourDgsParts {
     }
 
     fn part(&mut self, index: usize) -> Result<Splats> {
-        self.read(&self.chunks[index].clone(), true)
+        let chunks = self.brief.get(index).map_or_else(|| self.lasting.clone(), |chunk| vec![*chunk]);
+        self.read(&chunks, true)
     }
 }
 

@@ -27,7 +27,7 @@ use std::time::Instant;
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder of a run, for its scene (or newest checkpoint, if it has not ended), the views of its capture and its rendering
-    /// constants; or a scene file: 3DGS or compressed PLY, .4dgs, .splat, .spz, a .sog, or the folder or meta.json of a SOG.
+    /// constants; or a scene file, of any format in the manual's page Files, or the folder of a SOG.
     #[arg(value_name = "RUN|SCENE")]
     source: PathBuf,
     /// Views to render: a cameras file (JSON, as of `ivv inspect --cameras`), a transforms.json, or a capture, as a COLMAP project.
