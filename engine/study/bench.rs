@@ -1,5 +1,5 @@
-use super::measure::Measure;
-use super::plan::{Arm, Base, Study};
+use super::measure::{Files, Measure};
+use super::plan::{Arm, Study};
 use super::runs::{RunResult, read};
 use crate::error::Result;
 use crate::report::statistics::{Estimate, mean, range, standard_error};
@@ -7,7 +7,7 @@ use crate::report::{Axis, Chart, Mark, Panel, Row, Series, Table};
 use serde_json::{Value, json};
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 /// Captures on which an arm must be better to be shown to help.
 const SHOWN_ON: usize = 2;
@@ -49,33 +49,16 @@ pub struct Bench {
     pub runs: Vec<BenchRun>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Standing {
-    Shown,
-    NotShown,
-    Harmful,
-}
-
-impl Standing {
-    /// By an arm's differences to the baseline, one for each capture.
-    fn of(measure: Measure, differences: &[Estimate]) -> Self {
-        let gain = |d: &Estimate| if measure.is_less_better() { -d.mean } else { d.mean };
-        let is_better = |d: &&Estimate| d.half_width.is_some_and(|half| gain(d) > half);
-        if differences.iter().any(|d| gain(d) < -measure.harm()) {
-            Standing::Harmful
-        } else if differences.iter().filter(is_better).count() >= SHOWN_ON {
-            Standing::Shown
-        } else {
-            Standing::NotShown
-        }
-    }
-
-    fn words(self) -> &'static str {
-        match self {
-            Standing::Shown => "shown",
-            Standing::NotShown => "not shown",
-            Standing::Harmful => "harms",
-        }
+/// The verdict on an arm by its differences to the baseline, one for each capture.
+fn verdict(measure: Measure, differences: &[Estimate]) -> &'static str {
+    let gain = |d: &Estimate| if measure.is_less_better() { -d.mean } else { d.mean };
+    let is_better = |d: &&Estimate| d.half_width.is_some_and(|half| gain(d) > half);
+    if differences.iter().any(|d| gain(d) < -measure.harm()) {
+        "harms"
+    } else if differences.iter().filter(is_better).count() >= SHOWN_ON {
+        "shown"
+    } else {
+        "not shown"
     }
 }
 
@@ -91,21 +74,16 @@ impl BenchRun {
     ) -> Result<Self> {
         let eval: Value = read(folder, "eval.json")?;
         let train: Value = read(folder, "train.json")?;
-        let value = |measure: &Measure| Some((*measure, measure.of(&eval, &train, peripheral)?));
+        let files = Files { eval: &eval, train: &train, peripheral };
         let text = |value: &Value| value.as_str().unwrap_or("unknown").to_owned();
-        let device = &train["device"];
+        let [name, driver] = ["name", "driver"].map(|key| text(&train["device"][key]));
         Ok(BenchRun {
             capture: capture.to_owned(),
             arm: arm.to_owned(),
             steps,
             seed,
-            scores: Measure::ALL.iter().filter_map(value).collect(),
-            made_by: format!(
-                "{}, {}, commit {}",
-                text(&device["name"]),
-                text(&device["driver"]),
-                text(&train["revision"])
-            ),
+            scores: Measure::all().filter_map(|score| Some((score, score.of(&files)?))).collect(),
+            made_by: format!("{name}, {driver}, commit {}", text(&train["revision"])),
             trunk: eval["lpips_trunk"].as_str().map(str::to_owned),
         })
     }
@@ -135,13 +113,7 @@ impl Bench {
         let mut keys: Vec<String> = runs.iter().map(|run| run.arm.clone()).collect();
         keys.sort_by_key(|key| (!key.starts_with("defaults"), key.clone()));
         keys.dedup();
-        let arm = |key: &String| Arm {
-            key: key.clone(),
-            name: key.clone(),
-            preset: None,
-            settings: json!({}),
-            paper: BTreeMap::new(),
-        };
+        let arm = |key: &String| Arm { key: key.clone(), name: key.clone(), settings: json!({}), ..Arm::default() };
         let study = Study {
             title: "Runs".to_owned(),
             question: "How do these runs compare?".to_owned(),
@@ -149,21 +121,16 @@ impl Bench {
             scores: SCORES.into_iter().filter(|score| runs.iter().any(|run| run.scores.contains_key(score))).collect(),
             seeds: runs.iter().map(|run| run.seed).collect::<BTreeSet<_>>().into_iter().collect(),
             steps: runs.iter().map(|run| run.steps).collect::<BTreeSet<_>>().into_iter().collect(),
-            equal_budgets: false,
-            base: Base::Given,
             baseline: keys.first().cloned().unwrap_or_default(),
-            file: PathBuf::new(),
+            ..Study::default()
         };
         Ok(Bench { study, date, settings: "named by each row".to_owned(), budgets: BTreeMap::new(), runs })
     }
 
     fn captures(&self) -> Vec<&str> {
-        let mut captures: Vec<&str> = Vec::new();
-        for run in &self.runs {
-            if !captures.contains(&run.capture.as_str()) {
-                captures.push(&run.capture);
-            }
-        }
+        let mut captures: Vec<&str> = self.runs.iter().map(|run| run.capture.as_str()).collect();
+        let mut seen = BTreeSet::new();
+        captures.retain(|capture| seen.insert(*capture));
         captures
     }
 
@@ -276,7 +243,7 @@ impl Bench {
             match captures.get(index) {
                 Some(capture) => of(capture).map_or("-".to_owned(), |d| signed(&d, score)),
                 None if arm.key == self.study.baseline => "-".to_owned(),
-                None => Standing::of(score, &captures.iter().filter_map(of).collect::<Vec<_>>()).words().to_owned(),
+                None => verdict(score, &captures.iter().filter_map(of).collect::<Vec<_>>()).to_owned(),
             }
         });
         format!(
@@ -291,13 +258,13 @@ impl Bench {
 
     pub fn json(&self) -> Value {
         let arm_of = |capture: &str, (arm, steps): (&Arm, u64)| {
-            let of = |score: &Measure| {
-                let values: Vec<f64> = self.values(capture, &arm.key, steps, *score).into_values().collect();
-                let difference = self.difference(capture, arm, steps, *score);
+            let of = |score: Measure| {
+                let values: Vec<f64> = self.values(capture, &arm.key, steps, score).into_values().collect();
+                let difference = self.difference(capture, arm, steps, score);
                 let all = json!({ "mean": mean(values.iter().copied())?, "standard_error": standard_error(&values), "difference": difference });
-                Some((*score, all))
+                Some((score, all))
             };
-            let scores: BTreeMap<Measure, Value> = Measure::ALL.iter().filter_map(of).collect();
+            let scores: BTreeMap<Measure, Value> = Measure::all().filter_map(of).collect();
             json!({ "capture": capture, "arm": arm.key, "steps": steps, "scores": scores })
         };
         let results: Vec<Value> =
@@ -403,13 +370,13 @@ mod tests {
         assert!(text.contains("| fast | +1.00 +- 0.00 | +1.00 +- 0.00 | shown |"), "{text}");
         let estimate = |mean: f64, half_width: f64| Estimate { mean, half_width: Some(half_width) };
         let (better, level) = (estimate(0.4, 0.3), estimate(0.2, 0.3));
-        assert_eq!(Standing::of(Measure::Psnr, &[better, better, estimate(-0.1, 0.5)]), Standing::Shown);
-        assert_eq!(Standing::of(Measure::Psnr, &[better, level, level]), Standing::NotShown);
-        assert_eq!(Standing::of(Measure::Psnr, &[better, better, estimate(-0.11, 0.5)]), Standing::Harmful);
+        assert_eq!(verdict(Measure::Psnr, &[better, better, estimate(-0.1, 0.5)]), "shown");
+        assert_eq!(verdict(Measure::Psnr, &[better, level, level]), "not shown");
+        assert_eq!(verdict(Measure::Psnr, &[better, better, estimate(-0.11, 0.5)]), "harms");
         // One seed has no interval.
-        assert_eq!(Standing::of(Measure::Psnr, &[Estimate { mean: 9.0, half_width: None }; 3]), Standing::NotShown);
+        assert_eq!(verdict(Measure::Psnr, &[Estimate { mean: 9.0, half_width: None }; 3]), "not shown");
         let (lower, higher) = (estimate(-0.006, 0.001), estimate(0.006, 0.001));
-        assert_eq!(Standing::of(Measure::Lpips, &[lower, lower]), Standing::Shown);
-        assert_eq!(Standing::of(Measure::Lpips, &[higher, higher]), Standing::NotShown);
+        assert_eq!(verdict(Measure::Lpips, &[lower, lower]), "shown");
+        assert_eq!(verdict(Measure::Lpips, &[higher, higher]), "not shown");
     }
 }

@@ -3,30 +3,26 @@
 use super::measure::Measure;
 use crate::error::{Error, Result};
 use crate::files::read_text;
-use crate::train::{Config, LearningRates, Pace, Preset, Rate, check_settings, merge};
+use crate::train::{Config, LearningRates, Preset, check_settings, merge};
 use serde::Deserialize;
 use serde::de::Error as _;
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Name and file.
-const STUDIES: [(&str, &str); 10] = [
-    ("trade", include_str!("../../assets/studies/trade.json")),
-    ("presets", include_str!("../../assets/studies/presets.json")),
-    ("schedule", include_str!("../../assets/studies/schedule.json")),
-    ("quality", include_str!("../../assets/studies/quality.json")),
-    ("clips", include_str!("../../assets/studies/clips.json")),
-    ("required", include_str!("../../assets/studies/required.json")),
-    ("initialisation", include_str!("../../assets/studies/initialisation.json")),
-    ("offsets", include_str!("../../assets/studies/offsets.json")),
-    ("supervision", include_str!("../../assets/studies/supervision.json")),
-    ("perceptual", include_str!("../../assets/studies/perceptual.json")),
+/// Names and texts of the files `assets/studies/NAME.json`.
+macro_rules! studies {
+    ($($name:literal)*) => {
+        [$(($name, include_str!(concat!("../../assets/studies/", $name, ".json")))),*]
+    };
+}
+const STUDIES: [(&str, &str); 10] = studies![
+    "trade" "presets" "schedule" "quality" "clips" "required" "initialisation" "offsets" "supervision" "perceptual"
 ];
 
 const REMEDY: &str = "see the manual's page Benchmarks and the studies in assets/studies";
 
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Arm {
     /// Names the folders of its runs.
@@ -56,7 +52,7 @@ pub enum Base {
     Paper,
 }
 
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Study {
     pub title: String,
@@ -94,17 +90,20 @@ fn lengths<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Vec
 }
 
 impl Study {
+    /// The studies that come with the engine.
+    pub fn names() -> String {
+        STUDIES.map(|(name, _)| name).join(", ")
+    }
+
     /// By name, or by the path of a `.json`.
     pub fn find(name: &str) -> Result<Self> {
         let path = Path::new(name);
         if path.extension().is_some_and(|extension| extension == "json") {
-            let text = read_text(path)
-                .map_err(|e| Error::data(path, "", format!("cannot be read: {e}"), "give the path of a study"))?;
-            return Self::parse(path, &text);
+            let fault = |e| Error::data(path, "", format!("cannot be read: {e}"), "give the path of a study");
+            return Self::parse(path, &read_text(path).map_err(fault)?);
         }
         let Some((_, text)) = STUDIES.iter().find(|(known, _)| *known == name) else {
-            let remedy =
-                format!("there are {}; or give the path of a .json file", STUDIES.map(|(known, _)| known).join(", "));
+            let remedy = format!("there are {}; or give the path of a .json file", Self::names());
             return Err(Error::data(path, "", "unknown study", remedy));
         };
         Self::parse(Path::new(&format!("assets/studies/{name}.json")), text)
@@ -124,10 +123,8 @@ impl Study {
         for (index, arm) in study.arms.iter().enumerate() {
             let is_name = |c: char| c.is_ascii_alphanumeric() || "._=-".contains(c);
             if arm.key.is_empty() || arm.key.starts_with('.') || !arm.key.chars().all(is_name) {
-                return Err(fault(
-                    "arms",
-                    format!("key: expected letters, digits and any of ._=- for a folder, found {:?}", arm.key),
-                ));
+                let reason = "key: expected letters, digits and any of ._=- for a folder, found";
+                return Err(fault("arms", format!("{reason} {:?}", arm.key)));
             }
             if study.arms[..index].iter().any(|other| other.key == arm.key) {
                 return Err(fault("arms", format!("key: two are called {}", arm.key)));
@@ -149,14 +146,12 @@ impl Study {
         let fault = |reason: String| Error::data(&self.file, format!("arm {}", arm.key), reason, REMEDY);
         check_settings(&arm.settings).map_err(fault)?;
         if let Some(name) = ["seed", "steps", "epochs"].iter().find(|name| arm.settings.get(name).is_some()) {
-            return Err(fault(format!(
-                "settings: `{name}` is the same for all arms; give it to the study or with an option"
-            )));
+            let remedy = "give it to the study or with an option";
+            return Err(fault(format!("settings: `{name}` is the same for all arms; {remedy}")));
         }
-        let mut base = shared.clone();
-        self.base.apply(&mut base);
         let json = |e: serde_json::Error| fault(e.to_string());
-        let mut value = serde_json::to_value(base).map_err(json)?;
+        let mut value = serde_json::to_value(shared).map_err(json)?;
+        self.base.apply(&mut value);
         if let Some(name) = &arm.preset {
             let preset = Preset::find(name)?;
             merge(&mut value, &preset.settings);
@@ -170,42 +165,36 @@ impl Study {
 }
 
 impl Base {
-    fn apply(self, config: &mut Config) {
-        config.loss.lpips = 0.0;
+    /// The rates of velocities, times and tau are the paper's own, all others are 3DGS's (Kerbl et al. 2023).
+    fn apply(self, config: &mut Value) {
+        config["loss"]["lpips"] = json!(0.0);
         if self == Base::Paper {
-            let loss = &mut config.loss;
-            (loss.depth, loss.flow, loss.offset, loss.lpips) = (1.0, 1.0, 1e-4, 0.1);
-            config.lr = paper_rates();
-            (config.backdrop, config.vary_background) = (0, false);
+            config["lr"] = json!(LearningRates::default());
+            let constant = |rate: f64| json!({ "start": rate, "end": rate });
+            let paper = json!({
+                "loss": { "depth": 1.0, "flow": 1.0, "offset": 1e-4, "lpips": 0.1 },
+                "lr": {
+                    "pace": { "steps": 0 },
+                    "position": { "start": 1.6e-4, "end": 1.6e-6 }, "position_size": 0.0,
+                    "sh": constant(2.5e-3), "opacity": constant(2.5e-2), "scale": constant(5e-3), "rotation": constant(1e-3),
+                    "velocity": constant(2e-3), "t_center": constant(1e-5), "t_scale": constant(3e-2),
+                },
+                "backdrop": 0,
+                "vary_background": false,
+            });
+            merge(config, &paper);
         }
-    }
-}
-
-/// Velocities, times and tau: the paper's own. All else: 3DGS's (Kerbl et al. 2023).
-fn paper_rates() -> LearningRates {
-    let constant = |rate: f64| Rate { start: rate, end: rate };
-    LearningRates {
-        pace: Pace { steps: 0 },
-        position: Rate { start: 1.6e-4, end: 1.6e-6 },
-        position_size: 0.0,
-        sh: constant(2.5e-3),
-        opacity: constant(2.5e-2),
-        scale: constant(5e-3),
-        rotation: constant(1e-3),
-        velocity: constant(2e-3),
-        t_center: constant(1e-5),
-        t_scale: constant(3e-2),
-        ..LearningRates::default()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::Loss;
 
     #[test]
     fn every_arm_of_the_engines_studies_changes_the_settings_or_is_the_baseline() {
+        let files = std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/studies")).unwrap();
+        assert_eq!(files.count(), STUDIES.len(), "each has its name in STUDIES");
         for (name, _) in STUDIES {
             let study = Study::find(name).unwrap();
             let of = |arm: &Arm| Config { preset: None, ..study.config(&Config::default(), arm).unwrap() };
@@ -216,19 +205,6 @@ mod tests {
             let papers = || study.arms.iter().flat_map(|arm| arm.paper.keys());
             assert!(papers().all(|measure| study.scores.contains(measure)), "{name}");
         }
-    }
-
-    #[test]
-    fn the_papers_weights_and_rates_are_its_own_whatever_is_given() {
-        let mut config = Config::default();
-        (config.loss.flow, config.loss.depth, config.loss.lpips) = (0.1, 0.3, 0.0);
-        config.lr.position = Rate { start: 1.0, end: 0.5 };
-        Base::Paper.apply(&mut config);
-        let Loss { depth, flow, offset, lpips, .. } = config.loss;
-        assert_eq!((depth, flow, offset, lpips), (1.0, 1.0, 1e-4, 0.1));
-        let LearningRates { position, position_size, velocity, t_center, t_scale, .. } = config.lr;
-        assert_eq!((position.start, position.end, position_size), (1.6e-4, 1.6e-6, 0.0));
-        assert_eq!((velocity.start, t_center.start, t_scale.start), (2e-3, 1e-5, 3e-2));
     }
 
     #[test]

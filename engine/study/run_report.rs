@@ -6,17 +6,11 @@ use crate::error::{Error, Result};
 use crate::files::write_atomic;
 use crate::report::{Bar, Table, bars, escape, note, page, section};
 use crate::settings::Constants;
-use crate::train::Config;
-use crate::train::Fall;
-use crate::train::Run;
-use crate::train::{Kind, Log, Logged, logged};
-use crate::train::{METRICS_OF, SceneScores, Scores};
+use crate::train::{Config, Fall, Kind, Log, Logged, METRICS_OF, Run, SceneScores, Scores, logged};
 use crate::words::count;
 use serde_json::Value;
 use std::fmt::Write;
 use std::path::Path;
-
-type Written = std::result::Result<(), Box<dyn std::error::Error>>;
 
 pub struct Report<'a> {
     pub name: &'a str,
@@ -38,25 +32,23 @@ impl Report<'_> {
     }
 
     fn html(&self) -> std::result::Result<String, Box<dyn std::error::Error>> {
-        let mut header = String::new();
-        self.header(&mut header)?;
         let mut body = section("Course", &format!("<div class=\"plots\">\n{}</div>\n", self.plots()));
-        self.views(&mut body)?;
-        self.offsets(&mut body)?;
+        body += &self.views()?;
+        body += &self.offsets();
         body += &section("Time and memory of a step", &self.time());
         body += &section("Settings", &self.settings()?);
-        writeln!(body, "<footer>")?;
+        body += "<footer>\n";
         for (metric, definition) in self.scores.iter().flat_map(|scores| &scores.metrics) {
             writeln!(body, "<p>{}: {}.</p>", metric.to_uppercase().replace('_', " "), escape(definition))?;
         }
         writeln!(body, "<p>Scores are of {METRICS_OF}.</p>\n</footer>")?;
-        Ok(page(self.name, &header, &body))
+        Ok(page(self.name, &self.header(), &body))
     }
 
-    fn header(&self, page: &mut String) -> std::fmt::Result {
+    fn header(&self) -> String {
         let held = &self.run.held;
         let [width, height] = held.largest_image;
-        *page += &note(&format!(
+        let mut page = note(&format!(
             "{}: {}, {}, {} and {} of up to {width} x {height}, {}",
             self.run.capture.display(),
             count(held.cameras, "camera"),
@@ -66,11 +58,11 @@ impl Report<'_> {
             count(held.points, "point")
         ));
         if self.config.loss.lacks_lpips_weights() {
-            *page += &note("LPIPS was off: the run had no weights for it.");
+            page += &note("LPIPS was off: the run had no weights for it.");
         }
         for line in self.log.lines(Kind::Fall) {
             if let Ok(fall) = serde_json::from_value::<Fall>(line.clone()) {
-                writeln!(page, "<p class=\"warning\">Warning: {}.</p>", escape(&fall.to_string()))?;
+                page += &format!("<p class=\"warning\">Warning: {}.</p>\n", escape(&fall.to_string()));
             }
         }
         let mut tiles = Vec::new();
@@ -101,12 +93,11 @@ impl Report<'_> {
             let detail = format!("peak, evaluation included{}", host.unwrap_or_default());
             tiles.push(("Device memory", format!("{:.0} MiB", mib(bytes)), detail));
         }
-        writeln!(page, "<dl class=\"tiles\">")?;
-        for (term, value, detail) in tiles {
+        let tile = |(term, value, detail): (&str, String, String)| {
             let (value, detail) = (escape(&value), escape(&detail));
-            writeln!(page, "<div><dt>{term}</dt><dd>{value}<small>{detail}</small></dd></div>")?;
-        }
-        writeln!(page, "</dl>")
+            format!("<div><dt>{term}</dt><dd>{value}<small>{detail}</small></dd></div>\n")
+        };
+        format!("{page}<dl class=\"tiles\">\n{}</dl>\n", tiles.into_iter().map(tile).collect::<String>())
     }
 
     fn plots(&self) -> String {
@@ -133,36 +124,32 @@ impl Report<'_> {
         plots
     }
 
-    fn views(&self, page: &mut String) -> Written {
-        let Some(scores) = self.scores else { return Ok(()) };
-        writeln!(page, "<section>\n<h2>Test views</h2>")?;
+    fn views(&self) -> Result<String> {
+        let Some(scores) = self.scores else { return Ok(String::new()) };
         let stops: Vec<String> = RAMP.iter().map(|[r, g, b]| format!("rgb({r},{g},{b})")).collect();
-        writeln!(
-            page,
+        let mut body = format!(
             "<p class=\"ramp\">Absolute error, mean of the channels, x {GAIN}: 0 \
              <i style=\"background: linear-gradient(to right, {})\"></i> {} and above; grey where the mask hides the \
-             image.</p>\n<div class=\"views\">",
+             image.</p>\n<div class=\"views\">\n",
             stops.join(", "),
             1.0 / GAIN
-        )?;
+        );
         for (example, urls) in self.examples.iter().zip(triples(self.examples)?) {
             let view = escape(&example.view);
             let Scores { psnr, ssim, .. } = example.scores;
             let why = if example.why.is_empty() { String::new() } else { format!(", the {}", example.why) };
-            writeln!(
-                page,
-                "<figure class=\"view\"><figcaption>{view}{why} \
-                 <span>PSNR {psnr:.2} dB, SSIM {ssim:.4}</span></figcaption>"
-            )?;
             // Magnified pixels stay pixels.
             let small = if example.truth.width < 300 { " small" } else { "" };
-            writeln!(page, "<div class=\"triple{small}\">")?;
+            body += &format!(
+                "<figure class=\"view\"><figcaption>{view}{why} \
+                 <span>PSNR {psnr:.2} dB, SSIM {ssim:.4}</span></figcaption>\n<div class=\"triple{small}\">\n"
+            );
             for (what, url) in ["image", "rendering", "error"].into_iter().zip(urls) {
-                writeln!(page, "<div><img alt=\"{what} of {view}\" src=\"{url}\"><small>{what}</small></div>")?;
+                body += &format!("<div><img alt=\"{what} of {view}\" src=\"{url}\"><small>{what}</small></div>\n");
             }
-            writeln!(page, "</div></figure>")?;
+            body += "</div></figure>\n";
         }
-        writeln!(page, "</div>")?;
+        body += "</div>\n";
         let rows = scores.evaluation.views.iter().map(|v| (v.view.as_str(), &v.scores));
         let rows = rows.chain([("mean", &scores.evaluation.mean)]).map(|(view, s)| {
             let [psnr, aligned] = [s.psnr, s.psnr_aligned].map(|psnr| format!("{psnr:.3}"));
@@ -171,21 +158,21 @@ impl Report<'_> {
             vec![view.to_owned(), psnr, aligned, format!("{:.4}", s.ssim), lpips, unscaled, format!("{:.5}", s.l1)]
         });
         let heads = ["view", "PSNR, dB", "aligned", "SSIM", "LPIPS", "LPIPS unscaled", "L1"];
-        *page += &Table::new(&heads, rows).folded("Scores of every view");
-        writeln!(page, "</section>").map_err(Into::into)
+        body += &Table::new(&heads, rows).folded("Scores of every view");
+        Ok(section("Test views", &body))
     }
 
-    fn offsets(&self, page: &mut String) -> std::fmt::Result {
+    fn offsets(&self) -> String {
         let rows = self.totals["offsets"].as_array().map_or(&[][..], Vec::as_slice);
         if rows.is_empty() {
-            return Ok(());
+            return String::new();
         }
         let mut told = String::new();
         if let Some(error) = self.totals["offset_error"].as_f64() {
             let correlation = self.totals["offset_correlation"].as_f64();
             let correlation =
                 correlation.map_or(String::new(), |r| format!("; their correlation with the truth is {r:.3}"));
-            writeln!(told, "<p>Those learnt are {error:.3} frames off (root mean square){correlation}.</p>")?;
+            told = format!("<p>Those learnt are {error:.3} frames off (root mean square){correlation}.</p>\n");
         }
         let rows = rows.iter().map(|row| {
             let frames = |key: &str| row[key].as_f64().map_or("-".to_owned(), |x| format!("{x:.3}"));
@@ -194,8 +181,7 @@ impl Report<'_> {
         });
         let table = Table::new(&["camera", "offset", "+-", "true", "how"], rows);
         let head = "Frames; +- is of the camera's own pictures, and doubled for what the scene takes up of a clock";
-        *page += &section("Time offsets of the cameras", &(told + &table.folded(head)));
-        Ok(())
+        section("Time offsets of the cameras", &(told + &table.folded(head)))
     }
 
     fn time(&self) -> String {

@@ -6,7 +6,7 @@ use crate::report::statistics::{mean, range};
 use crate::report::{Axis, Chart, Mark, Panel, Row, Series};
 use crate::train::{Config, Preset, Run, merge};
 use serde_json::Value;
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::Path;
 
 /// They have columns of their own.
@@ -22,21 +22,12 @@ pub struct RunResult {
     pub seed: u64,
     /// Mean over test images, dB.
     pub psnr: f64,
-    pub psnr_aligned: f64,
-    /// By mean PSNR.
-    pub worst_camera: String,
-    pub worst_psnr: f64,
     pub ssim: f64,
     pub lpips: Option<f64>,
-    /// Of colours in [0, 1].
-    pub lpips_unscaled: Option<f64>,
-    pub gaussians: u64,
-    pub bytes: u64,
     /// Wall clock of the last process until its scene is written, first Gaussians and compilation included.
     pub seconds: f64,
     pub cpu_seconds: Option<f64>,
     pub device: String,
-    pub driver: String,
     pub revision: Option<String>,
     /// The images, to tell captures of one name apart. Empty in a history.
     #[serde(skip)]
@@ -47,8 +38,6 @@ pub struct RunResult {
 #[derive(serde::Deserialize)]
 struct Totals {
     steps: u64,
-    gaussians: u64,
-    scene_bytes: u64,
     seconds: f64,
     cpu_seconds: Option<f64>,
     device: Device,
@@ -58,61 +47,38 @@ struct Totals {
 #[derive(serde::Deserialize)]
 struct Device {
     name: String,
-    driver: String,
 }
 
 /// Of `eval.json`.
 #[derive(serde::Deserialize)]
 struct Scored {
     psnr: f64,
-    psnr_aligned: f64,
     ssim: f64,
     lpips: Option<f64>,
-    lpips_unscaled: Option<f64>,
-    views: Vec<ScoredView>,
-}
-
-#[derive(serde::Deserialize)]
-struct ScoredView {
-    camera: String,
-    psnr: f64,
 }
 
 impl RunResult {
     pub fn read(folder: &Path) -> Result<Self> {
         let run = Run::read(folder)?;
         let config: Config = read(folder, "config.json")?;
-        let untested = |file| Error::data(&folder.join(file), "", "has no test image", "compare runs that have some");
         if run.held.test_images == 0 {
-            return Err(untested("run.json"));
+            let remedy = "compare runs that have some";
+            return Err(Error::data(&folder.join("run.json"), "", "has no test image", remedy));
         }
-        let totals: Totals = read(folder, "train.json")?;
-        let scored: Scored = read(folder, "eval.json")?;
-        let mut cameras: BTreeMap<&str, Vec<f64>> = BTreeMap::new();
-        scored.views.iter().for_each(|view| cameras.entry(&view.camera).or_default().push(view.psnr));
-        let means = cameras.iter().map(|(camera, psnr)| (*camera, mean(psnr.iter().copied()).unwrap_or(0.0)));
-        let Some((worst_camera, worst_psnr)) = means.min_by(|a, b| a.1.total_cmp(&b.1)) else {
-            return Err(untested("eval.json"));
-        };
+        let Totals { steps, seconds, cpu_seconds, device, revision } = read(folder, "train.json")?;
+        let Scored { psnr, ssim, lpips } = read(folder, "eval.json")?;
         Ok(RunResult {
             capture: run.capture.file_name().map_or(String::new(), |name| name.to_string_lossy().into_owned()),
             settings: differences(&config),
-            steps: totals.steps,
+            steps,
             seed: config.seed,
-            psnr: scored.psnr,
-            psnr_aligned: scored.psnr_aligned,
-            worst_camera: worst_camera.to_owned(),
-            worst_psnr,
-            ssim: scored.ssim,
-            lpips: scored.lpips,
-            lpips_unscaled: scored.lpips_unscaled,
-            gaussians: totals.gaussians,
-            bytes: totals.scene_bytes,
-            seconds: totals.seconds,
-            cpu_seconds: totals.cpu_seconds,
-            device: totals.device.name,
-            driver: totals.device.driver,
-            revision: totals.revision,
+            psnr,
+            ssim,
+            lpips,
+            seconds,
+            cpu_seconds,
+            device: device.name,
+            revision,
             images: serde_json::json!([run.capture, run.capture_settings, run.test_cameras, run.held]).to_string(),
         })
     }
@@ -174,17 +140,13 @@ fn list(name: &str, base: &Value, own: &Value, told: &mut Vec<String>) {
 
 const PANEL: [f64; 2] = [250.0, 190.0];
 
-struct Shown {
-    title: &'static str,
-    of: fn(&RunResult) -> Option<f64>,
-}
-
-const SHOWN: [Shown; 5] = [
-    Shown { title: "PSNR, dB", of: |run| Some(run.psnr) },
-    Shown { title: "SSIM", of: |run| Some(run.ssim) },
-    Shown { title: "LPIPS (less is better)", of: |run| run.lpips },
-    Shown { title: "seconds", of: |run| Some(run.seconds) },
-    Shown { title: "seconds of processors", of: |run| run.cpu_seconds },
+type Score = fn(&RunResult) -> Option<f64>;
+const SHOWN: [(&str, Score); 5] = [
+    ("PSNR, dB", |run| Some(run.psnr)),
+    ("SSIM", |run| Some(run.ssim)),
+    ("LPIPS (less is better)", |run| run.lpips),
+    ("seconds", |run| Some(run.seconds)),
+    ("seconds of processors", |run| run.cpu_seconds),
 ];
 
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -205,16 +167,16 @@ impl History {
         let kind = |run: &RunResult| (run.capture.clone(), run.settings.clone(), run.steps);
         let kinds: BTreeSet<_> = self.0.iter().flat_map(|entry| &entry.runs).map(kind).collect();
         let row = |own: (String, String, u64)| {
-            let panels = SHOWN.iter().filter_map(|shown| self.panel(shown, |run| kind(run) == own));
+            let panels = SHOWN.iter().filter_map(|(title, of)| self.panel(title, *of, |run| kind(run) == own));
             Row { heading: format!("{}, {} steps, {}", own.0, own.2, own.1), panels: panels.collect() }
         };
         Chart { panel: PANEL, rows: kinds.into_iter().map(row).collect(), legend: Vec::new() }.svg()
     }
 
     /// Mean and range over the entries; none if no run has the score.
-    fn panel(&self, shown: &Shown, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
+    fn panel(&self, title: &str, of: Score, is_own: impl Fn(&RunResult) -> bool) -> Option<Panel> {
         let point = |(index, entry): (usize, &Entry)| {
-            let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(shown.of).collect();
+            let values: Vec<f64> = entry.runs.iter().filter(|run| is_own(run)).filter_map(of).collect();
             let (mean, [least, most]) = (mean(values.iter().copied())?, range(values));
             let revision = entry.runs.iter().find_map(|run| run.revision.clone()).unwrap_or_default();
             let title = format!("{} {revision}: {mean:.4} ({least:.4} to {most:.4})", entry.date);
@@ -224,7 +186,7 @@ impl History {
         // Changes of less than a hundredth look as small as they are.
         let largest = marks.iter().map(|mark| mark.at[1].abs()).reduce(f64::max)?.max(1e-3);
         Some(Panel {
-            title: shown.title.to_owned(),
+            title: title.to_owned(),
             margin: [56.0, 24.0, 10.0, 42.0],
             x: Axis::around("measurement", marks.iter().map(|mark| mark.at[0]), 1.0).in_whole_numbers(),
             y: Axis::around("", marks.iter().filter_map(|mark| mark.range).flatten(), 0.02 * largest),
@@ -247,18 +209,11 @@ mod tests {
             steps,
             seed: 42,
             psnr,
-            psnr_aligned: psnr + 1.0,
-            worst_camera: "a<b".to_owned(),
-            worst_psnr: psnr - 2.0,
             ssim: 0.9,
             lpips: None,
-            lpips_unscaled: None,
-            gaussians: 1000,
-            bytes: 236_000,
             seconds: steps as f64 / 10.0,
             cpu_seconds: None,
             device: "a device".to_owned(),
-            driver: "1.0".to_owned(),
             revision: Some("abc".to_owned()),
             images: "all".to_owned(),
         }

@@ -20,9 +20,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 /// Options of `ivv bench`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The study: trade, presets, schedule, quality, clips, required, initialisation, offsets, supervision or perceptual; or the
-    /// path of a study's .json file.
-    #[arg(required_unless_present = "runs", conflicts_with = "runs")]
+    #[arg(required_unless_present = "runs", conflicts_with = "runs", help = study_help())]
     study: Option<String>,
     /// Captures, with test cameras.
     #[arg(value_name = "CAPTURE", required_unless_present = "runs", conflicts_with = "runs")]
@@ -54,6 +52,10 @@ pub struct Args {
     /// written beside it with the ending `.svg`.
     #[arg(long)]
     history: Option<PathBuf>,
+}
+
+fn study_help() -> String {
+    format!("The study: {}; or the path of a study's .json file", Study::names())
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
