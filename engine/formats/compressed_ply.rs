@@ -1,6 +1,6 @@
 //! The compressed PLY of PlayCanvas and SuperSplat: 256 Gaussians share a chunk of ranges, each takes four words.
 
-use super::decode::{complete_quaternion, logit_of_byte};
+use super::convert::{complete_quaternion, logit_of_byte};
 use super::ply_known::{compensation, judge};
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Header, Scalar};

@@ -1,7 +1,7 @@
 //! The interface of a scene format.
 
 use super::four_dgs::Grades;
-use super::own::list;
+use super::rendering::list;
 use super::scene::{Clip, Scene};
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};

@@ -1,6 +1,6 @@
 //! glTF with `KHR_gaussian_splatting`, as a binary file.
 
-use super::decode::level;
+use super::convert::level;
 use super::format::{Keeps, Writer, static_rows};
 use super::four_dgs::World;
 use super::spz::SH_SIGNS;

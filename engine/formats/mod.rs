@@ -1,16 +1,16 @@
-//! File formats of scenes: [`READERS`] and [`WRITERS`] list all; each has a file or folder of its own.
+//! File formats of scenes: `READERS` and `WRITERS` list all; each has a file or folder of its own.
 
 mod compressed_ply;
-mod decode;
+mod convert;
 mod format;
 mod four_dgs;
 mod glb;
-mod own;
 mod ply;
 mod ply_known;
 mod ply_layout;
 mod ply_parts;
 mod ply_time;
+mod rendering;
 mod scene;
 mod sog;
 mod splat;
@@ -19,13 +19,11 @@ mod spz;
 mod spz_write;
 
 pub use format::{Keeps, WriteOptions, Writer, Written};
-pub use four_dgs::{
-    Contents, Ears, Encoded, FourDgs, FourDgsParts, FourDgsSummary, Grades, Losses, Measure, Sound, Sounds, World,
-};
+pub use four_dgs::{Contents, Ears, Encoded, FourDgs, FourDgsParts, Grades, Sound, Sounds, World};
 pub use glb::write_glb;
-pub use own::{Own, Rendering, list, own, unusual};
 pub use ply::{ply_own, read_ply, write_ftgs, write_ply, write_ply_with};
 pub use ply_parts::{PlyParts, write_parts};
+pub use rendering::{Own, Rendering, list, own, unusual};
 pub use scene::{Clip, Clock, Scene};
 pub use splat::write_splat;
 pub use splatv::write_splatv;

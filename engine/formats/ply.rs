@@ -2,10 +2,10 @@
 
 use super::compressed_ply::{is_compressed, read_compressed};
 use super::format::{ELSEWHERE, Keeps, Reader, Writer, first_bytes, require_some};
-use super::own::Own;
 use super::ply_known::network_beside;
 use super::ply_layout::Layout;
 use super::ply_time::{FREE_TIME, OWN_TIME, free_time, free_time_comments};
+use super::rendering::Own;
 use super::scene::{Clock, Scene};
 use crate::error::{Error, Result};
 use crate::files::ply_header::Header;

@@ -1,6 +1,6 @@
 //! The columns of a PLY that make a Gaussian.
 
-use super::decode::logit_of_byte;
+use super::convert::logit_of_byte;
 use super::ply_known::{compensation, judge, stem};
 use super::ply_time::Temporal;
 use super::scene::cut_harmonics;

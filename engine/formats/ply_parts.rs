@@ -1,10 +1,10 @@
 //! PLY files of clips longer than memory: static Gaussians, then the dynamic ones part by part, which comments of the header
 //! list. Other readers see a plain scene.
 
-use super::own::Own;
 use super::ply::{is_ply, own_comments, own_time, push_row, write_header};
 use super::ply_layout::Layout;
 use super::ply_time::OWN_TIME;
+use super::rendering::Own;
 use crate::error::{Error, Result};
 use crate::files::ply_header::{Element, Encoding, Header};
 use crate::files::ply_rows::Rows;

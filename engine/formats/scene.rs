@@ -1,7 +1,7 @@
 //! A scene as a file holds it.
 
 use super::four_dgs::{Sounds, World};
-use super::own::{Own, Rendering, own, unusual};
+use super::rendering::{Own, Rendering, own, unusual};
 use crate::scene::{Splats, View};
 use crate::settings::Constants;
 

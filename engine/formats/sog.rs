@@ -1,6 +1,6 @@
 //! PlayCanvas' SOG, version 2: `meta.json` and lossless WebP images of the attributes, in a folder or a zip archive, a `.sog`.
 
-use super::decode::{complete_quaternion, logit_of_byte};
+use super::convert::{complete_quaternion, logit_of_byte};
 use super::format::{Reader, first_bytes};
 use super::scene::{Scene, compensated};
 use crate::error::{Error, Result};

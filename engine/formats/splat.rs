@@ -1,6 +1,6 @@
 //! The `.splat` format of antimatter15's viewer: 32 bytes a Gaussian, no header, no view dependence.
 
-use super::decode::{byte_of_logit, level, logit_of_byte};
+use super::convert::{byte_of_logit, level, logit_of_byte};
 use super::format::{Keeps, Reader, Writer, static_rows};
 use super::scene::Scene;
 use crate::error::{Error, Result};

@@ -1,6 +1,6 @@
 //! `.splatv` of antimatter15's player: 64 bytes a Gaussian, without view dependence.
 
-use super::decode::{byte_of_logit, level};
+use super::convert::{byte_of_logit, level};
 use super::format::{ELSEWHERE, Keeps, Writer, require_some};
 use super::ply::own_time;
 use crate::error::{Error, Result};

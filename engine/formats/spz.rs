@@ -1,7 +1,7 @@
 //! Niantic's SPZ, versions 2 and 3 (a gzip stream) and 4 (a zstd stream for each attribute). The `spz` crate (0.0.6) refuses
 //! version 4 and brings dozens of crates, hence own code.
 
-use super::decode::{complete_quaternion, logit_of_byte};
+use super::convert::{complete_quaternion, logit_of_byte};
 use super::format::Reader;
 use super::scene::{Scene, compensated, cut_harmonics};
 use crate::error::{Error, Result};

@@ -1,4 +1,4 @@
-use super::decode::{byte_of_logit, level};
+use super::convert::{byte_of_logit, level};
 use super::format::{Keeps, Writer, static_rows};
 use super::four_dgs::World;
 use super::spz::{COLOR_SCALE, HEADER_BYTES_V4, MAGIC, SH_SIGNS};

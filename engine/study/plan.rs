@@ -16,7 +16,7 @@ macro_rules! studies {
         [$(($name, include_str!(concat!("../../assets/studies/", $name, ".json")))),*]
     };
 }
-const STUDIES: [(&str, &str); 10] = studies![
+const STUDIES: &[(&str, &str)] = &studies![
     "trade" "presets" "schedule" "quality" "clips" "required" "initialisation" "offsets" "supervision" "perceptual"
 ];
 
@@ -92,7 +92,7 @@ fn lengths<'de, D: serde::Deserializer<'de>>(from: D) -> std::result::Result<Vec
 impl Study {
     /// The studies that come with the engine.
     pub fn names() -> String {
-        STUDIES.map(|(name, _)| name).join(", ")
+        STUDIES.iter().map(|(name, _)| *name).collect::<Vec<_>>().join(", ")
     }
 
     /// By name, or by the path of a `.json`.

@@ -3,7 +3,7 @@ use super::{MAGIC, RECORD, SOUND, Sounds, VIEWS, World};
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
 use crate::internals::formats::format::{Reader, first_bytes};
-use crate::internals::formats::own::Own;
+use crate::internals::formats::rendering::Own;
 use crate::internals::formats::scene::{Clip, Clock, Scene};
 use crate::scene::{ALWAYS, Motion, Splats, View, dc_of_color, parse_views};
 use fourdgs::quantization::sh_coefficient;

@@ -22,14 +22,11 @@ pub use decode::FourDgs;
 pub(super) use decode::READER;
 pub use ears::Ears;
 pub use encode::{Contents, Encoded};
-pub use export::Losses;
 pub(super) use export::WRITER;
 pub use grades::Grades;
 pub use parts::FourDgsParts;
 pub use sounds::{Sound, Sounds};
-pub use summary::FourDgsSummary;
 pub use world::World;
-pub use write::Measure;
 
 const MAGIC: [u8; 4] = [0x89, b'4', b'D', b'G'];
 /// Metadata record of this project's own values.
