@@ -39,7 +39,7 @@ pub(super) fn attempt(
     loop {
         let pairs = arguments.iter().flat_map(|(name, value)| [OsStr::new(name), value]);
         let words: Vec<&OsStr> = std::iter::once(OsStr::new(verb)).chain(pairs).collect();
-        let (said, outcome) = COLMAP.attempt_heard(words, about, hear)?;
+        let (said, outcome) = COLMAP.attempt(words, about, hear)?;
         let Some(renamed) = outcome.as_ref().err().and_then(|fault| unknown_option(&fault.to_string(), &arguments))
         else {
             return Ok((said, outcome));

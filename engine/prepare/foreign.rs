@@ -1,5 +1,6 @@
 //! Pictures that are neither PNG nor JPEG: read through ffmpeg where it can, else named with what converts them.
 
+use std::collections::HashMap;
 use std::ffi::OsString;
 use std::io::Cursor;
 use std::path::{Path, PathBuf};
@@ -78,40 +79,30 @@ pub(super) fn counts(files: &[PathBuf]) -> String {
 /// Of the files that ffmpeg may read, those of the ending that most have.
 pub(super) fn of_most(files: Vec<PathBuf>) -> Vec<PathBuf> {
     let foreign: Vec<PathBuf> = files.into_iter().filter(|path| kind(path) == Kind::Converted).collect();
-    let groups = by_ending(&foreign);
-    let most = groups.into_iter().rev().max_by_key(|(_, files)| files.len());
+    let most = by_ending(&foreign).into_iter().rev().max_by_key(|(_, files)| files.len());
     most.map_or(Vec::new(), |(_, files)| files.into_iter().cloned().collect())
 }
 
 /// Pictures that are read, and those that cannot be; of each ending ffmpeg is asked about the first.
 pub(super) fn readable(files: Vec<PathBuf>) -> (Vec<PathBuf>, Vec<PathBuf>) {
-    let endings = by_ending(&files).into_iter().map(|(ending, files)| match kind(files[0]) {
-        Kind::Own => (ending, true),
-        Kind::Converted => (ending, read_size(files[0]).is_ok()),
-        Kind::Raw | Kind::Other => (ending, false),
-    });
-    let endings: Vec<(String, bool)> = endings.collect();
-    let is_read = |path: &PathBuf| {
-        let own = ending(path).unwrap_or_default();
-        endings.iter().any(|(ending, is_read)| *is_read && ending.eq_ignore_ascii_case(own))
-    };
-    files.into_iter().partition(is_read)
+    let mut endings: HashMap<String, bool> = HashMap::new();
+    files.into_iter().partition(|file| {
+        let is_read = || match kind(file) {
+            Kind::Own => true,
+            Kind::Converted => read_size(file).is_ok(),
+            Kind::Raw | Kind::Other => false,
+        };
+        *endings.entry(ending(file).unwrap_or_default().to_lowercase()).or_insert_with(is_read)
+    })
 }
 
 pub(super) fn remedy(files: &[PathBuf]) -> String {
     let commands = by_ending(files).into_iter().map(|(ending, files)| {
-        let command = match ending.to_lowercase().as_str() {
-            "heic" | "heif" => format!("for f in *.{ending}; do heif-convert -q 95 \"$f\" \"${{f%.*}}.jpg\"; done"),
-            _ if kind(files[0]) == Kind::Raw => {
-                format!("for f in *.{ending}; do darktable-cli \"$f\" \"${{f%.*}}.jpg\"; done")
-            }
-            _ => format!("mogrify -format jpg *.{ending}"),
-        };
-        let package = match command.split(' ').find(|word| ["heif-convert", "darktable-cli", "mogrify"].contains(word))
-        {
-            Some("heif-convert") => "libheif-examples",
-            Some("darktable-cli") => "darktable",
-            _ => "imagemagick",
+        let of_each = |program: &str| format!("for f in *.{ending}; do {program} \"$f\" \"${{f%.*}}.jpg\"; done");
+        let (command, package) = match ending.to_lowercase().as_str() {
+            "heic" | "heif" => (of_each("heif-convert -q 95"), "libheif-examples"),
+            _ if kind(files[0]) == Kind::Raw => (of_each("darktable-cli"), "darktable"),
+            _ => (format!("mogrify -format jpg *.{ending}"), "imagemagick"),
         };
         format!("`{command}` (of the package {package})")
     });
@@ -119,7 +110,8 @@ pub(super) fn remedy(files: &[PathBuf]) -> String {
 }
 
 pub(super) fn converted(files: &[PathBuf]) -> Option<String> {
-    let foreign: Vec<PathBuf> = files.iter().filter(|path| kind(path) == Kind::Converted).cloned().collect();
+    let mut foreign = files.to_vec();
+    foreign.retain(|path| kind(path) == Kind::Converted);
     let linear = by_ending(&foreign).iter().any(|(ending, _)| ending.eq_ignore_ascii_case("exr"));
     let how = if linear { "; those of .exr, which are linear, are encoded as sRGB" } else { "" };
     (!foreign.is_empty()).then(|| format!("{}: read by ffmpeg and kept with 8 bits a colour{how}", counts(&foreign)))
@@ -133,31 +125,17 @@ pub(super) fn is_deep(path: &Path) -> bool {
     read.is_ok() && start.starts_with(b"\x89PNG") && start[24] > 8
 }
 
-#[derive(serde::Deserialize)]
-struct Probe {
-    streams: Vec<Stream>,
-}
-
-#[derive(serde::Deserialize)]
-struct Stream {
-    width: Option<u32>,
-    height: Option<u32>,
-}
-
 /// Width and height of a picture in pixels.
 pub(super) fn read_size(path: &Path) -> Result<(u32, u32)> {
     if kind(path) != Kind::Converted {
         return Ok(capture::read_size(path)?);
     }
-    let shown = ["-v", "error", "-select_streams", "v:0", "-show_entries", "stream=width,height", "-of", "json"];
+    let shown = ["-v", "error", "-select_streams", "v:0", "-show_entries", "stream=width,height", "-of", "csv=p=0"];
     let arguments: Vec<OsString> = shown.iter().map(OsString::from).chain(picture(path)).collect();
-    let said = FFPROBE.attempt(arguments, path)?;
-    let size = |said: &[u8]| {
-        let probe: Probe = serde_json::from_slice(said).ok()?;
-        let stream = probe.streams.into_iter().next()?;
-        stream.width.zip(stream.height).filter(|(width, height)| *width > 0 && *height > 0)
-    };
-    said.1.ok().and_then(|()| size(&said.0)).ok_or_else(|| {
+    let (said, outcome) = FFPROBE.attempt(arguments, path, &mut |_| {})?;
+    let said = String::from_utf8_lossy(&said);
+    let mut sides = said.lines().next().unwrap_or_default().split(',').map(|side| side.parse().ok().filter(|n| *n > 0));
+    outcome.ok().and_then(|()| Some((sides.next()??, sides.next()??))).ok_or_else(|| {
         Error::data(path, "", "is a picture that the installed ffmpeg cannot read", remedy(&[path.to_owned()]))
     })
 }

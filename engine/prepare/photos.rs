@@ -81,7 +81,7 @@ impl Together {
                 word("--image_names_path"),
                 list.as_os_str(),
             ];
-            COLMAP.attempt(arguments, about)?.1?;
+            COLMAP.run(arguments, about)?;
             Ok(to)
         };
         Ok((without(&self.names, "of-cameras")?, Some(without(cameras, "of-photos")?)))

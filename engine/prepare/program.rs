@@ -5,7 +5,7 @@ use std::fs;
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::path::Path;
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::mpsc;
+use std::sync::mpsc::{self, Receiver};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -18,9 +18,9 @@ const ATTEMPTS: usize = 3;
 
 #[derive(Clone, Copy)]
 pub(super) struct Program {
-    pub name: &'static str,
-    pub install: &'static str,
-    pub failure: &'static str,
+    name: &'static str,
+    install: &'static str,
+    failure: &'static str,
 }
 
 pub(super) const FFMPEG: Program = Program {
@@ -35,6 +35,8 @@ pub(super) const COLMAP: Program = Program {
     failure: "the program failed, not a file: what is done is kept, so run the command once more; if it fails again, give fewer \
               --threads (each takes memory), or install another version of COLMAP",
 };
+pub(super) const PYTHON: Program =
+    Program { name: "python3", install: "install Python (Debian: apt-get install python3)", failure: "try again" };
 
 type OutputReader = JoinHandle<std::io::Result<Vec<u8>>>;
 
@@ -60,55 +62,35 @@ impl Program {
         Error::data(about, "", format!("needs the program {}, which is not installed", self.name), self.install)
     }
 
-    /// Starts the program with its output piped; `about` is the file to blame.
-    pub fn start<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Running> {
-        let mut running = self.spawn(arguments, about)?;
-        running.said = running.child.stderr.take().map(listen);
-        Ok(running)
-    }
-
-    /// As [`Program::start`]; lines of standard error come as they are written, too.
-    pub fn start_told<S: AsRef<OsStr>>(
+    /// Starts the program with its output piped, and gives the lines of its standard error as it writes them; `about` is the file to
+    /// blame.
+    pub fn start<S: AsRef<OsStr>>(
         self,
         arguments: impl IntoIterator<Item = S>,
         about: &Path,
-    ) -> Result<(Running, mpsc::Receiver<String>)> {
-        let mut running = self.spawn(arguments, about)?;
-        let (to, lines) = mpsc::channel();
-        running.said = running.child.stderr.take().map(|pipe| listen_for_lines(pipe, to));
-        Ok((running, lines))
-    }
-
-    fn spawn<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S>, about: &Path) -> Result<Running> {
+    ) -> Result<(Running, Receiver<String>)> {
         let mut command = Command::new(self.name);
         command.args(arguments).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let child = command.spawn().map_err(|fault| match fault.kind() {
+        let mut child = command.spawn().map_err(|fault| match fault.kind() {
             ErrorKind::NotFound => self.missing(about),
             _ => {
                 let reason = format!("needs the program {}, which does not start: {fault}", self.name);
                 Error::data(about, "", reason, self.install)
             }
         })?;
-        Ok(Running { child, program: self, said: None })
+        let (to, lines) = mpsc::channel();
+        let said = child.stderr.take().map(|pipe| listen(pipe, to));
+        Ok((Running { child, program: self, said }, lines))
     }
 
     /// Runs the program to its end and returns its output.
     pub fn run<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S> + Clone, about: &Path) -> Result<Vec<u8>> {
-        let (output, outcome) = self.attempt(arguments, about)?;
+        let (output, outcome) = self.attempt(arguments, about, &mut |_| {})?;
         outcome.map(|()| output)
     }
 
-    /// As [`Program::run`]; of a program that ended badly the output comes too.
+    /// As [`Program::run`]; of a program that ended badly the output comes too. `hear` is given each line of it while the program runs.
     pub fn attempt<S: AsRef<OsStr>>(
-        self,
-        arguments: impl IntoIterator<Item = S> + Clone,
-        about: &Path,
-    ) -> Result<(Vec<u8>, Result<()>)> {
-        self.attempt_heard(arguments, about, &mut |_| {})
-    }
-
-    /// As [`Program::attempt`]; `hear` is given each line of the output while the program runs.
-    pub fn attempt_heard<S: AsRef<OsStr>>(
         self,
         arguments: impl IntoIterator<Item = S> + Clone,
         about: &Path,
@@ -116,37 +98,29 @@ impl Program {
     ) -> Result<(Vec<u8>, Result<()>)> {
         let _running = tracing::debug_span!("program", name = %self.name).entered();
         for _ in 0..ATTEMPTS {
-            let mut running = self.start(arguments.clone(), about)?;
+            let (mut running, _) = self.start(arguments.clone(), about)?;
             let (to, lines) = mpsc::channel();
-            let output = running.child.stdout.take().map(|pipe| listen_for_lines(pipe, to));
-            let is_done = running.is_done(about, &mut || lines.try_iter().for_each(|line: String| hear(&line)))?;
-            if is_done {
-                lines.iter().for_each(|line| hear(&line));
-                let output = output.and_then(|output| output.join().ok()).unwrap_or(Ok(Vec::new()));
-                let (status, said) = running.end(about)?;
-                let output = output.map_err(|fault| {
-                    Error::data(about, "", format!("{} cannot be heard: {fault}", self.name), "try again")
-                })?;
-                return Ok(self.ended(about, status, &said, output));
+            let output = running.child.stdout.take().map(|pipe| listen(pipe, to));
+            if !running.is_done(about, &mut || lines.try_iter().for_each(|line: String| hear(&line)))? {
+                continue;
             }
+            lines.iter().for_each(|line| hear(&line));
+            let output = output.and_then(|output| output.join().ok()).unwrap_or(Ok(Vec::new()));
+            let (status, said) = running.end(about)?;
+            let output = output.map_err(|fault| {
+                Error::data(about, "", format!("{} cannot be heard: {fault}", self.name), "try again")
+            })?;
+            if status.success() {
+                return Ok((output, Ok(())));
+            }
+            // COLMAP tells some of its faults on standard output.
+            let last = last_line(&said).or_else(|| last_line(&String::from_utf8_lossy(&output)));
+            let last = last.map_or_else(String::new, |line| format!(": {line}"));
+            let reason = format!("{} failed ({status}){last}", self.name);
+            return Ok((output, Err(Error::data(about, "", reason, self.failure))));
         }
         let reason = format!("{} slept for {} s, {ATTEMPTS} times", self.name, PATIENCE.as_secs());
         Err(Error::data(about, "", reason, "what is done is kept, so run the command again to go on"))
-    }
-
-    fn ended(self, about: &Path, status: ExitStatus, said: &str, output: Vec<u8>) -> (Vec<u8>, Result<()>) {
-        if status.success() {
-            return (output, Ok(()));
-        }
-        // COLMAP tells some of its faults on standard output.
-        let last = last_line(said).or_else(|| last_line(&String::from_utf8_lossy(&output)));
-        (output, Err(self.failed(about, status, last)))
-    }
-
-    pub fn failed(self, about: &Path, status: ExitStatus, last: Option<String>) -> Error {
-        let last = last.map_or_else(String::new, |line| format!(": {line}"));
-        let reason = format!("{} failed ({status}){last}", self.name);
-        Error::data(about, "", reason, self.failure)
     }
 }
 
@@ -193,14 +167,8 @@ impl Drop for Running {
     }
 }
 
-fn listen(mut pipe: impl Read + Send + 'static) -> OutputReader {
-    std::thread::spawn(move || {
-        let mut heard = Vec::new();
-        pipe.read_to_end(&mut heard).map(|_| heard)
-    })
-}
-
-fn listen_for_lines(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> OutputReader {
+/// Collects what a pipe says, and sends each line on.
+fn listen(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> OutputReader {
     std::thread::spawn(move || {
         let (mut heard, mut pipe) = (Vec::new(), BufReader::new(pipe));
         loop {

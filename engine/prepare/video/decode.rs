@@ -28,7 +28,7 @@ pub(in crate::internals::prepare) fn decode(
     let wanted: Vec<f64> = pictures.iter().filter_map(|picture| video.times.get(*picture).copied()).collect();
     let Some(first) = pictures.first().filter(|_| wanted.len() == pictures.len()) else { return Ok(()) };
     let (path, arguments) = (video.path.as_path(), arguments(video, *first, &wanted, crop, size, threads));
-    let (mut running, lines) = FFMPEG.start_told(arguments, path)?;
+    let (mut running, lines) = FFMPEG.start(arguments, path)?;
     let mut from = running.child.stdout.take();
     let mut frame = vec![0; 3 * size.0 as usize * size.1 as usize];
     // Both are rounded to microseconds; neighbours are farther from each other.
