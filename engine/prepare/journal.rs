@@ -23,8 +23,6 @@ const STAGES: [(&str, &[&str]); 5] = [
 ];
 /// Files beside the pictures: one that comes later is taken over too.
 pub(super) const SOUND: &str = "sound";
-/// Flow and depth of the source, which earlier versions did not note.
-pub(super) const PRIORS: &str = "priors";
 const MANIFEST: &str = "capture.toml";
 const LOCK: &str = ".prepare.lock";
 
@@ -94,8 +92,7 @@ impl Journal {
         let _lock = self.lock()?;
         let mut record = self.read()?;
         let before = record.made_from.get(stage);
-        // Earlier versions had no such stage.
-        if before.map_or(stage == SOUND, |before| agree(before, &made_from)) {
+        if before.is_some_and(|before| agree(before, &made_from)) {
             remove_temporaries(&self.output, 2)?;
             return if before == Some(&made_from) { Ok(()) } else { self.note(record, stage, made_from) };
         }
@@ -132,28 +129,11 @@ impl Journal {
     }
 }
 
-/// True if files made from `before` can stay. A list of files may have grown, and earlier versions noted less: see [`was_noted`] and
-/// [`PRIORS`].
+/// True if files made from `before` can stay: it is the same, or a list of files that has grown.
 fn agree(before: &Value, now: &Value) -> bool {
     match (before, now) {
         (Value::Array(before), Value::Array(now)) => before.iter().all(|file| now.contains(file)),
-        (Value::Object(before), Value::Object(now)) => {
-            let same = |(name, value): (&String, &Value)| {
-                now.get(name).is_some_and(|now| now == value || was_noted(value, now))
-            };
-            let is_known = |name: &String| name == PRIORS || before.contains_key(name);
-            now.keys().all(is_known) && before.iter().all(same)
-        }
         _ => before == now,
-    }
-}
-
-/// True if an earlier version noted `before` in place of the list `now`: the files' name, or the number that is the list's first.
-fn was_noted(before: &Value, now: &Value) -> bool {
-    match before {
-        Value::String(_) => now.is_array(),
-        Value::Number(_) => now.get(0) == Some(before),
-        _ => false,
     }
 }
 
@@ -205,29 +185,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_an_earlier_version_noted_agrees_and_what_has_changed_does_not() {
-        let before = json!({ "pictures": "photos", "frames": 3, "source points": 7 });
-        let now = json!({ "pictures": [["a.png", 1, 2]], "frames": 3, "source points": [7, "digest"] });
-        assert!(agree(&before, &now) && agree(&now, &now));
-        // Points that were not there before are a change, and so are those that are there no more.
-        let of_points = |points: Value| json!({ "source points": points });
-        let [none, some] = [json!(0), json!([7, "digest"])].map(of_points);
-        assert!(!agree(&none, &some) && !agree(&some, &none) && !agree(&of_points(json!(8)), &some));
-        assert!(agree(&of_points(json!("points")), &of_points(json!([["00000.ply", 1, 2]]))));
-        let other = |name: &str, value: Value| {
-            let mut other = now.clone();
-            other[name] = value;
-            other
-        };
-        assert!(!agree(&before, &other("frames", json!(4))) && !agree(&before, &other("moving", json!(4))));
-        assert!(!agree(&now, &other("pictures", json!([["a.png", 1, 3]]))));
-        assert!(!agree(&now, &other("pictures", json!([["a.png", 1, 2], ["b.png", 1, 2]]))));
-        // Flow and depth are compared as soon as they are noted.
-        let [without, with] = [json!([]), json!([["a.flo", 1, 2]])].map(|priors| other(PRIORS, priors));
-        assert!(agree(&before, &with) && agree(&now, &with));
-        assert!(!agree(&without, &with) && !agree(&with, &without) && !agree(&with, &now));
-        // Of files beside the pictures there may be more, but each is as it was.
+    fn of_files_beside_the_pictures_there_may_be_more_but_each_is_as_it_was() {
         let [one, two] = [json!([["a.wav", 1, 2]]), json!([["a.wav", 1, 2], ["b.wav", 1, 2]])];
         assert!(agree(&one, &two) && !agree(&two, &one) && !agree(&one, &json!([["a.wav", 1, 3]])));
+        let of = |pictures: &Value| json!({ "pictures": pictures, "frames": 3 });
+        assert!(agree(&of(&one), &of(&one)) && !agree(&of(&one), &of(&two)) && !agree(&of(&two), &of(&one)));
     }
 }

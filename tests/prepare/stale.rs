@@ -10,7 +10,6 @@ use ivv::internals::prepare::PrepareSettings;
 use ivv::internals::scene::capture::{Capture, Manifest};
 use ivv::internals::scene::prior::{read_depth, read_flow, write_depth, write_flow, write_flow_halves};
 use ivv::internals::scene::{SeenPoint, write_points};
-use serde_json::Value;
 
 use super::sources::IDENTITY;
 use super::{done, open, run, settings, video};
@@ -234,24 +233,6 @@ fn flow_that_comes_along_in_part_is_completed() {
         assert!(read("out/flow/a/00001.npy") == read("flow.npy"), "{options:?}");
         assert_eq!(calls(&folder), ["a"], "{options:?}");
     }
-}
-
-/// Earlier versions noted the pictures alone.
-#[test]
-fn a_capture_whose_priors_were_not_noted_stays() {
-    let folder = capture("prepare-stale-unnoted", &["a"]);
-    let settings = settings(&folder);
-    done(&settings);
-    let file = settings.output.join("prepare.json");
-    let noted = std::fs::read(&file).unwrap();
-    let mut record: Value = serde_json::from_slice(&noted).unwrap();
-    let images = record["made_from"]["images"].as_object_mut().unwrap();
-    let priors = images.remove("priors").unwrap();
-    let footage = &images["cameras"][0]["footage"];
-    assert_eq!([&priors, footage].map(|files| files.as_array().unwrap().len()), [6 + 2, 3]);
-    std::fs::write(&file, record.to_string()).unwrap();
-    done(&settings);
-    assert!(std::fs::read(&file).unwrap() == noted, "they are noted from now on");
 }
 
 /// Asserts that the pictures are placed again once `what` has changed: for the `n`-th time.

@@ -3,15 +3,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use serde_json::{Value, json};
+use serde_json::json;
 
+use super::Images;
 use super::camera::{Camera, Material};
 use super::paired::{self, Paired};
 use crate::error::{Error, Result};
 use crate::parallel::in_parallel;
 use crate::prepare::fit::{Crop, fitted};
 use crate::prepare::foreign::{Kind, decode_image, kind, read_size, size_for};
-use crate::prepare::journal::{PRIORS, stamps};
+use crate::prepare::journal::stamps;
 use crate::prepare::settings::PrepareSettings;
 use crate::prepare::shifts;
 use crate::prepare::source::{Footage, Source, SourceCamera};
@@ -21,28 +22,17 @@ use crate::scene::Intrinsics;
 use crate::scene::capture::{Faults, Frames, RATES, Shot, camera_place};
 use crate::scene::undistort::Lens;
 
-pub(super) struct Plan {
-    pub cameras: Vec<Camera>,
-    pub fps: f64,
-    pub notes: Vec<String>,
-    pub select: Selection,
-    pub timeline: Option<Timeline>,
-    /// By camera, the part of a shift below a frame: how much later its pictures are, frames. Empty where shifts are whole.
-    pub rests: BTreeMap<String, f64>,
-    pub made_from: Value,
-}
-
-pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Faults) -> Plan {
+/// Compares the cameras with their footage and with each other.
+pub(in crate::internals::prepare) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Faults) -> Images {
     let mut notes = Vec::new();
     // Several at a time: a program is started for each video.
     let probe = |index: usize| Ok(Recorded::probe(&source.cameras[index], source));
     let probed = in_parallel(source.cameras.len(), settings.threads, probe, |_| {}).unwrap_or_default();
     let material: Vec<_> = probed.into_iter().map(|recorded| faults.take(recorded)).collect();
-    let videos = || {
-        let videos = material.iter().map(|recorded| recorded.as_ref()?.video.as_ref());
-        source.cameras.iter().map(|camera| camera.name.as_str()).zip(videos)
-    };
-    let of_videos: Vec<(&str, &Video)> = videos().filter_map(|(name, video)| Some((name, video?))).collect();
+    let videos = material.iter().map(|recorded| recorded.as_ref()?.video.as_ref());
+    let videos: Vec<(&str, Option<&Video>)> =
+        source.cameras.iter().map(|camera| camera.name.as_str()).zip(videos).collect();
+    let of_videos: Vec<(&str, &Video)> = videos.iter().filter_map(|(name, video)| Some((*name, (*video)?))).collect();
     let timeline = Timeline::new(of_videos.iter().copied(), settings);
     // Frames of the clip until each camera's last picture.
     let left = |(camera, recorded): (&SourceCamera, &Recorded)| {
@@ -56,7 +46,7 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
     notes.extend(paired::of_lengths(&left, &of_videos, settings));
     notes.extend(timeline.as_ref().and_then(|timeline| paired::of_rates(&of_videos, timeline)));
     if settings.shifts.is_empty() {
-        notes.extend(shifts::note_timecodes(&videos().collect::<Vec<_>>()));
+        notes.extend(shifts::note_timecodes(&videos));
     }
     let select = select(source, settings, &left, &mut notes, faults);
     let of_images = settings.fps.or(source.fps).unwrap_or(settings.capture.fps);
@@ -83,11 +73,12 @@ pub(super) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Fau
         "source": settings.source.to_string_lossy(), "source format": source.format, "start": start, "every": every, "frames": n,
         "scale": settings.scale, "format": settings.format, "cameras": cameras.iter().map(|camera| camera.stamp(every)).collect::<Vec<_>>(),
     });
-    made_from[PRIORS] = stamps(cameras.iter().flat_map(Camera::priors));
+    made_from["priors"] = stamps(cameras.iter().flat_map(Camera::priors));
     if !settings.shifts.is_empty() {
         made_from["shifts"] = settings.shifts_noted();
     }
-    Plan { cameras, fps, notes, select, timeline, rests, made_from }
+    let (output, format, threads) = (settings.output.clone(), settings.format, settings.threads);
+    Images { output, cameras, fps, notes, rests, select, timeline, format, threads, made_from }
 }
 
 /// The frames that are asked for and that all cameras have.
@@ -277,12 +268,12 @@ impl Planner<'_> {
                 self.faults.add(&video.path, "", reason, remedy);
                 return None;
             }
-            let how = if colour.tone_maps {
-                "tone-mapped to BT.709, all pictures by one curve"
-            } else {
-                "converted to BT.709"
-            };
-            note(format!("its video is {}: {how}", colour.name));
+            let mapped = "tone-mapped to BT.709, all pictures by one curve";
+            note(format!(
+                "its video is {}: {}",
+                colour.name,
+                if colour.tone_maps { mapped } else { "converted to BT.709" }
+            ));
         }
         if let Some(top_first) = video.top_first {
             let field = if top_first { "top" } else { "bottom" };
@@ -291,10 +282,8 @@ impl Planner<'_> {
             ));
         }
         if let Some(named) = video.named {
-            note(format!(
-                "its video is cut off: {} of {named} pictures that its index names are there",
-                video.n_frames()
-            ));
+            let n = video.n_frames();
+            note(format!("its video is cut off: {n} of {named} pictures that its index names are there"));
         }
         Some(())
     }
@@ -310,9 +299,7 @@ impl Planner<'_> {
         if !self.notes.contains(&note) {
             self.notes.push(note);
         }
-        for shot in shots.iter_mut().flatten() {
-            shot.flow = None;
-        }
+        shots.iter_mut().flatten().for_each(|shot| shot.flow = None);
     }
 
     /// The shots of the chosen frames, each compared with the size of the camera's images.
