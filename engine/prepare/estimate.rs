@@ -1,5 +1,6 @@
 //! An estimate of a preparation, from a few frames that are prepared for that and thrown away.
 
+use std::collections::HashMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -18,31 +19,21 @@ const STAGES: [(&str, &[&str]); 3] = [
     ("flow", &["flow"]),
 ];
 
-/// Estimate of all frames.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Estimate {
-    /// Cameras.
     pub cameras: usize,
-    /// Frames of the clip.
     pub frames: u32,
     /// Frames that were prepared to find out.
     pub sampled: u32,
-    /// Threads, and the most programs at once, that were used.
     pub threads: usize,
-    /// By stage, in their order.
     pub stages: Vec<StageEstimate>,
 }
 
-/// Estimate of a stage.
 #[derive(Clone, Copy, Debug, serde::Serialize)]
 pub struct StageEstimate {
-    /// Its name.
     pub stage: &'static str,
-    /// Seconds that the frames of the sample took.
     pub sampled_seconds: f64,
-    /// Seconds that all frames will take here.
     pub seconds: f64,
-    /// Bytes that they will take on the disk.
     pub bytes: u64,
 }
 
@@ -72,24 +63,19 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
         ..settings.clone()
     };
     // When each stage was last heard of.
-    let heard: Mutex<Vec<(&'static str, Instant)>> = Mutex::new(Vec::new());
-    let start = Instant::now();
+    let heard: Mutex<HashMap<&'static str, Instant>> = Mutex::default();
+    let mut before = Instant::now();
     let prepared = prepare_posed(&sample, None, Vec::new(), &|update| {
-        let mut heard = heard.lock().unwrap_or_else(PoisonError::into_inner);
-        match heard.iter_mut().find(|(stage, _)| *stage == update.stage) {
-            Some((_, at)) => *at = Instant::now(),
-            None => heard.push((update.stage, Instant::now())),
-        }
+        heard.lock().unwrap_or_else(PoisonError::into_inner).insert(update.stage, Instant::now());
         progress(update);
     })?;
     if let Some(fault) = prepared.report.faults.into_iter().next() {
         return Err(fault.into());
     }
     let heard = heard.into_inner().unwrap_or_else(PoisonError::into_inner);
-    let mut before = start;
     let mut stages = Vec::new();
     for (stage, parts) in STAGES {
-        let Some((_, end)) = heard.iter().find(|(update, _)| *update == stage) else { continue };
+        let Some(end) = heard.get(stage) else { continue };
         let sampled_seconds = end.duration_since(before).as_secs_f64();
         before = *end;
         let times = match (stage, triangulate::asked(&source, &settings).0) {

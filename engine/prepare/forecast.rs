@@ -4,7 +4,7 @@
 use std::fmt;
 
 use super::foreign::read_size;
-use super::images::Images;
+use super::images::{Camera, Images};
 use super::pictures::{Photos, Pictures};
 use super::reconstruct::{MAX_SIDE, OVERLAP, of_video, require, videos};
 use super::settings::{PrepareSettings, Triangulate};
@@ -72,15 +72,11 @@ impl Batch {
     }
 }
 
-struct RoughTime(f64);
-
-impl fmt::Display for RoughTime {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0 {
-            s if s < 90.0 => write!(f, "about {s:.0} s"),
-            s if s < 5400.0 => write!(f, "about {:.0} minutes", s / 60.0),
-            s => write!(f, "about {:.1} hours", s / 3600.0),
-        }
+fn rough(seconds: f64) -> String {
+    match seconds {
+        s if s < 90.0 => format!("about {s:.0} s"),
+        s if s < 5400.0 => format!("about {:.0} minutes", s / 60.0),
+        s => format!("about {:.1} hours", s / 3600.0),
     }
 }
 
@@ -93,15 +89,12 @@ pub struct Forecast {
     pub pictures: usize,
     /// Pairs of them that are matched.
     pub pairs: usize,
-    /// A rough estimate, from the number and size of the pictures alone.
     pub seconds: f64,
-    /// The same of what follows, until the capture is made.
+    /// Of what follows, until the capture is made.
     pub then: f64,
-    /// Cores that are used.
     pub threads: usize,
-    /// Cameras that the videos are taken for, by name.
+    /// Cameras that the videos are taken for.
     pub cameras: Vec<String>,
-    /// Notes before it begins.
     pub notes: Vec<String>,
 }
 
@@ -110,7 +103,7 @@ const NAMED: usize = 12;
 impl fmt::Display for Forecast {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Forecast { what, pictures, pairs, seconds, then, threads, cameras, .. } = self;
-        let (time, then) = (RoughTime(*seconds), RoughTime(*then));
+        let (time, then) = (rough(*seconds), rough(*then));
         let named = match cameras.len() {
             0 => String::new(),
             1..=NAMED => format!(" ({})", cameras.join(", ")),
@@ -144,13 +137,11 @@ pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Resul
         Pictures::Video(_) => (0..n).map(|later| OVERLAP.min(later)).sum(),
         _ => n * n.saturating_sub(1) / 2,
     };
-    let (n, pairs) = match (settings.moving, pictures) {
-        (Some(step), Pictures::Videos(folder)) => {
-            let later = track::load(settings, folder, step)?;
-            (n + later.0, pairs + later.1)
-        }
-        _ => (n, pairs),
+    let later = match (settings.moving, pictures) {
+        (Some(step), Pictures::Videos(folder)) => track::load(settings, folder, step)?,
+        _ => (0, 0),
     };
+    let (n, pairs) = (n + later.0, pairs + later.1);
     let threads = settings.threads.max(1);
     let (width, height, frames) = footage(settings, pictures)?;
     let shrunk = (f64::from(MAX_SIDE) / f64::from(width.max(height))).min(1.0);
@@ -162,26 +153,15 @@ pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Resul
     let then = match pictures {
         Pictures::Videos(folder) => {
             let moment = Batch::new(video_names(folder).len(), (scaled(width), scaled(height)));
-            moment.clip(
-                frames,
-                triangulate::of_frames(settings.triangulate.unwrap_or(Triangulate::Every(1)), frames),
-                true,
-            )
+            let points = settings.triangulate.unwrap_or(Triangulate::Every(1));
+            moment.clip(frames, triangulate::of_frames(points, frames), true)
         }
         _ => Batch::new(n, (scaled(width), scaled(height))).images(true),
     };
     let then = then / threads as f64;
     let cameras = if let Pictures::Videos(folder) = pictures { video_names(folder) } else { Vec::new() };
-    Ok(Forecast {
-        what: pictures.name(),
-        pictures: n,
-        pairs,
-        seconds,
-        then,
-        threads,
-        cameras,
-        notes: pictures.notes(&settings.source)?,
-    })
+    let (what, notes) = (pictures.name(), pictures.notes(&settings.source)?);
+    Ok(Forecast { what, pictures: n, pairs, seconds, then, threads, cameras, notes })
 }
 
 /// Width and height of the first picture, and frames of the clip.
@@ -207,16 +187,12 @@ const LONG: f64 = 10.0;
 pub(super) fn announced(images: &Images, source: &Source, settings: &PrepareSettings) -> Option<String> {
     let n = images.n_frames() as usize;
     let is_left = |folder: &str, name: String| !images.output.join(folder).join(name).is_file();
-    let of_images: f64 = images
-        .cameras
-        .iter()
-        .map(|camera| {
-            let left =
-                (0..images.n_frames()).filter(|frame| is_left("images", images.image_name(camera, *frame))).count();
-            let of = camera.lens.intrinsics;
-            Batch::new(left, (of.width, of.height)).images(camera.lens.distortion != Distortion::None)
-        })
-        .sum();
+    let of_camera = |camera: &Camera| {
+        let left = (0..images.n_frames()).filter(|frame| is_left("images", images.image_name(camera, *frame))).count();
+        let Intrinsics { width, height, .. } = camera.lens.intrinsics;
+        Batch::new(left, (width, height)).images(camera.lens.distortion != Distortion::None)
+    };
+    let of_images: f64 = images.cameras.iter().map(of_camera).sum();
     let what = triangulate::asked(source, settings).0;
     let with_points = triangulate::of_frames(what, n);
     let done = (0..images.n_frames()).filter(|frame| !is_left("points", format!("{frame:05}.ply"))).count();
@@ -234,7 +210,7 @@ pub(super) fn announced(images: &Images, source: &Source, settings: &PrepareSett
             "{} of {}{points}: {} (CPU, threads: {}); an interrupted run goes on where it stopped",
             words::count(n, "frame"),
             words::count(images.cameras.len(), "camera"),
-            RoughTime(seconds),
+            rough(seconds),
             settings.threads
         )
     })
@@ -264,7 +240,7 @@ mod tests {
 
     #[test]
     fn seconds_are_told_in_what_people_count_in() {
-        let texts = [12.3, 200.0, 9000.0].map(|seconds| RoughTime(seconds).to_string());
+        let texts = [12.3, 200.0, 9000.0].map(rough);
         assert_eq!(texts, ["about 12 s", "about 3 minutes", "about 2.5 hours"]);
     }
 }

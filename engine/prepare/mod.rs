@@ -3,6 +3,7 @@
 //!
 //! Every stage continues where an interrupted run stopped: files are written whole, and `prepare.json` notes from what each stage was
 //! made. `capture.toml` comes last.
+#![allow(missing_docs, reason = "a room for the program and its tests, which no page of the crate shows")]
 
 mod colmap;
 mod database;
@@ -28,27 +29,21 @@ mod triangulate;
 mod video;
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 pub use self::estimate::{Estimate, StageEstimate, estimate};
 pub use self::forecast::Forecast;
 use self::foreign::{Kind, kind};
-use self::images::Images;
+use self::images::{Images, plan};
 use self::journal::Journal;
 use self::pictures::Pictures;
 use self::program::{FFMPEG, FFPROBE};
 pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate};
-pub use self::source::Recognised;
 use self::source::{Clocks, Footage, Source, SourceCamera};
+pub use self::source::{Recognised, recognise};
 use crate::error::{Error, Result};
 use crate::scene::capture::{
-    CaptureSettings, Faults, Manifest, Report, check_asked, check_capture, write_true_offsets,
+    CaptureSettings, Faults, Manifest, Report, Shot, check_asked, check_capture, write_true_offsets,
 };
-
-/// The recording that [`prepare`] can make a capture from; nothing where the path is a capture already, or unknown.
-pub fn recognise(path: &Path) -> Option<Recognised> {
-    source::recognise(path)
-}
 
 /// The work of COLMAP before pictures without cameras can be prepared; nothing where the source has cameras.
 pub fn forecast(settings: &PrepareSettings) -> Result<Option<Forecast>> {
@@ -66,7 +61,6 @@ fn pictures(settings: &PrepareSettings) -> Result<Option<Pictures>> {
     Ok(pictures)
 }
 
-/// The outcome of [`prepare`].
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct Prepared {
     /// The format of the source; empty when it is unknown.
@@ -155,22 +149,21 @@ impl Preparation {
         let mut faults = Faults::default();
         let mut source = Source::read(settings, &mut faults)?;
         // Missing programs are reported before a picture is decoded.
-        let needs_ffmpeg = |camera: &SourceCamera| match &camera.footage {
-            Footage::Video(_) => true,
-            Footage::Images(shots) => shots.iter().any(|shot| kind(&shot.image) == Kind::Converted),
+        let needs_ffmpeg = |camera: &SourceCamera| {
+            let is_converted = |shot: &Shot| kind(&shot.image) == Kind::Converted;
+            matches!(camera.footage, Footage::Video(_)) || camera.footage.shots().iter().any(is_converted)
         };
         if source.cameras.iter().any(needs_ffmpeg) {
             [FFMPEG, FFPROBE].iter().try_for_each(|program| program.require(&settings.source))?;
         }
         let (settings, notes) = shifts::resolved(settings, &shifts::videos_of(&source))?;
         source.notes.extend(notes);
-        let images = Images::plan(&source, &settings, &mut faults);
+        let images = plan(&source, &settings, &mut faults);
         let photos =
             photos::settings_of(&settings, &source).map(|of_photos| Preparation::new(&of_photos)).transpose()?;
         Ok(Preparation { source, images, settings, faults, photos: photos.map(Box::new) })
     }
 
-    /// One without a fault.
     fn faultless(settings: &PrepareSettings) -> Result<Preparation> {
         let mut planned = Preparation::new(settings)?;
         match planned.faulty().and_then(|report| report.faults.into_iter().next()) {
@@ -218,7 +211,6 @@ fn make(
         Some(journal) => journal,
         None => Journal::open(settings)?,
     };
-    let output = &settings.output;
     if let Some(text) = forecast::announced(&images, &source, settings) {
         progress(Progress { stage: "all", done: 0, total: 0, piece: &text });
     }
@@ -228,21 +220,19 @@ fn make(
         flow::make(&images, settings, Share::ALL, &journal, progress)?;
     }
     sound::carry(&images, settings, &journal)?;
+    let output = &settings.output;
     let true_offsets = true_offsets(&source, &images);
     if !true_offsets.is_empty() {
         write_true_offsets(output, true_offsets)?;
     }
-    let n_photos = match photos {
-        Some(photos) => {
-            let tell = |told: Progress| progress(Progress { stage: "photos", ..told });
-            let made = make(*photos, None, Vec::new(), &tell)?;
-            if made.report.n_faults > 0 {
-                return Ok(Prepared { source_format: source.format, ..made });
-            }
-            made.report.n_images
+    let mut has_photos = false;
+    if let Some(photos) = photos {
+        let made = make(*photos, None, Vec::new(), &|told| progress(Progress { stage: "photos", ..told }))?;
+        if made.report.n_faults > 0 {
+            return Ok(Prepared { source_format: source.format, ..made });
         }
-        None => 0,
-    };
+        has_photos = made.report.n_images > 0;
+    }
     let exists = |name: &str| output.join(name).is_dir();
     let manifest = Manifest {
         fps: images.fps,
@@ -256,7 +246,7 @@ fn make(
         flow: exists("flow"),
         depth: exists("depth"),
         audio: exists("audio"),
-        photos: n_photos > 0,
+        photos: has_photos,
         absent: images.absent(),
     };
     if Manifest::read(output).ok().as_ref() != Some(&manifest) {
@@ -275,7 +265,7 @@ fn make(
 /// By camera, the frames by which its pictures show a later time than their number says; the mean camera's are the zero of measured
 /// times. A camera whose clock is unknown at a chosen frame is left out.
 fn true_offsets(source: &Source, images: &Images) -> BTreeMap<String, f64> {
-    let select = images.select();
+    let select = images.select;
     let every = f64::from(select.every);
     match &source.clocks {
         Clocks::Unknown => images.rests.clone(),

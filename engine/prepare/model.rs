@@ -5,6 +5,7 @@ use std::path::Path;
 
 use crate::error::Result;
 use crate::files::{make_folder, write_atomic};
+use crate::scene::capture::{Faults, Posed, read_images};
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose, quaternion};
 use glam::{DVec2, DVec3};
@@ -19,18 +20,23 @@ pub(super) struct ModelCamera {
 /// A point, its colour and the indices of the cameras that saw it in their first images.
 pub(super) type ModelPoint = ([f64; 3], [u8; 3], Vec<usize>);
 
+/// The images of a model; its first fault is an error.
+pub(super) fn read(folder: &Path) -> Result<Vec<Posed>> {
+    let mut faults = Faults::default();
+    let model = read_images(folder, &mut faults);
+    faults.first().map_or(Ok(model.images), Err)
+}
+
 /// Writes cameras, images and points3D. As observations of the points COLMAP is given their projections.
 pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint]) -> Result<()> {
     make_folder(folder)?;
-    let mut observed: Vec<String> = cameras.iter().map(|_| String::new()).collect();
-    let mut n_observed = vec![0_u32; cameras.len()];
+    let mut observed: Vec<Vec<String>> = vec![Vec::new(); cameras.len()];
     let reaches: Vec<f64> = cameras.iter().map(|camera| camera.lens.reach()).collect();
-    let mut firsts = Vec::new();
-    let mut next = 1_u32;
-    for camera in cameras {
-        firsts.push(next);
-        next += camera.images.len() as u32;
-    }
+    let mut firsts = vec![1];
+    firsts.extend(cameras.iter().scan(1, |next, camera| {
+        *next += camera.images.len();
+        Some(*next)
+    }));
     // Writing to a string cannot fail.
     let mut points_txt = String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
     for ((position, color, seen_by), id) in points.iter().zip(1_u64..) {
@@ -40,9 +46,8 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
             let Some(DVec2 { x: u, y: v }) = project(&cameras[index], reaches[index], DVec3::from(*position)) else {
                 continue;
             };
-            let _ = write!(observed[index], "{}{u} {v} {id}", if n_observed[index] > 0 { " " } else { "" });
-            let _ = write!(points_txt, " {} {}", firsts[index], n_observed[index]);
-            n_observed[index] += 1;
+            let _ = write!(points_txt, " {} {}", firsts[index], observed[index].len());
+            observed[index].push(format!("{u} {v} {id}"));
         }
         points_txt.push('\n');
     }
@@ -57,7 +62,7 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
         for ((name, pose), id) in camera.images.iter().zip(*first..) {
             let ([w, x, y, z], [tx, ty, tz]) = (quaternion(&pose.rotation), pose.translation.to_array());
             let _ = writeln!(images_txt, "{id} {w} {x} {y} {z} {tx} {ty} {tz} {} {name}", camera.id);
-            images_txt += if id == *first { observed } else { "" };
+            images_txt += &if id == *first { observed.join(" ") } else { String::new() };
             images_txt.push('\n');
         }
     }

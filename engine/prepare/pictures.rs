@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use image::{DynamicImage, ExtendedColorType};
 
-use super::foreign::{Kind, counts, decode_image, is_deep, kind, read_size, readable, remedy};
+use super::foreign::{Kind, converted, counts, decode_image, is_deep, kind, read_size, readable, remedy};
 use super::images::take_over;
 use super::program::{FFMPEG, FFPROBE};
 use super::settings::ImageFormat;
@@ -50,7 +50,6 @@ impl Pictures {
         }
     }
 
-    /// Notes about the pictures of `source` before any is placed.
     pub fn notes(&self, source: &Path) -> Result<Vec<String>> {
         let mut notes = unread_poses(source);
         if let Pictures::Photos(folder) = self {
@@ -62,9 +61,8 @@ impl Pictures {
 
 /// Names of the pictures of a folder that are read as they are, sorted.
 pub(super) fn images(folder: &Path) -> Result<Vec<OsString>> {
-    let mut files = listed(folder)?;
-    files.retain(|file| is_image(file));
-    Ok(files.iter().filter_map(|file| file.file_name().map(OsStr::to_owned)).collect())
+    let files = listed(folder)?.into_iter().filter(|file| is_image(file));
+    Ok(files.filter_map(|file| file.file_name().map(OsStr::to_owned)).collect())
 }
 
 fn listed(folder: &Path) -> Result<Vec<PathBuf>> {
@@ -98,9 +96,7 @@ impl Photos {
             .filter(|file| kind(file) == Kind::Own)
             .filter_map(|file| file.file_stem().map(OsStr::to_owned))
             .collect();
-        let is_form =
-            |file: &PathBuf| kind(file) != Kind::Own && file.file_stem().is_some_and(|stem| own.contains(stem));
-        all.retain(|file| !is_form(file));
+        all.retain(|file| kind(file) == Kind::Own || file.file_stem().is_none_or(|stem| !own.contains(stem)));
         let (files, unread) = readable(all);
         let are_copied = files.iter().any(|file| kind(file) != Kind::Own || is_deep(file) || !is_plain(file));
         let mut names: Vec<OsString> = Vec::new();
@@ -136,11 +132,10 @@ impl Photos {
                 remedy(&self.unread)
             )
         });
-        let foreign: Vec<PathBuf> = self.files.iter().filter(|file| kind(file) == Kind::Converted).cloned().collect();
         let deep = self.files.iter().filter(|file| is_deep(file)).count();
         let deep = (deep > 0)
             .then(|| format!("{deep} pictures of 16 bits a colour are kept with 8, since COLMAP reads no others"));
-        unread.into_iter().chain(super::foreign::converted(&foreign)).chain(deep).collect()
+        unread.into_iter().chain(converted(&self.files)).chain(deep).collect()
     }
 
     /// Copies them to a folder where COLMAP can read all of them.

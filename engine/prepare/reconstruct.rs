@@ -12,6 +12,7 @@ use serde_json::json;
 use super::colmap::{self, Arguments};
 use super::database;
 use super::journal::{Journal, stamps};
+use super::model;
 use super::photos::Together;
 use super::pictures::{Photos, Pictures, images};
 use super::program::{COLMAP, FFMPEG, FFPROBE};
@@ -99,7 +100,7 @@ pub(super) fn make(
     }
     journal.begin("reconstruction", made_from)?;
     make_folder(&project)?;
-    let mut before = pictures.notes(&settings.source)?;
+    let mut notes = pictures.notes(&settings.source)?;
     let folder = match pictures {
         Pictures::Photos(folder) if !Photos::of(folder)?.are_copied => folder.clone(),
         _ => project.join("images"),
@@ -107,7 +108,7 @@ pub(super) fn make(
     // Absolute, since the project is read as a capture, whose images are looked for in its own folder.
     let images_folder = std::path::absolute(&folder).unwrap_or(folder);
     let together = Together::take(settings, &images_folder)?;
-    before.extend(together.notes.iter().cloned());
+    notes.extend(together.notes.iter().cloned());
     let work = Reconstruction { settings, pictures, project, images: images_folder, together, progress };
     work.take_pictures()?;
     let names = images(&work.images)?;
@@ -126,7 +127,6 @@ pub(super) fn make(
     if !is_whole(&model) {
         work.place(&names)?;
     }
-    let mut notes = before;
     notes.extend(work.notes(&names)?);
     if let (Some(step), Pictures::Videos(folder)) = (settings.moving, pictures) {
         let track = Track::new(settings, folder, &model, &work.project, step, progress)?;
@@ -339,12 +339,8 @@ impl Reconstruction<'_> {
     }
 
     fn notes(&self, names: &[OsString]) -> Result<Vec<String>> {
-        let mut faults = Faults::default();
-        let model = read_images(&self.model(), &mut faults);
-        if let Some(error) = faults.first() {
-            return Err(error);
-        }
-        let placed: HashSet<&OsStr> = model.images.iter().map(|image| image.name.as_os_str()).collect();
+        let model = model::read(&self.model())?;
+        let placed: HashSet<&OsStr> = model.iter().map(|image| image.name.as_os_str()).collect();
         let mut notes = vec![format!("COLMAP placed {} of {} pictures", placed.len(), names.len())];
         if !self.together.names.is_empty() {
             let n = read_images(&self.of_photos().join("sparse/0"), &mut Faults::default()).images.len();

@@ -17,7 +17,6 @@ const JPEG_QUALITY: u8 = 95;
 /// The format of images that are made here; images that need no change are taken over as they are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub enum ImageFormat {
-    /// Lossless.
     Png,
     /// JPEG of quality 95: a quarter of the bytes or less.
     Jpeg,
@@ -50,21 +49,16 @@ impl ImageFormat {
 pub enum Triangulate {
     /// Of none; points that the source has are kept, of single frames too.
     None,
-    /// Of the reference frame.
     Reference,
     /// Of every n-th, beginning with the first; the other frames get a file without points.
     Every(u32),
 }
 
-/// Where shifts of cameras come from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ShiftBy {
-    /// They are given.
     #[default]
     Given,
-    /// From the time codes of the videos.
     Timecode,
-    /// From what the videos' microphones hear.
     Sound,
 }
 
@@ -72,13 +66,9 @@ pub enum ShiftBy {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
-    /// Pictures without cameras are placed.
     Cameras,
-    /// Pictures are decoded, scaled, undistorted.
     Images,
-    /// Points are triangulated, frame by frame.
     Points,
-    /// Optical flow is estimated.
     Flow,
 }
 
@@ -92,7 +82,6 @@ pub struct Share {
 }
 
 impl Share {
-    /// All of them.
     pub const ALL: Share = Share { part: 0, of: 1 };
 
     pub(super) fn has(self, piece: usize) -> bool {
@@ -100,21 +89,17 @@ impl Share {
     }
 }
 
-/// Settings of a preparation.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PrepareSettings {
     /// Folder of the recordings and their calibration.
     pub source: PathBuf,
-    /// Folder of the capture.
     pub output: PathBuf,
     /// Where videos and image sequences are, when not beside the calibration.
     pub footage: Option<PathBuf>,
-    /// The frames of the source that are taken.
     pub frames: Frames,
     /// By camera, frames of the clip (before any are left out) by which it begins later in the footage, or earlier where negative; parts
     /// of frames choose the nearest picture. The source's points of single frames are dropped then.
     pub shifts: BTreeMap<String, f64>,
-    /// Where the shifts come from.
     pub shift_by: ShiftBy,
     /// Frames per second of the clip, which videos are paired by. `None`: the lowest of theirs.
     pub fps: Option<f64>,
@@ -122,7 +107,6 @@ pub struct PrepareSettings {
     pub moving: Option<u32>,
     /// Size of the images relative to the source's, in (0, 1].
     pub scale: f64,
-    /// Format of images that are made.
     pub format: ImageFormat,
     /// `None`: every frame, unless the source has points.
     pub triangulate: Option<Triangulate>,
@@ -141,7 +125,6 @@ pub struct PrepareSettings {
 }
 
 impl PrepareSettings {
-    /// The settings that suit every source.
     pub fn new(source: &Path, output: &Path) -> Self {
         PrepareSettings {
             source: source.to_owned(),
@@ -175,12 +158,8 @@ impl PrepareSettings {
 
     /// The shifts for the journal, where a whole number is one.
     pub(super) fn shifts_noted(&self) -> Value {
-        let noted = |frames: f64| if frames.fract() == 0.0 { json!(frames as i64) } else { json!(frames) };
-        self.shifts
-            .iter()
-            .map(|(name, frames)| (name.clone(), noted(*frames)))
-            .collect::<serde_json::Map<_, _>>()
-            .into()
+        let noted = |frames: &f64| if frames.fract() == 0.0 { json!(*frames as i64) } else { json!(frames) };
+        Value::Object(self.shifts.iter().map(|(name, frames)| (name.clone(), noted(frames))).collect())
     }
 
     pub(super) fn check(&self) -> Result<()> {
@@ -228,12 +207,9 @@ impl PrepareSettings {
 /// Something that is done, or where `total` is 0 what is to be expected; told from any thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress<'a> {
-    /// The stage.
     pub stage: &'static str,
     /// Pieces of the stage that are done, those of earlier runs included.
     pub done: usize,
-    /// Pieces of the stage.
     pub total: usize,
-    /// The piece that is done now.
     pub piece: &'a str,
 }

@@ -64,13 +64,12 @@ pub(super) fn resolved(
 
 /// The shifts that put what cameras hear into step, so that the clip begins with the last of them.
 fn by_lags(settings: PrepareSettings, heard: &[(&str, &Video, Option<Lag>)]) -> Result<(PrepareSettings, Vec<String>)> {
-    let is_sure = |lag: &Option<Lag>| lag.is_some_and(|lag| lag.stands_out >= CONFIDENT);
     let videos = heard.iter().map(|(name, video, _)| (*name, *video));
     let Some(timeline) = Timeline::new(videos, &settings) else { return Ok((settings, Vec::new())) };
     // By the clock of each file, one moment; and the last of the first pictures by it.
     let moment = |video: &Video, lag: Lag| video.begins + lag.seconds;
-    let sure =
-        heard.iter().filter_map(|(name, video, lag)| Some((*name, *video, lag.filter(|lag| is_sure(&Some(*lag)))?)));
+    let is_sure = |lag: &Lag| lag.stands_out >= CONFIDENT;
+    let sure = heard.iter().filter_map(|(name, video, lag)| Some((*name, *video, lag.filter(is_sure)?)));
     let last = sure.clone().map(|(_, video, lag)| video.times[0] - moment(video, lag)).fold(f64::MIN, f64::max);
     let shift = |(name, video, lag): (&str, &Video, Lag)| {
         let frames = (moment(video, lag) + last - timeline.time(name, 0)) * timeline.fps;
@@ -83,7 +82,8 @@ fn by_lags(settings: PrepareSettings, heard: &[(&str, &Video, Option<Lag>)]) -> 
         false => format!("{name}={frames:.2} (the reference)"),
     });
     let words = words.collect::<Vec<_>>().join(", ");
-    let unsure: Vec<&str> = heard.iter().filter(|(.., lag)| !is_sure(lag)).map(|(name, ..)| *name).collect();
+    let unsure: Vec<&str> =
+        heard.iter().filter(|(.., lag)| !lag.is_some_and(|lag| is_sure(&lag))).map(|(name, ..)| *name).collect();
     if !unsure.is_empty() {
         let reason = format!(
             "finds no clear match of the sound of {} with that of the others (a match must stand out {CONFIDENT} times)",

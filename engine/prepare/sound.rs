@@ -9,15 +9,15 @@ use super::images::{Camera, Images, take_over};
 use super::journal::{Journal, SOUND, stamps};
 use super::settings::PrepareSettings;
 use super::video::Selection;
-use crate::error::{Error, Result};
-use crate::files::{cannot_list, make_folder, read_file, write_atomic};
+use crate::error::Result;
+use crate::files::{cannot_list, make_folder, read_json, write_atomic};
 use crate::scene::undistort::Undistortion;
 
 /// Writes the sound of the videos, and takes over `audio/*.wav` and `keypoints/<camera>.json` of a source that is taken from its first
 /// frame on. Keypoints are undistorted with their pictures.
 #[tracing::instrument(level = "info", name = "sound", skip_all)]
 pub(super) fn carry(images: &Images, settings: &PrepareSettings, journal: &Journal) -> Result<()> {
-    let Selection { start, every, n } = images.select();
+    let Selection { start, every, n } = images.select;
     let sounds = sounds(&settings.source, &images.cameras, start)?;
     let points = images.cameras.iter().filter_map(|camera| keypoints(&settings.source, camera));
     journal.begin(SOUND, stamps(sounds.iter().cloned().chain(points)))?;
@@ -65,9 +65,8 @@ fn keypoints(source: &Path, camera: &Camera) -> Option<PathBuf> {
 
 /// The detections of the chosen frames; a point that no pinhole shows gets the score 0.
 fn moved(path: &Path, camera: &Camera, every: u32, n: u32) -> Result<Value> {
-    let fault = |reason: String| Error::data(path, "", reason, "give the list of detections of each frame");
-    let bytes = read_file(path).map_err(|fault_of| fault(format!("cannot be read: {fault_of}")))?;
-    let mut frames: Vec<Value> = serde_json::from_slice(&bytes).map_err(|fault_of| fault(fault_of.to_string()))?;
+    let remedy = "give the list of detections of each frame";
+    let mut frames: Vec<Value> = read_json(path, "list of detections", remedy)?;
     let undistortion = Undistortion::new(camera.lens, camera.pinhole);
     let place = |point: &Value| {
         let [x, y] = [0, 1].map(|k| point.get(k).and_then(Value::as_f64));

@@ -115,7 +115,7 @@ pub(super) fn make(
 }
 
 fn source_frame(images: &Images, frame: u32) -> u32 {
-    let Selection { start, every, .. } = images.select();
+    let Selection { start, every, .. } = images.select;
     start + frame * every
 }
 

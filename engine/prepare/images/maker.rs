@@ -141,12 +141,8 @@ impl<'a> Maker<'a> {
 /// A copy of a file of the source. No link: whoever edits the capture's images in place would change the source's.
 pub(in crate::internals::prepare) fn take_over(from: &Path, to: &Path) -> Result<()> {
     let fault = |fault: std::io::Error| {
-        Error::data(
-            from,
-            "",
-            format!("cannot be copied to {}: {fault}", to.display()),
-            "check permissions and free space",
-        )
+        let reason = format!("cannot be copied to {}: {fault}", to.display());
+        Error::data(from, "", reason, "check permissions and free space")
     };
     let mut file = open_file(from).map_err(fault)?;
     write_atomic(to, |to| std::io::copy(&mut file, to).map(|_| ()))

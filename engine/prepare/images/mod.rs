@@ -15,29 +15,27 @@ use serde_json::Value;
 
 use self::camera::Material;
 use self::maker::Maker;
-use self::plan::Plan;
 use crate::error::{Error, Result};
 use crate::files::make_folder;
 use crate::parallel::in_parallel;
 use crate::prepare::journal::Journal;
-use crate::prepare::settings::{ImageFormat, PrepareSettings, Progress, Share};
-use crate::prepare::source::Source;
+use crate::prepare::settings::{ImageFormat, Progress, Share};
 use crate::prepare::timeline::Timeline;
 use crate::prepare::video::{self, Selection};
-use crate::scene::capture::Faults;
 use crate::scene::undistort::Lens;
 
 pub(super) use self::camera::Camera;
 pub(super) use self::maker::take_over;
+pub(super) use self::plan::plan;
 
 pub(super) struct Images {
     pub output: PathBuf,
     pub cameras: Vec<Camera>,
     pub fps: f64,
     pub notes: Vec<String>,
-    /// See [`Plan::rests`].
+    /// By camera, the part of a shift below a frame: how much later its pictures are, frames. Empty where shifts are whole.
     pub rests: BTreeMap<String, f64>,
-    select: Selection,
+    pub select: Selection,
     timeline: Option<Timeline>,
     format: ImageFormat,
     threads: usize,
@@ -50,21 +48,8 @@ enum Job {
 }
 
 impl Images {
-    /// Compares the cameras with their footage and with each other; everything that does not fit is a fault.
-    pub fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Faults) -> Images {
-        let Plan { cameras, fps, notes, select, timeline, rests, made_from } = plan::plan(source, settings, faults);
-        let (output, format, threads) = (settings.output.clone(), settings.format, settings.threads);
-        Images { output, cameras, fps, notes, rests, select, timeline, format, threads, made_from }
-    }
-
     pub fn n_frames(&self) -> u32 {
         self.select.n
-    }
-
-    /// When the clip begins by the clock of a camera's video, and its length, seconds.
-    fn span(&self, camera: &Camera) -> (f64, f64) {
-        let begins = self.timeline.as_ref().map_or(0.0, |timeline| timeline.time(&camera.name, self.select.start));
-        (begins, f64::from(self.select.n) / self.fps)
     }
 
     /// By camera, the frames of the capture of which it has no picture.
@@ -72,10 +57,6 @@ impl Images {
         let of = |camera: &Camera| (0..self.select.n).filter(|frame| !camera.has(*frame)).collect::<BTreeSet<u32>>();
         let all = self.cameras.iter().map(|camera| (camera.name.clone(), of(camera)));
         all.filter(|(_, absent)| !absent.is_empty()).collect()
-    }
-
-    pub fn select(&self) -> Selection {
-        self.select
     }
 
     pub fn test_cameras(&self) -> Vec<String> {
@@ -132,7 +113,9 @@ impl Images {
     pub fn write_sound(&self) -> Result<()> {
         for camera in &self.cameras {
             if let Material::Video(video, _) = &camera.material {
-                let (from, length) = self.span(camera);
+                // Seconds, by the clock of the camera's video.
+                let from = self.timeline.as_ref().map_or(0.0, |clip| clip.time(&camera.name, self.select.start));
+                let length = f64::from(self.select.n) / self.fps;
                 let to = self.output.join(format!("audio/{}.wav", camera.name));
                 if video.has_sound && !to.exists() {
                     make_folder(&self.output.join("audio"))?;

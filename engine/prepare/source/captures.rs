@@ -55,18 +55,15 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Option<Source> {
         }
         None => builder.points.iter().map(|point| (*point, Vec::new())).collect(),
     };
-    for camera in &builder.cameras {
-        let lens = builder.lens(camera);
-        let poses = camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect();
-        source.cameras.push(SourceCamera {
-            name: camera.name.clone(),
-            lens,
-            pose: camera.world_to_camera,
-            poses,
-            footage: Footage::Images(camera.shots.clone()),
-            is_test: camera.is_test,
-        });
-    }
+    let camera = |camera: &Camera| SourceCamera {
+        name: camera.name.clone(),
+        lens: builder.lens(camera),
+        pose: camera.world_to_camera,
+        poses: camera.shots.iter().filter_map(|shot| Some((shot.frame, shot.world_to_camera?))).collect(),
+        footage: Footage::Images(camera.shots.clone()),
+        is_test: camera.is_test,
+    };
+    source.cameras = builder.cameras.iter().map(camera).collect();
     Some(source)
 }
 

@@ -2,7 +2,6 @@
 //! camera in `images/<camera>/` or `videos/<camera>.mp4`.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 
 use super::footage;
 use super::opencv::{self, Rotation};
@@ -35,34 +34,23 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
         let text = read_text(&path).map_err(|fault| cannot_read(&path, &fault));
         faults.take(text).map_or_else(BTreeMap::new, |text| values(&text))
     });
-    let cameras: Vec<&str> = intrinsics.keys().filter_map(|key| key.strip_prefix("K_")).collect();
     let mut disagree = Vec::new();
-    for name in cameras {
-        let fault = |faults: &mut Faults, reason: String| {
-            faults.add(&calibration, camera_place(name), reason, REMEDY);
-        };
-        let pose = match pose(&extrinsics, name) {
-            Ok((pose, agree)) => {
-                disagree.extend((!agree).then_some(name));
-                pose
-            }
+    for name in intrinsics.keys().filter_map(|key| key.strip_prefix("K_")) {
+        let (pose, agree) = match pose(&extrinsics, name) {
+            Ok(pose) => pose,
             Err(reason) => {
-                fault(faults, format!("{reason} in {EXTRINSICS}"));
+                let reason = format!("{reason} in {EXTRINSICS}");
+                faults.add(&calibration, camera_place(name), reason, REMEDY);
                 continue;
             }
         };
+        disagree.extend((!agree).then_some(name));
         let Some(footage) = footage::take(place.footage, name, &calibration, faults) else { continue };
-        let size = match size(&intrinsics, name) {
-            Some(size) => Some(size),
-            None => faults.take(size_of(&footage)),
-        };
-        let Some(size) = size else { continue };
+        let size = size(&intrinsics, name).map_or_else(|| size_of(&footage), Ok);
+        let Some(size) = faults.take(size) else { continue };
         match lens(&intrinsics, name, size) {
-            Ok(lens) => {
-                let name = name.to_owned();
-                source.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
-            }
-            Err(reason) => fault(faults, reason),
+            Ok(lens) => source.cameras.push(SourceCamera::still(name, lens, pose, footage)),
+            Err(reason) => faults.add(&calibration, camera_place(name), reason, REMEDY),
         }
     }
     if !disagree.is_empty() {
@@ -77,7 +65,7 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
 fn size_of(footage: &Footage) -> crate::error::Result<(u32, u32)> {
     match footage {
         Footage::Video(path) => video::probe(path).map(|video| (video.width, video.height)),
-        Footage::Images(shots) => foreign::read_size(shots.first().map_or(Path::new(""), |shot| shot.image.as_path())),
+        Footage::Images(shots) => foreign::read_size(&shots[0].image),
     }
 }
 
@@ -95,7 +83,7 @@ fn lens(values: &Values, name: &str, (width, height): (u32, u32)) -> Result<Lens
     opencv::lens([width, height], &matrix, coefficients.map_or(&[], Vec::as_slice), false)
 }
 
-/// World to camera; and whether the two rotations that there may be agree.
+/// World to camera; true if the two rotations that there may be agree.
 fn pose(values: &Values, name: &str) -> Result<(Pose, bool), String> {
     let value = |kind: &str| values.get(&format!("{kind}_{name}"));
     let translation = value("T").and_then(|at| <[f64; 3]>::try_from(at.as_slice()).ok());

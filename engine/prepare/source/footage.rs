@@ -99,13 +99,13 @@ fn absent(footage: &Path, name: &str) -> (String, String) {
 
 pub(super) fn notes(cameras: &[SourceCamera]) -> Vec<String> {
     let mut notes = Vec::new();
-    let mut begins: Vec<(String, u64)> = Vec::new();
+    let mut begins: Vec<(&String, u64)> = Vec::new();
     for camera in cameras {
         match &camera.footage {
             Footage::Video(path) => {
-                let others: Vec<String> = loose(&path.with_extension("")).iter().map(|path| name_of(path)).collect();
                 let own = name_of(path);
-                let others: Vec<String> = others.into_iter().filter(|other| *other != own).collect();
+                let mut others = names(&loose(&path.with_extension("")));
+                others.retain(|other| *other != own);
                 if !others.is_empty() {
                     notes.push(format!("{own} is taken; {} lies beside it and is not", others.join(", ")));
                 }
@@ -120,24 +120,15 @@ pub(super) fn notes(cameras: &[SourceCamera]) -> Vec<String> {
                 }
             }
             Footage::Images(shots) => {
-                let stem = shots
-                    .first()
-                    .and_then(|shot| shot.image.file_stem())
-                    .unwrap_or_default()
-                    .to_string_lossy()
-                    .into_owned();
+                let stem = shots.first().and_then(|shot| shot.image.file_stem()).unwrap_or_default().to_string_lossy();
                 let digits = stem.trim_start_matches(|c: char| !c.is_ascii_digit());
-                begins
-                    .extend(digits.parse().ok().filter(|_| shots.len() > 1).map(|first| (camera.name.clone(), first)));
+                begins.extend(digits.parse().ok().filter(|_| shots.len() > 1).map(|first| (&camera.name, first)));
             }
         }
     }
     let last = begins.iter().map(|(_, first)| *first).max().unwrap_or(0);
-    let earlier: Vec<String> = begins
-        .iter()
-        .filter(|(_, first)| *first < last)
-        .map(|(name, first)| format!("{name}={}", last - first))
-        .collect();
+    let earlier = begins.iter().filter(|(_, first)| *first < last);
+    let earlier: Vec<String> = earlier.map(|(name, first)| format!("{name}={}", last - first)).collect();
     if !earlier.is_empty() {
         notes.push(format!(
             "the numbers of the images begin at different ones in some cameras, and the first image of each is taken for its first \
@@ -145,11 +136,8 @@ pub(super) fn notes(cameras: &[SourceCamera]) -> Vec<String> {
             earlier.join(",")
         ));
     }
-    let pictures = cameras.iter().flat_map(|camera| match &camera.footage {
-        Footage::Images(shots) => shots.iter().map(|shot| shot.image.clone()).collect(),
-        Footage::Video(_) => Vec::new(),
-    });
-    notes.extend(converted(&pictures.collect::<Vec<_>>()));
+    let shots = cameras.iter().flat_map(|camera| camera.footage.shots());
+    notes.extend(converted(&shots.map(|shot| shot.image.clone()).collect::<Vec<_>>()));
     notes
 }
 
@@ -200,10 +188,8 @@ fn camera_folders(footage: &Path) -> Vec<String> {
     let folders = FOLDERS.iter().flat_map(|folder| files(&footage.join(folder)));
     let cameras = folders.filter(|path| path.is_dir() && clips(path).len() == 1);
     let names = cameras.filter_map(|path| path.file_name()?.to_str().map(str::to_owned));
-    sorted(
-        names
-            .filter(|name| !FOLDERS.contains(&name.as_str()) && matches!(find(footage, name), Some(Footage::Video(_)))),
-    )
+    let is_camera = |name: &String| matches!(find(footage, name), Some(Footage::Video(_)));
+    sorted(names.filter(|name| !FOLDERS.contains(&name.as_str()) && is_camera(name)))
 }
 
 /// Names of the folders of images in the folders of a source, in the order of numbers.
@@ -222,9 +208,8 @@ fn sorted(names: impl Iterator<Item = String>) -> Vec<String> {
 
 fn with_ending(stem: &Path, ending: &str) -> PathBuf {
     let mut name = stem.as_os_str().to_owned();
-    name.push(".");
-    name.push(ending);
-    PathBuf::from(name)
+    name.push(format!(".{ending}"));
+    name.into()
 }
 
 /// The images of a folder; where none is a PNG or JPEG, those of the kind that most are, which ffmpeg reads.

@@ -2,6 +2,7 @@
 
 use super::footage::{self, sequence_names, video_names};
 use super::recording::{Place, Source};
+use crate::error::Error;
 use crate::files::npy::read_npy;
 use crate::scene::capture::{Faults, camera_of_row, is_capture, read_rows};
 use crate::scene::undistort::{Distortion, Lens};
@@ -29,16 +30,10 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
         names = footage::sequence_names(place.footage);
         names.retain(|name| name.starts_with("cam"));
     }
-    let rows = match rows(&names, array.len()) {
-        Ok((rows, note)) => {
-            source.notes.extend(note);
-            rows
-        }
-        Err((reason, remedy)) => {
-            faults.add(&calibration, "", reason, remedy);
-            return source;
-        }
-    };
+    let rows = rows(&names, array.len());
+    let rows = rows.map_err(|(reason, remedy)| Error::data(&calibration, "", reason, remedy));
+    let Some((rows, note)) = faults.take(rows) else { return source };
+    source.notes.extend(note);
     for (row, name) in rows.into_iter().zip(names) {
         match camera_of_row(&array[row]) {
             Ok((intrinsics, pose)) => {

@@ -31,17 +31,12 @@ pub(super) fn find(source: &mut Source, folder: &Path, faults: &mut Faults) {
     let without: Vec<&str> =
         source.cameras.iter().map(|camera| camera.name.as_str()).filter(|name| !found.contains_key(*name)).collect();
     if !found.is_empty() && !without.is_empty() {
-        source.notes.push(format!(
-            "{} of {} cameras have no masks: {}",
-            without.len(),
-            source.cameras.len(),
-            listed(&without)
-        ));
+        let (n, of) = (without.len(), source.cameras.len());
+        source.notes.push(format!("{n} of {of} cameras have no masks: {}", listed(&without)));
     }
     source.masks = found;
 }
 
-/// Says that masks are there which nobody asked for.
 pub(super) fn note(folder: &Path) -> Option<String> {
     let found = FOLDERS.iter().map(|name| folder.join(name)).find(|path| path.is_dir())?;
     Some(format!("the masks in {} are not used: give --masks {0} to use them", found.display()))

@@ -37,7 +37,6 @@ const FORMATS: [(&str, Recogniser, Reader); 7] = [
     ("COLMAP rig", rig::is_rig, rig::read),
 ];
 
-/// A source in a folder or file, see [`crate::prepare::recognise`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Recognised {
     /// An English phrase, such as `a Pose2Sim recording`.
@@ -46,7 +45,8 @@ pub struct Recognised {
     pub source: PathBuf,
 }
 
-pub(super) fn recognise(folder: &Path) -> Option<Recognised> {
+/// The recording that [`crate::prepare::prepare`] can make a capture from; nothing where the path is a capture already, or unknown.
+pub fn recognise(folder: &Path) -> Option<Recognised> {
     let settings = PrepareSettings::new(folder, Path::new(""));
     let place = Place { settings: &settings, folder, footage: folder };
     let (what, source) = match FORMATS.into_iter().find(|(_, is, _)| is(place)) {

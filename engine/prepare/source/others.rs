@@ -15,22 +15,22 @@ type Recognise = fn(&Path) -> Option<(PathBuf, String)>;
 
 /// The fault of a path that is no source.
 pub(super) fn unknown(path: &Path, recognise: Recognise) -> Error {
-    let bad = |reason: String, remedy: String| Error::data(path, "", reason, remedy);
+    let bad = |reason: &str, remedy: &str| Error::data(path, "", reason, remedy);
     if !path.exists() {
-        return bad("no such folder".to_owned(), "check its name".to_owned());
+        return bad("no such folder", "check its name");
     }
     if path.is_file() {
         let reason = format!("is {}, no folder and no video", counts(&[path.to_owned()]));
-        return bad(reason, "give the folder that it lies in".to_owned());
+        return bad(&reason, "give the folder that it lies in");
     }
     let held = files(path);
     if held.is_empty() {
-        return bad("is empty".to_owned(), "give a folder of photos, of videos, or of a recording".to_owned());
+        return bad("is empty", "give a folder of photos, of videos, or of a recording");
     }
     let pictures = held.iter().filter(|file| kind(file) != Kind::Other).count();
     if pictures == 1 && held.len() < 3 {
-        let remedy = "give three or more that overlap, from different places".to_owned();
-        return bad("holds one picture, which is not enough".to_owned(), remedy);
+        let remedy = "give three or more that overlap, from different places";
+        return bad("holds one picture, which is not enough", remedy);
     }
     let reason = format!("not a recognised recording: it holds {}", counts(&held));
     let inside = inside(&held, recognise);
@@ -46,13 +46,13 @@ pub(super) fn unknown(path: &Path, recognise: Recognise) -> Error {
             listed(&named),
             first.display()
         );
-        return bad(reason, remedy);
+        return bad(&reason, &remedy);
     }
     let poses = unread_poses(path).first().map_or_else(String::new, |poses| format!("{poses}; "));
     let remedy = "give a folder with models.json, poses_bounds.npy, camera_array.toml, intri.yml and extri.yml, a calibration of Pose2Sim \
                   or anipose, cameras.txt and images.txt beside videos, capture.toml, train_meta.json, transforms.json or a COLMAP model \
                   in sparse/0; or photos, a video or a folder of videos, whose cameras COLMAP finds";
-    bad(reason, poses + remedy)
+    bad(&reason, &(poses + remedy))
 }
 
 fn is_of_photos(folder: &Path) -> bool {

@@ -8,6 +8,7 @@ use roxmltree::{Document, Node};
 use super::footage::{self, files};
 use super::opencv::{self, Rotation};
 use super::recording::{Place, Source};
+use crate::error::Error;
 use crate::files::read_text;
 use crate::scene::capture::{Faults, is_capture, whole_side};
 use crate::scene::undistort::{Distortion, Lens};
@@ -108,13 +109,8 @@ pub(super) fn read(place: Place, faults: &mut Faults) -> Source {
         faults.add(place.folder, "", reason, remedy);
         return source;
     }
-    let cameras = match cameras(&calibration) {
-        Ok(cameras) => cameras,
-        Err(reason) => {
-            faults.add(&calibration, "", reason, REMEDY);
-            return source;
-        }
-    };
+    let cameras = cameras(&calibration).map_err(|reason| Error::data(&calibration, "", reason, REMEDY));
+    let Some(cameras) = faults.take(cameras) else { return source };
     if !calibration.starts_with(place.folder) {
         source.notes.push(format!("the calibration is that of the folder above, {}", calibration.display()));
     }
@@ -142,12 +138,11 @@ struct Section {
 fn of_toml(text: &str) -> Result<Vec<Calibrated>, String> {
     let table: toml::Table = toml::from_str(text).map_err(|fault| format!("is no TOML: {}", fault.message()))?;
     let sections = table.into_iter().filter(|(key, value)| key != "metadata" && value.is_table());
-    Ok(sections
-        .map(|(key, value)| match value.try_into::<Section>() {
-            Ok(section) => (section.name.clone().unwrap_or(key), section.calibrated()),
-            Err(fault) => (key, Err(format!("is no camera: {}", fault.message()))),
-        })
-        .collect())
+    let camera = |(key, value): (String, toml::Value)| match value.try_into::<Section>() {
+        Ok(section) => (section.name.clone().unwrap_or(key), section.calibrated()),
+        Err(fault) => (key, Err(format!("is no camera: {}", fault.message()))),
+    };
+    Ok(sections.map(camera).collect())
 }
 
 impl Section {
@@ -163,13 +158,11 @@ impl Section {
 fn of_qualisys(text: &str) -> Result<Vec<Calibrated>, String> {
     let document = Document::parse(text).map_err(|fault| format!("is no XML: {fault}"))?;
     let cameras = document.descendants().filter(|node| node.has_tag_name("camera"));
-    Ok(cameras
-        .enumerate()
-        .map(|(index, camera)| {
-            let name = camera.attribute("serial").map_or_else(|| format!("number {index}"), str::to_owned);
-            (name, qualisys_camera(camera))
-        })
-        .collect())
+    let named = cameras.enumerate().map(|(index, camera)| {
+        let name = camera.attribute("serial").map_or_else(|| format!("number {index}"), str::to_owned);
+        (name, qualisys_camera(camera))
+    });
+    Ok(named.collect())
 }
 
 fn qualisys_camera(camera: Node) -> Result<(Lens, Pose), String> {

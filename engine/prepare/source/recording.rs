@@ -24,9 +24,15 @@ impl Footage {
             Footage::Images(shots) => shots.first().and_then(|shot| shot.image.parent()).unwrap_or(Path::new("")),
         }
     }
+
+    pub fn shots(&self) -> &[Shot] {
+        match self {
+            Footage::Video(_) => &[],
+            Footage::Images(shots) => shots,
+        }
+    }
 }
 
-/// A camera as its source describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub(in crate::internals::prepare) struct SourceCamera {
     /// Unique; fit as a file name.
@@ -37,6 +43,12 @@ pub(in crate::internals::prepare) struct SourceCamera {
     pub poses: BTreeMap<u32, Pose>,
     pub footage: Footage,
     pub is_test: bool,
+}
+
+impl SourceCamera {
+    pub(super) fn still(name: &str, lens: Lens, pose: Pose, footage: Footage) -> Self {
+        SourceCamera { name: name.to_owned(), lens, pose, poses: BTreeMap::new(), footage, is_test: false }
+    }
 }
 
 /// By camera, the mask of each frame of its footage.
@@ -73,7 +85,6 @@ pub(in crate::internals::prepare) struct Source {
     pub photos: Option<PathBuf>,
     /// True if a camera may be without an image of some frames.
     pub may_lack: bool,
-    /// Of a folder that was given for them.
     pub masks: Masks,
     pub notes: Vec<String>,
 }
@@ -94,9 +105,8 @@ impl Source {
     ) {
         match calibrated {
             Ok((lens, pose)) => {
-                let Some(footage) = footage::take(footage, name, &self.calibration, faults) else { return };
-                let name = name.to_owned();
-                self.cameras.push(SourceCamera { name, lens, pose, poses: BTreeMap::new(), footage, is_test: false });
+                let footage = footage::take(footage, name, &self.calibration, faults);
+                self.cameras.extend(footage.map(|footage| SourceCamera::still(name, lens, pose, footage)));
             }
             Err(reason) => faults.add(&self.calibration, camera_place(name), reason, remedy),
         }

@@ -32,11 +32,7 @@ pub(super) fn is_rig(place: Place) -> bool {
             Some(Footage::Video(_)) => n_with += posed.len(),
             Some(Footage::Images(shots)) if posed.len() == 1 && shots.len() > 1 => {
                 let is_among = shots.iter().any(|shot| shot.image.ends_with(&posed[0].name));
-                if is_among {
-                    n_perhaps += 1;
-                } else {
-                    n_with += 1;
-                }
+                *(if is_among { &mut n_perhaps } else { &mut n_with }) += 1;
             }
             // A camera that moves looks like a folder of a plain project.
             Some(Footage::Images(_)) if posed.len() > 1 && posed.iter().all(|posed| number(posed).is_some()) => {}

@@ -14,7 +14,6 @@ use crate::prepare::colmap::{Colmap, OFF, ON};
 use crate::prepare::model::{self, ModelCamera};
 use crate::prepare::settings::PrepareSettings;
 use crate::scene::Pose;
-use crate::scene::capture::{Faults, read_images};
 use crate::scene::undistort::Lens;
 
 /// Pictures are searched for features in this size at most, and for so many: the time to match two grows with their square.
@@ -130,13 +129,9 @@ impl Block<'_> {
 
     /// The found poses, in the scale and place of the known ones.
     fn read(&self, found: &Path, names: &[Vec<String>]) -> Result<Vec<Vec<Option<Pose>>>> {
-        let mut faults = Faults::default();
-        let model = read_images(found, &mut faults);
-        if let Some(error) = faults.first() {
-            return Err(error);
-        }
+        let model = model::read(found)?;
         let poses: HashMap<&str, Pose> =
-            model.images.iter().filter_map(|image| Some((image.name.to_str()?, image.pose))).collect();
+            model.iter().filter_map(|image| Some((image.name.to_str()?, image.pose))).collect();
         let pose = |camera: usize, key: usize| poses.get(names[camera][key].as_str()).copied();
         let held = (0..names.len()).filter_map(|camera| Some((self.held.poses[camera], pose(camera, 0)?)));
         let (before, now): (Vec<Pose>, Vec<Pose>) = held.unzip();

@@ -12,13 +12,14 @@ use crate::error::{Error, Result};
 use crate::files::{make_folder, read_file, write_atomic};
 use crate::prepare::colmap::Matched;
 use crate::prepare::model::{self, ModelCamera, ModelPoint};
+use crate::prepare::reconstruct::videos;
 use crate::prepare::settings::{PrepareSettings, Progress};
 use crate::prepare::source::Footage;
-use crate::prepare::source::footage::{find, video_names};
+use crate::prepare::source::footage::find;
 use crate::prepare::timeline::Timeline;
 use crate::prepare::video::{self, Video};
 use crate::scene::Pose;
-use crate::scene::capture::{Faults, read_images, tracks};
+use crate::scene::capture::tracks;
 use crate::scene::undistort::Lens;
 
 /// Key frames that are placed together, beside the one before them.
@@ -54,10 +55,8 @@ fn picture(camera: usize, key: usize) -> String {
 
 /// Key frames of a clip of `n` frames: every `step`-th, and the last.
 fn keys(n: usize, step: usize) -> Vec<usize> {
-    let mut keys: Vec<usize> = (0..n).step_by(step.max(1)).collect();
-    if keys.last().is_some_and(|last| last + 1 < n) {
-        keys.push(n - 1);
-    }
+    let mut keys: Vec<usize> = (0..n).step_by(step.max(1)).chain(n.checked_sub(1)).collect();
+    keys.dedup();
     keys
 }
 
@@ -77,12 +76,8 @@ fn clip(settings: &PrepareSettings, videos: &[(&str, &Video)]) -> Result<(Timeli
 
 /// Pictures that COLMAP is given beside those of the first key frame, and pairs of them that it matches.
 pub(super) fn load(settings: &PrepareSettings, folder: &Path, step: u32) -> Result<(usize, usize)> {
-    let mut videos = Vec::new();
-    for name in video_names(folder) {
-        if let Some(Footage::Video(path)) = find(folder, &name) {
-            videos.push((name, video::probe(&path)?));
-        }
-    }
+    let probed = videos(folder).map(|(name, path)| Ok((name, video::probe(&path)?)));
+    let videos: Vec<(String, Video)> = probed.collect::<Result<_>>()?;
     let named: Vec<(&str, &Video)> = videos.iter().map(|(name, video)| (name.as_str(), video)).collect();
     let left = keys(clip(settings, &named)?.1.len(), step as usize).len() - 1;
     let of_blocks = (0..left).step_by(BLOCK).map(|begin| 1 + BLOCK.min(left - begin));
@@ -112,13 +107,8 @@ impl<'a> Track<'a> {
         step: u32,
         progress: &'a (dyn Fn(Progress) + Sync),
     ) -> Result<Self> {
-        let mut faults = Faults::default();
-        let model = read_images(first, &mut faults);
-        if let Some(error) = faults.first() {
-            return Err(error);
-        }
         let mut cameras = Vec::new();
-        for posed in &model.images {
+        for posed in &model::read(first)? {
             let name = posed.name.with_extension("").to_string_lossy().into_owned();
             let Some(Footage::Video(path)) = find(folder, &name) else { continue };
             let video = video::probe(&path)?;
@@ -142,7 +132,7 @@ impl<'a> Track<'a> {
     /// Places all key frames that are not placed yet, and writes the model of all frames to the folder `to`.
     pub fn make(&self, first: &Path, to: &Path) -> Result<()> {
         make_folder(&self.folder())?;
-        let mut placed = vec![self.first()];
+        let mut placed = vec![Placed { poses: self.first(), predicted: vec![false; self.cameras.len()] }];
         while let Some(key) = self.read(placed.len()) {
             placed.push(key);
         }
@@ -217,9 +207,8 @@ impl<'a> Track<'a> {
         self.folder().join(format!("{:05}.json", self.frames[self.keys[key]]))
     }
 
-    fn first(&self) -> Placed {
-        let poses: Vec<Pose> = self.cameras.iter().map(|camera| camera.first).collect();
-        Placed { predicted: vec![false; poses.len()], poses }
+    fn first(&self) -> Vec<Pose> {
+        self.cameras.iter().map(|camera| camera.first).collect()
     }
 
     /// A key frame that was placed before; one whose file is damaged is placed again.
@@ -243,12 +232,10 @@ impl<'a> Track<'a> {
 
     /// All poses of a key frame, from those that were found; none where they are too few.
     fn complete(&self, found: &[Option<Pose>]) -> Option<Placed> {
-        let first: Vec<Pose> = self.cameras.iter().map(|camera| camera.first).collect();
+        let first = self.first();
         let (motion, agree) = motion::rigid(&first, found, LEAST_PLACED)?;
-        let of = |(camera, pose): (usize, &Option<Pose>)| {
-            pose.filter(|_| agree[camera]).unwrap_or(motion.of(&first[camera]))
-        };
-        let poses = found.iter().enumerate().map(of).collect();
+        let of = |camera: usize| found[camera].filter(|_| agree[camera]).unwrap_or(motion.of(&first[camera]));
+        let poses = (0..first.len()).map(of).collect();
         Some(Placed { poses, predicted: agree.iter().map(|agrees| !agrees).collect() })
     }
 

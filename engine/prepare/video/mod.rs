@@ -68,12 +68,8 @@ pub(super) struct Selection {
 /// Writes the sound of a part of a video, silent before it begins, as WAV of one channel; `from` in seconds of the file's clock.
 pub(super) fn sound(video: &Video, from: f64, length: f64, to: &Path) -> Result<()> {
     let (from, length) = ((from - video.begins).max(0.0).to_string(), length.to_string());
-    let before = ["-v", "error", "-nostdin", "-ss", &from, "-t", &length].map(OsString::from);
-    let filled = ["-af", "aresample=async=1:first_pts=0"];
-    let after = ["-map", "0:a:0", "-vn", "-ac", "1", "-c:a", "pcm_s16le", "-f", "wav", "pipe:1"];
-    let after = filled.into_iter().chain(after);
-    let arguments = before.into_iter().chain(input(&video.path)).chain(after.map(OsString::from));
-    let mut wav = FFMPEG.run(arguments, &video.path)?;
+    let part = ["-ss", &from, "-t", &length];
+    let mut wav = heard(&video.path, &part, &["-c:a", "pcm_s16le", "-f", "wav"])?;
     set_wav_length(&mut wav);
     write_atomic(to, |to| to.write_all(&wav))
 }
@@ -81,12 +77,16 @@ pub(super) fn sound(video: &Video, from: f64, length: f64, to: &Path) -> Result<
 /// The sound of a video, one channel of `rate` samples per second, from where its file begins on; at most so many seconds.
 pub(super) fn samples(path: &Path, rate: u32, seconds: f64) -> Result<Vec<f32>> {
     let (rate, seconds) = (rate.to_string(), seconds.to_string());
-    let before = ["-v", "error", "-nostdin", "-t", &seconds].map(OsString::from);
-    let after = ["-af", "aresample=async=1:first_pts=0", "-map", "0:a:0", "-vn", "-ac", "1", "-ar", &rate];
-    let output = ["-c:a", "pcm_f32le", "-f", "f32le", "pipe:1"];
-    let arguments = before.into_iter().chain(input(path)).chain(after.into_iter().chain(output).map(OsString::from));
-    let bytes = FFMPEG.run(arguments, path)?;
+    let bytes = heard(path, &["-t", &seconds], &["-ar", &rate, "-c:a", "pcm_f32le", "-f", "f32le"])?;
     Ok(bytes.as_chunks().0.iter().map(|sample| f32::from_le_bytes(*sample)).collect())
+}
+
+/// The sound of a part of a video, one channel, silent where there is none.
+fn heard(path: &Path, part: &[&str], format: &[&str]) -> Result<Vec<u8>> {
+    let before = ["-v", "error", "-nostdin"].iter().chain(part).map(OsString::from);
+    let after = ["-af", "aresample=async=1:first_pts=0", "-map", "0:a:0", "-vn", "-ac", "1"];
+    let after = after.iter().chain(format).chain(&["pipe:1"]).map(OsString::from);
+    FFMPEG.run(before.chain(input(path)).chain(after), path)
 }
 
 /// ffmpeg cannot go back in a pipe, so its header does not know the length.

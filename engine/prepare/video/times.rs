@@ -16,33 +16,24 @@ pub(super) struct Shown {
     /// When key frames are shown, at which decoding can begin.
     pub keys: Vec<f64>,
     pub n_hidden: usize,
-    /// True if packets said so. Else the video was decoded.
+    /// True if all packets that are shown have a time. Else the video was decoded.
     pub by_packets: bool,
 }
 
 /// Looks at the packets of a video, and where some have no time (AVI with B frames, fields in packets of their own), decodes it.
 pub(super) fn shown(path: &Path) -> Result<Shown> {
-    let Packets { mut times, mut keys, n_hidden, is_told } = of_packets(&rows(path, "packet=pts_time,flags")?);
-    if !is_told {
-        times = of_frames(&rows(path, "frame=best_effort_timestamp_time")?);
+    let mut shown = of_packets(&rows(path, "packet=pts_time,flags")?);
+    if !shown.by_packets {
+        shown.times = of_frames(&rows(path, "frame=best_effort_timestamp_time")?);
     }
-    times.sort_by(f64::total_cmp);
-    times.dedup();
-    keys.sort_by(f64::total_cmp);
-    Ok(Shown { times, keys, n_hidden, by_packets: is_told })
-}
-
-#[derive(Debug, PartialEq)]
-struct Packets {
-    times: Vec<f64>,
-    keys: Vec<f64>,
-    n_hidden: usize,
-    /// True if all that are shown have a time.
-    is_told: bool,
+    shown.times.sort_by(f64::total_cmp);
+    shown.times.dedup();
+    shown.keys.sort_by(f64::total_cmp);
+    Ok(shown)
 }
 
 /// Reads packets. What comes before the first key frame, or is shown before it, needs pictures that were cut off: no player shows it.
-fn of_packets(rows: &str) -> Packets {
+fn of_packets(rows: &str) -> Shown {
     let packets: Vec<(Option<f64>, &str)> =
         rows.lines().filter_map(|row| row.split_once(',')).map(|(time, flags)| (seconds(time), flags)).collect();
     let first_key = packets.iter().position(|(_, flags)| flags.contains('K')).unwrap_or(0);
@@ -52,7 +43,7 @@ fn of_packets(rows: &str) -> Packets {
     let shown: Vec<Option<f64>> = shown.map(|(time, _)| *time).collect();
     let times: Vec<f64> = shown.iter().copied().flatten().collect();
     let keys = packets.iter().filter(|(_, flags)| flags.contains('K')).filter_map(|(time, _)| *time).collect();
-    Packets { is_told: times.len() == shown.len(), n_hidden: packets.len() - shown.len(), times, keys }
+    Shown { by_packets: times.len() == shown.len(), n_hidden: packets.len() - shown.len(), times, keys }
 }
 
 /// The times of frames, as ffmpeg gives them: one without comes a step after the one before it.
@@ -127,7 +118,7 @@ fn fits(times: &[f64], rate: f64) -> bool {
 
 #[cfg(test)]
 mod tests {
-    use super::{Packets, of_frames, of_packets, rate};
+    use super::{Shown, of_frames, of_packets, rate};
 
     fn times(n: u32, fps: f64, unit: f64, lost: &[u32]) -> Vec<f64> {
         let of = |frame: u32| (f64::from(frame) / fps / unit).round() * unit;
@@ -138,8 +129,8 @@ mod tests {
     fn packets_that_are_hidden_or_cannot_be_decoded_are_not_shown() {
         let trimmed = "-0.100000,KD_\n-0.033333,_D_\n0.000000,___\n0.066667,___\n0.033333,___\n";
         let parsed = |rows: &str| {
-            let Packets { times, keys, n_hidden, is_told } = of_packets(rows);
-            (times, keys, n_hidden, is_told)
+            let Shown { times, keys, n_hidden, by_packets } = of_packets(rows);
+            (times, keys, n_hidden, by_packets)
         };
         assert_eq!(parsed(trimmed), (vec![0.0, 0.066667, 0.033333], vec![-0.1], 2, true));
         // Cut within a group of pictures: two of the old group, and one that is shown before the first key frame.
