@@ -1,7 +1,6 @@
 //! `ivv sound render`.
 
 use crate::run::axes::Axes;
-use crate::run::files::write_json;
 use crate::ui::screen::out;
 use ivv::internals::sound::geometry::Mode;
 use ivv::internals::sound::hrtf::{HrtfSet, Lookup};
@@ -41,9 +40,6 @@ pub struct Args {
     /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
     #[arg(long)]
     ambix: Option<PathBuf>,
-    /// Also write a JSON report.
-    #[arg(long)]
-    report: Option<PathBuf>,
 }
 
 /// How a scene is rendered.
@@ -114,9 +110,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let room = loudness::true_peak_db(&samples)?.map_or(f64::INFINITY, |peak| PEAK_LIMIT_DB - peak);
         loudness::amplify(&mut samples, rendered.report.gain_db.min(room));
         write(path, &samples, depth)?;
-    }
-    if let Some(path) = &args.report {
-        write_json(path, &rendered.report)?;
     }
     if json {
         out!("{}", serde_json::to_string(&rendered.report)?);
