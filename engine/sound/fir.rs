@@ -9,22 +9,20 @@ use super::align::LEAD;
 use super::hrtf::Filter;
 use super::sinc::DelayTable;
 
-/// Filter and gain at a block's edge.
 #[derive(Clone)]
 pub struct State {
     /// Responses to both ears; their delays are not used.
     pub filter: Rc<Filter>,
-    /// Amplitude.
     pub gain: f64,
 }
 
-/// A signal on its way to both ears.
 pub struct Voice<'a> {
     table: &'a DelayTable,
     signal: &'a [f32],
     /// The delayed signal at each ear: the past that a response reaches, then the block.
     ears: [Vec<f32>; 2],
-    state: State,
+    /// At the end of the last block.
+    pub state: State,
     old: Vec<f32>,
     new: Vec<f32>,
 }
@@ -73,11 +71,6 @@ impl<'a> Voice<'a> {
             heard.drain(..used);
         }
         self.state = next;
-    }
-
-    /// The state at the end of the last block.
-    pub fn state(&self) -> &State {
-        &self.state
     }
 }
 

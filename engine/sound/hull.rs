@@ -12,7 +12,7 @@ const JITTER: f64 = 1e-9;
 pub struct Hull {
     points: Vec<DVec3>,
     /// Corners, counter-clockwise from outside.
-    triangles: Vec<[usize; 3]>,
+    pub triangles: Vec<[usize; 3]>,
     /// By triangle, its neighbour across the edge opposite each corner.
     across: Vec<[usize; 3]>,
 }
@@ -39,11 +39,6 @@ impl Hull {
             .map(|[a, b, c]| Some([*owner.get(&(*c, *b))?, *owner.get(&(*a, *c))?, *owner.get(&(*b, *a))?]))
             .collect();
         Some(Hull { points, triangles: faces, across: across? })
-    }
-
-    /// Corners of the triangles.
-    pub fn triangles(&self) -> &[[usize; 3]] {
-        &self.triangles
     }
 
     /// By corner, the corners that it shares an edge with.

@@ -25,22 +25,16 @@ pub use super::course::{Cue, RenderConfig, SPEED_OF_SOUND, SourceReport};
 /// Change of a delay per time above which the head is taken to have jumped: 34 m/s.
 const JUMP: f64 = 0.1;
 
-/// Numbers of a rendering.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Report {
-    /// Length, seconds.
     pub seconds: f64,
-    /// As in the settings.
     pub mode: Mode,
-    /// As in the settings.
     pub lookup: Lookup,
-    /// The set of responses.
     pub hrtf: Meta,
     /// Samples by which the set's responses were late, which were taken away.
     pub hrtf_latency: usize,
     /// Smallest distance, scene units.
     pub r_min: f64,
-    /// By source.
     pub sources: Vec<SourceReport>,
     /// Before the gain.
     pub loudness: Loudness,
@@ -48,7 +42,6 @@ pub struct Report {
     pub gain_db: f64,
 }
 
-/// A rendering.
 #[derive(Clone, Debug)]
 pub struct Rendered {
     /// Left and right, at [`FS`].
@@ -57,7 +50,6 @@ pub struct Rendered {
     pub fs: u32,
     /// By source, what was rendered, at the edges of blocks or the centres of frames.
     pub cues: Vec<Vec<Cue>>,
-    /// Its numbers.
     pub report: Report,
 }
 
@@ -105,7 +97,7 @@ pub fn render_signals(
         mode: config.mode,
         lookup: config.lookup,
         hrtf: hrtf.meta.clone(),
-        hrtf_latency: hrtf.latency(),
+        hrtf_latency: hrtf.latency,
         r_min,
         sources,
         loudness,
@@ -266,7 +258,7 @@ fn physical(
         // The old place fades out as it was, the new one fades in as it will be.
         jumps += 1;
         let (was, will) = (edges[k].delays, edges[k + n_fade].delays);
-        let (held, arrived) = (voice.state().clone(), state(k + n_fade));
+        let (held, arrived) = (voice.state.clone(), state(k + n_fade));
         let mut old = std::mem::replace(&mut voice, Voice::new(&table, signal, start, arrived.clone(), will));
         let fade = n_fade * block;
         for from in (start..(start + fade).min(signal.len())).step_by(block) {

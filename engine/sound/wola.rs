@@ -7,7 +7,7 @@ use std::sync::Arc;
 use realfft::num_complex::Complex32;
 use realfft::{ComplexToReal, RealFftPlanner, RealToComplex};
 
-use super::align::{LEAD, shifted};
+use super::align::LEAD;
 use super::hrtf::Filter;
 use super::spectrum::{Spectra, good_length};
 
@@ -15,7 +15,7 @@ use super::spectrum::{Spectra, good_length};
 pub struct Wola {
     frame: usize,
     hop: usize,
-    window: Vec<f32>,
+    pub window: Vec<f32>,
     n: usize,
     forward: Arc<dyn RealToComplex<f32>>,
     inverse: Arc<dyn ComplexToReal<f32>>,
@@ -23,8 +23,7 @@ pub struct Wola {
 }
 
 /// The spectra of a filter, by ear.
-#[derive(Clone)]
-pub struct EarSpectra([Vec<Complex32>; 2]);
+pub type EarSpectra = [Vec<Complex32>; 2];
 
 impl Wola {
     /// Frames of `frame` samples every `hop` samples for filters of `taps` samples and delays of up to `max_delay`. `None` where `hop` does
@@ -49,22 +48,15 @@ impl Wola {
         })
     }
 
-    /// The window.
-    pub fn window(&self) -> &[f32] {
-        &self.window
-    }
-
     /// A filter's spectra, its delays included.
     pub fn spectra(&mut self, filter: &Filter) -> EarSpectra {
-        let mut baked = self.baker.bake(filter);
-        EarSpectra([0, 1].map(|ear| {
-            let mut padded = std::mem::take(&mut baked[ear]);
+        self.baker.bake(filter).map(|mut padded| {
             padded.resize(self.n, 0.0);
             let mut bins = self.forward.make_output_vec();
             // The lengths are the plan's own, which is all that can be wrong.
             let _ = self.forward.process(&mut padded, &mut bins);
             bins
-        }))
+        })
     }
 
     /// Adds the sound of `signal` at both ears to `out`, of its length. `filter` gives spectra (`None` for those of the frame before) and
@@ -75,7 +67,7 @@ impl Wola {
         out: &mut [[f32; 2]],
         mut filter: impl FnMut(&mut Self, f64) -> (Option<EarSpectra>, f32),
     ) {
-        let mut now = EarSpectra([0, 1].map(|_| vec![Complex32::ZERO; self.n / 2 + 1]));
+        let mut now = [0, 1].map(|_| vec![Complex32::ZERO; self.n / 2 + 1]);
         let scale = 1.0 / self.n as f32;
         let (mut bins, mut product) = (self.forward.make_output_vec(), self.inverse.make_input_vec());
         let (mut frame, mut heard) = (self.forward.make_input_vec(), self.inverse.make_output_vec());
@@ -92,7 +84,7 @@ impl Wola {
                 *value = gain * window * sample(i);
             }
             let _ = self.forward.process(&mut frame, &mut bins);
-            for (ear, response) in now.0.iter().enumerate() {
+            for (ear, response) in now.iter().enumerate() {
                 product.iter_mut().zip(bins.iter().zip(response)).for_each(|(to, (a, b))| *to = a * b);
                 product[0].im = 0.0;
                 product[self.n / 2].im = 0.0;
@@ -119,17 +111,14 @@ impl Baker {
         Baker { spectra: Spectra::new(good_length(taps + max_delay.ceil() as usize + 32)) }
     }
 
-    /// Samples of a baked response.
     pub fn size(&self) -> usize {
         self.spectra.size()
     }
 
-    /// Both responses, delayed.
     pub fn bake(&mut self, filter: &Filter) -> [Vec<f32>; 2] {
         [0, 1].map(|ear| {
-            let bins = self.spectra.forward(filter.responses[ear].iter().map(|value| f64::from(*value)));
-            let later = shifted(&bins, self.spectra.size(), filter.delays[ear]);
-            self.spectra.inverse(&later).into_iter().map(|value| value as f32).collect()
+            let delayed = self.spectra.delayed(&filter.responses[ear], filter.delays[ear]);
+            delayed.into_iter().map(|value| value as f32).collect()
         })
     }
 }

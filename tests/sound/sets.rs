@@ -317,7 +317,7 @@ fn a_folder_of_wav_files_is_read_by_their_names() {
         write(folder.file("deep").join(name), &frames, Depth::Float32).unwrap();
     }
     let set = HrtfSet::open(folder.file("deep")).unwrap();
-    assert_eq!(set.directions().len(), model.directions.len());
+    assert_eq!(set.directions.len(), model.directions.len());
     assert_eq!((set.meta.licence.as_str(), set.meta.sha256.len()), ("Free of all", 64));
     let left = set.filter(DVec3::Y, Lookup::Aligned);
     assert!(left.delays[0] < left.delays[1] && ild_db(&left.responses[0], &left.responses[1]) > 3.0);

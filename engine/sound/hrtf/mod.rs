@@ -10,10 +10,8 @@ use glam::DVec3;
 pub use crate::internals::sound::geometry::degrees;
 pub use set::{Filter, HrtfSet, Lookup};
 
-/// Where a set comes from.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Meta {
-    /// The file's own title.
     pub title: String,
     /// Terms of use as the file states them.
     pub licence: String,
@@ -31,8 +29,5 @@ pub struct Measured {
     pub irs: Vec<[Vec<f32>; 2]>,
     /// By direction and ear, what the response is delayed by beyond its samples; samples.
     pub delays: Vec<[f64; 2]>,
-    /// Distance of the source, metres.
-    pub radius_m: f64,
-    /// Where they come from.
     pub meta: Meta,
 }

@@ -15,7 +15,6 @@ use crate::internals::sound::wav;
 /// Names by which a licence lies in a folder or above it.
 const LICENCES: [&str; 4] = ["LICENSE", "LICENSE.txt", "LICENSE.md", "COPYING"];
 
-/// Reads the stereo responses of a folder.
 pub fn read(folder: &Path) -> Result<Measured> {
     let fault = |path: &Path, reason: String| {
         Error::data(path, "", reason, "give a folder of stereo WAV files named azi_<degrees>_ele_<degrees>.wav")
@@ -47,7 +46,6 @@ pub fn read(folder: &Path) -> Result<Measured> {
         delays: vec![[0.0; 2]; irs.len()],
         directions,
         irs,
-        radius_m: 1.2,
         meta: Meta {
             title: format!("WAV files of {}", folder.display()),
             licence: licence(folder).unwrap_or_else(|| "not stated".into()),

@@ -8,7 +8,7 @@ use glam::DVec3;
 use super::{Measured, Meta, sadie, sofa, sphere};
 use crate::error::{Error, Result};
 use crate::internals::sound::FS;
-use crate::internals::sound::align::{Aligner, EXTRA, LEAD, before_onset, choose};
+use crate::internals::sound::align::{Aligner, LEAD, before_onset, choose};
 use crate::internals::sound::geometry::angles;
 use crate::internals::sound::hull::Hull;
 use crate::internals::sound::sinc::Resampler;
@@ -30,7 +30,6 @@ pub enum Lookup {
 /// Responses to both ears of one direction. An ear hears its response late by its delay less [`LEAD`] samples.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Filter {
-    /// Left and right.
     pub responses: [Vec<f32>; 2],
     /// Samples; negative where the response has more than [`LEAD`] samples before its onset.
     pub delays: [f64; 2],
@@ -38,25 +37,34 @@ pub struct Filter {
 
 /// A set of responses at 48 kHz, ready for any direction.
 pub struct HrtfSet {
-    directions: Vec<DVec3>,
-    /// [direction][ear][taps], as measured and normalised, [`LEAD`] taps and one at least.
-    raw: Vec<f32>,
-    raw_taps: usize,
-    /// By direction and ear, samples by which a measured response is later than its taps say.
-    extra: Vec<[f64; 2]>,
-    /// [direction][ear][taps], onset at `lead`.
-    aligned: Vec<f32>,
-    taps: usize,
+    /// Unit vectors in the head's frame.
+    #[doc(hidden)]
+    pub directions: Vec<DVec3>,
+    responses: Vec<Responses>,
     lead: usize,
-    /// By direction and ear, samples; `latency` has been taken away.
-    delays: Vec<[f64; 2]>,
-    latency: usize,
-    alignment_db: f64,
-    hull: Hull,
-    /// Distance of the measured sources, metres.
-    pub radius_m: f64,
+    /// Samples that all responses were late by and that were taken away.
+    #[doc(hidden)]
+    pub latency: usize,
+    /// Largest part of a response's energy that alignment cut off, dB.
+    #[doc(hidden)]
+    pub alignment_db: f64,
+    #[doc(hidden)]
+    pub hull: Hull,
     /// Where the set comes from.
     pub meta: Meta,
+}
+
+/// Those of a direction, by ear.
+#[derive(Clone)]
+struct Responses {
+    /// As measured and normalised, [`LEAD`] taps and one at least.
+    raw: [Vec<f32>; 2],
+    /// Samples by which the measured response is later than its taps say.
+    extra: [f64; 2],
+    /// With the onset at `lead`.
+    aligned: [Vec<f32>; 2],
+    /// Samples; `latency` has been taken away.
+    delays: [f64; 2],
 }
 
 impl HrtfSet {
@@ -83,7 +91,6 @@ impl HrtfSet {
         let irs: Vec<[Vec<f32>; 2]> =
             keep.iter().map(|i| measured.irs[*i].each_ref().map(|ir| resampler.apply(ir))).collect();
         let extra = keep.iter().map(|i| measured.delays[*i].map(|delay| delay * f64::from(FS) / measured.fs));
-        let extra: Vec<[f64; 2]> = extra.collect();
         let raw_taps = irs[0][0].len();
         if !TAPS.contains(&raw_taps) {
             let reason = format!("a response has {raw_taps} samples, not {} to {}", TAPS.start(), TAPS.end());
@@ -99,40 +106,30 @@ impl HrtfSet {
         let pairs = irs.iter().flatten().zip(onsets.iter().flatten());
         // Nothing but silence is cut off before any onset.
         let lead = pairs.map(|(response, onset)| before_onset(response, *onset)).fold(LEAD, usize::max);
-        let taps = raw_taps + EXTRA + lead - LEAD;
-        let (mut raw, mut aligned) = (Vec::new(), Vec::new());
-        let mut delays = Vec::with_capacity(irs.len());
-        let mut lost: f64 = 0.0;
         // Close to the head both ears hear what sounds at this tap.
-        let padding = (LEAD + 1).saturating_sub(raw_taps);
-        for ((ears, onsets), extra) in irs.iter().zip(onsets).zip(&extra) {
-            let mut both = *extra;
-            for ((ear, onset), delay) in ears.iter().zip(onsets).zip(&mut both) {
-                let found = aligner.align(ear, onset, lead);
-                *delay += onset;
-                lost = lost.max(found.lost);
-                raw.extend_from_slice(ear);
-                raw.resize(raw.len() + padding, 0.0);
-                aligned.extend_from_slice(&found.response);
-            }
-            delays.push(both);
+        let least_taps = LEAD + 1;
+        let (mut responses, mut lost) = (Vec::new(), 0.0);
+        for ((ears, onsets), extra) in irs.into_iter().zip(onsets).zip(extra) {
+            let aligned = [0, 1].map(|ear| aligner.align(&ears[ear], onsets[ear], lead));
+            lost = aligned.iter().map(|found| found.lost).fold(lost, f64::max);
+            let raw = ears.map(|mut ear| {
+                ear.resize(raw_taps.max(least_taps), 0.0);
+                ear
+            });
+            let delays = [0, 1].map(|ear| extra[ear] + onsets[ear]);
+            responses.push(Responses { raw, extra, aligned: aligned.map(|found| found.response), delays });
         }
-        let earliest = delays.as_flattened().iter().copied().fold(f64::INFINITY, f64::min);
+        let earliest = responses.iter().flat_map(|of| of.delays).fold(f64::INFINITY, f64::min);
         let latency = (earliest.max(0.0) as usize).min(LEAD);
-        delays.as_flattened_mut().iter_mut().for_each(|delay| *delay -= (latency + lead - LEAD) as f64);
+        let taken = (latency + lead - LEAD) as f64;
+        responses.iter_mut().flat_map(|of| &mut of.delays).for_each(|delay| *delay -= taken);
         let mut set = HrtfSet {
             directions,
-            raw,
-            raw_taps: raw_taps + padding,
-            extra,
-            aligned,
-            taps,
+            responses,
             lead,
-            delays,
             latency,
             alignment_db: 10.0 * lost.max(1e-30).log10(),
             hull,
-            radius_m: measured.radius_m,
             meta: measured.meta,
         };
         set.normalise();
@@ -144,7 +141,8 @@ impl HrtfSet {
     fn normalise(&mut self) {
         let front = self.filter(DVec3::X, Lookup::Aligned);
         let scale = (1.0 / energy(&front).max(f64::MIN_POSITIVE)).sqrt() as f32;
-        self.raw.iter_mut().chain(&mut self.aligned).for_each(|value| *value *= scale);
+        let responses = self.responses.iter_mut().flat_map(|of| of.raw.iter_mut().chain(&mut of.aligned));
+        responses.flatten().for_each(|value| *value *= scale);
     }
 
     /// From the left the left ear hears first and loudest: else azimuths run the other way, or the ears are swapped.
@@ -154,7 +152,7 @@ impl HrtfSet {
             return Ok(());
         }
         let [left, right] = [0, 1].map(|ear| self.raw(at, ear).iter().map(|v| f64::from(*v).powi(2)).sum::<f64>());
-        let [first, second] = self.delays[at];
+        let [first, second] = self.responses[at].delays;
         if first < second && left > right {
             return Ok(());
         }
@@ -168,23 +166,26 @@ impl HrtfSet {
         );
         Err(Error::data(source, "", reason, "count azimuth counter-clockwise from the front, the left ear first"))
     }
+}
 
+#[doc(hidden)]
+impl HrtfSet {
     /// The filter of a direction in the head's frame.
-    #[doc(hidden)]
     pub fn filter(&self, to: DVec3, lookup: Lookup) -> Filter {
         match lookup {
             Lookup::Nearest => {
-                let at = self.nearest(to);
-                let delays = self.extra[at].map(|extra| extra + (LEAD - self.latency) as f64);
-                Filter { responses: [0, 1].map(|ear| self.raw(at, ear).to_vec()), delays }
+                let nearest = &self.responses[self.nearest(to)];
+                let delays = nearest.extra.map(|extra| extra + (LEAD - self.latency) as f64);
+                Filter { responses: nearest.raw.clone(), delays }
             }
             Lookup::Aligned => {
-                let mut filter = Filter { responses: [0, 1].map(|_| vec![0.0; self.taps]), delays: [0.0; 2] };
+                let taps = self.taps(lookup);
+                let mut filter = Filter { responses: [0, 1].map(|_| vec![0.0; taps]), delays: [0.0; 2] };
                 for (at, weight) in self.hull.locate(to) {
+                    let from = &self.responses[at];
                     for (ear, response) in filter.responses.iter_mut().enumerate() {
-                        let from = &self.aligned[(2 * at + ear) * self.taps..][..self.taps];
-                        response.iter_mut().zip(from).for_each(|(to, from)| *to += weight as f32 * from);
-                        filter.delays[ear] += weight * self.delays[at][ear];
+                        response.iter_mut().zip(&from.aligned[ear]).for_each(|(to, from)| *to += weight as f32 * from);
+                        filter.delays[ear] += weight * from.delays[ear];
                     }
                 }
                 filter
@@ -192,55 +193,31 @@ impl HrtfSet {
         }
     }
 
-    /// The index of the direction that is nearest to `to`.
-    #[doc(hidden)]
     pub fn nearest(&self, to: DVec3) -> usize {
         let closeness = |at: &usize| self.directions[*at].dot(to);
         (0..self.directions.len()).max_by(|a, b| closeness(a).total_cmp(&closeness(b))).unwrap_or(0)
     }
 
-    /// Unit vectors of the measured directions.
-    #[doc(hidden)]
-    pub fn directions(&self) -> &[DVec3] {
-        &self.directions
-    }
-
-    /// The triangles between directions.
-    #[doc(hidden)]
-    pub fn hull(&self) -> &Hull {
-        &self.hull
-    }
-
     /// A measured response, normalised.
-    #[doc(hidden)]
     pub fn raw(&self, at: usize, ear: usize) -> &[f32] {
-        &self.raw[(2 * at + ear) * self.raw_taps..][..self.raw_taps]
+        &self.responses[at].raw[ear]
     }
 
     /// Taps of the responses that a lookup gives.
-    #[doc(hidden)]
     pub fn taps(&self, lookup: Lookup) -> usize {
         match lookup {
-            Lookup::Nearest => self.raw_taps,
-            Lookup::Aligned => self.taps,
+            Lookup::Nearest => self.responses[0].raw[0].len(),
+            Lookup::Aligned => self.responses[0].aligned[0].len(),
         }
     }
 
     /// The longest delay of a filter, samples.
-    #[doc(hidden)]
     pub fn max_delay(&self) -> f64 {
-        let nearest = self.extra.as_flattened().iter().map(|extra| extra + LEAD as f64);
-        self.delays.as_flattened().iter().copied().chain(nearest).fold(LEAD as f64, f64::max)
-    }
-
-    /// Samples that all responses were late by and that were taken away.
-    #[doc(hidden)]
-    pub fn latency(&self) -> usize {
-        self.latency
+        let nearest = self.responses.iter().flat_map(|of| of.extra).map(|extra| extra + LEAD as f64);
+        self.responses.iter().flat_map(|of| of.delays).chain(nearest).fold(LEAD as f64, f64::max)
     }
 
     /// The sample of a lookup's responses at which they begin to sound.
-    #[doc(hidden)]
     pub fn onset(&self, lookup: Lookup) -> usize {
         match lookup {
             Lookup::Nearest => LEAD,
@@ -248,38 +225,12 @@ impl HrtfSet {
         }
     }
 
-    /// Largest part of a response's energy that alignment cut off, dB.
-    #[doc(hidden)]
-    pub fn alignment_db(&self) -> f64 {
-        self.alignment_db
-    }
-
-    /// The set without some directions, as if they had not been measured.
-    #[doc(hidden)]
-    pub fn without(&self, left_out: &[usize]) -> Result<Self> {
-        let keep: Vec<usize> = (0..self.directions.len()).filter(|at| !left_out.contains(at)).collect();
-        let directions: Vec<DVec3> = keep.iter().map(|at| self.directions[*at]).collect();
-        let pick = |from: &[f32], taps: usize| -> Vec<f32> {
-            keep.iter().flat_map(|at| from[2 * at * taps..][..2 * taps].to_vec()).collect()
-        };
-        let hull = Hull::new(&directions).ok_or_else(|| {
-            Error::data(
-                Path::new(&self.meta.title),
-                "",
-                "the directions left do not surround the head",
-                "leave out fewer",
-            )
-        })?;
-        Ok(HrtfSet {
-            raw: pick(&self.raw, self.raw_taps),
-            aligned: pick(&self.aligned, self.taps),
-            extra: keep.iter().map(|at| self.extra[*at]).collect(),
-            delays: keep.iter().map(|at| self.delays[*at]).collect(),
-            directions,
-            hull,
-            meta: self.meta.clone(),
-            ..*self
-        })
+    /// The set without some directions, as if they had not been measured; none where the others do not surround the head.
+    pub fn without(&self, left_out: &[usize]) -> Option<Self> {
+        let kept: Vec<usize> = (0..self.directions.len()).filter(|at| !left_out.contains(at)).collect();
+        let directions: Vec<DVec3> = kept.iter().map(|at| self.directions[*at]).collect();
+        let responses = kept.iter().map(|at| self.responses[*at].clone()).collect();
+        Some(HrtfSet { hull: Hull::new(&directions)?, responses, directions, meta: self.meta.clone(), ..*self })
     }
 }
 

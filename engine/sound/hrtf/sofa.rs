@@ -29,15 +29,10 @@ const STACK: usize = 256 << 20;
 /// for each million bytes, is given up.
 const LIMIT: Duration = Duration::from_secs(20);
 
-/// Reads the responses of a SOFA file.
 pub fn read(path: &Path) -> Result<Measured> {
     let fault = |place: &str, reason: String| {
-        Error::data(
-            path,
-            place,
-            reason,
-            "give a SOFA file of the convention SimpleFreeFieldHRIR; the file may be damaged",
-        )
+        let remedy = "give a SOFA file of the convention SimpleFreeFieldHRIR; the file may be damaged";
+        Error::data(path, place, reason, remedy)
     };
     let bytes = fs::metadata(path).map(|file| file.len()).unwrap_or(0);
     if bytes > MAX_BYTES {
@@ -119,25 +114,23 @@ impl File {
             return Err(("Data.IR", format!("it has {} dimensions, not 3", ir.dimensions.len())));
         };
         if ears != 2 || ir.values.len() != n * ears * taps || n == 0 || taps == 0 {
-            return Err((
-                "Data.IR",
-                format!("{n} x {ears} x {taps} for {} values; two ears are needed", ir.values.len()),
-            ));
+            let reason = format!("{n} x {ears} x {taps} for {} values; two ears are needed", ir.values.len());
+            return Err(("Data.IR", reason));
         }
         if at.values.len() != 3 * n {
             return Err(("SourcePosition", format!("{} values for {n} directions", at.values.len())));
         }
-        if view.is_some_and(|view| {
-            view.values.len() == 3 && view.is_cartesian() && view.values[0] <= view.values[1].hypot(view.values[2])
-        }) {
+        let is_along_x = |view: &Array| match view.values[..] {
+            [x, y, z] if view.is_cartesian() && x <= y.hypot(z) => false,
+            _ => true,
+        };
+        if !view.as_ref().is_none_or(is_along_x) {
             return Err(("ListenerView", "the listener does not look along x".into()));
         }
         let is_cartesian = at.is_cartesian();
         let place = |row: &[f64]| {
-            let [a, b, c] = [row[0], row[1], row[2]];
-            if is_cartesian { (DVec3::new(a, b, c), DVec3::new(a, b, c).length()) } else { (degrees(a, b), c) }
+            if is_cartesian { DVec3::from_slice(row) } else { degrees(row[0], row[1]) }
         };
-        let places: Vec<(DVec3, f64)> = at.values.chunks(3).map(place).collect();
         let pair = |row: &[f64]| [row[0], row[1]];
         let delays = match delay.map(|delay| delay.values).unwrap_or_default() {
             none if none.is_empty() => vec![[0.0; 2]; n],
@@ -152,8 +145,7 @@ impl File {
         let title: Vec<String> = named.into_iter().flatten().filter(|part| !part.is_empty()).collect();
         Ok(Measured {
             fs: rate.values.first().copied().unwrap_or(0.0),
-            radius_m: places[0].1,
-            directions: places.into_iter().map(|(to, _)| to).collect(),
+            directions: at.values.chunks(3).map(place).collect(),
             irs,
             delays,
             meta: Meta {

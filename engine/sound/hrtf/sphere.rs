@@ -61,7 +61,6 @@ impl Sphere {
             directions: directions.to_vec(),
             irs,
             delays: vec![[0.0; 2]; directions.len()],
-            radius_m: self.distance,
             meta: Meta {
                 title: format!("rigid sphere, radius {} m (Duda and Martens 1998)", self.radius),
                 licence: "not needed (computed)".into(),
