@@ -14,13 +14,11 @@ pub const EXTRA: usize = 128;
 /// The part of its energy before which a response counts as silence.
 const SILENT: f64 = 1e-8;
 
-/// Aligns responses of one length.
 pub struct Aligner {
     taps: usize,
     spectra: Spectra,
 }
 
-/// A response without its delay.
 pub struct Aligned {
     /// The response with its onset at `lead`; `taps + EXTRA + lead - LEAD` samples.
     pub response: Vec<f32>,
@@ -28,7 +26,6 @@ pub struct Aligned {
     pub lost: f64,
 }
 
-/// A delay that a response may have.
 #[derive(Clone, Copy, Debug)]
 pub struct Candidate {
     /// Samples.
@@ -38,7 +35,6 @@ pub struct Candidate {
 }
 
 impl Aligner {
-    /// For responses of `taps` samples.
     pub fn new(taps: usize) -> Self {
         Aligner { taps, spectra: Spectra::new(good_length(4 * taps.max(EXTRA))) }
     }
@@ -64,9 +60,7 @@ impl Aligner {
 
     /// Takes a delay out of a response, so that its onset comes to lie at `lead`, which is [`LEAD`] to `LEAD + taps`.
     pub fn align(&mut self, response: &[f32], delay: f64, lead: usize) -> Aligned {
-        let n = self.spectra.size();
-        let bins = self.spectra.forward(response.iter().map(|value| f64::from(*value)));
-        let signal = self.spectra.inverse(&shifted(&bins, n, lead as f64 - delay));
+        let signal = self.spectra.delayed(response, lead as f64 - delay);
         let kept = self.taps + EXTRA + lead - LEAD;
         let energy = |part: &[f64]| part.iter().map(|value| value * value).sum::<f64>();
         let lost = energy(&signal[kept..]) / energy(&signal).max(f64::MIN_POSITIVE);
@@ -100,12 +94,6 @@ pub fn before_onset(response: &[f32], onset: f64) -> usize {
         sum > silent
     });
     (onset.ceil().max(0.0) as usize).saturating_sub(first.unwrap_or(0))
-}
-
-/// Bins of a signal that is later by `by` samples, of transforms of `n`.
-pub fn shifted(bins: &[Complex64], n: usize, by: f64) -> Vec<Complex64> {
-    let turn = |(k, bin): (usize, &Complex64)| bin * Complex64::from_polar(1.0, -2.0 * PI * k as f64 * by / n as f64);
-    bins.iter().enumerate().map(turn).collect()
 }
 
 /// The lag within a sample of `coarse` at which a correlation, given by its bins, is highest.

@@ -15,9 +15,7 @@ const STEP: usize = 16;
 pub struct Emitter<'a> {
     /// As heard at a distance of one scene unit.
     pub voice: &'a dyn Fn(f64) -> f64,
-    /// Where it is, world.
     pub place: &'a dyn Fn(f64) -> DVec3,
-    /// Scene units per second.
     pub speed_of_sound: f64,
 }
 

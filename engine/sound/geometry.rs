@@ -10,11 +10,8 @@ use super::pose::HeadPose;
 /// The horizontal plane of the sound field: x right, y forward, up.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SoundPlane {
-    /// Unit vector to the right.
     pub x: DVec3,
-    /// Unit vector forward.
     pub y: DVec3,
-    /// Unit vector up.
     pub up: DVec3,
 }
 
@@ -27,7 +24,6 @@ impl SoundPlane {
         Some(SoundPlane { x: y.cross(up), y, up })
     }
 
-    /// A vector's level part, in (x, y).
     pub fn level(&self, v: DVec3) -> DVec2 {
         DVec2::new(v.dot(self.x), v.dot(self.y))
     }
@@ -52,7 +48,6 @@ pub enum Mode {
     Physical,
 }
 
-/// A source as a listener has it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Bearing {
     /// Azimuth, radians in (-pi, pi], left positive.
@@ -63,13 +58,6 @@ pub struct Bearing {
     pub r_l: f64,
     /// Distance of the microphone from the source, scene units.
     pub r_m: f64,
-}
-
-impl Bearing {
-    /// Unit vector to the source in the head's frame.
-    pub fn direction(&self) -> DVec3 {
-        direction(self.az, self.el)
-    }
 }
 
 /// Unit vector of an azimuth and an elevation, x forward, y left, z up.

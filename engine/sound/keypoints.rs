@@ -28,7 +28,6 @@ const MIN_SIGMA: f64 = 1.0;
 /// From nose to mouth, relative to the largest distance between nose, eyes and ears.
 const NOSE_TO_MOUTH: f64 = 0.6;
 
-/// How keypoints are read.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct KeypointSettings {
     /// The number of the first frame, where the files do not tell.
@@ -37,13 +36,10 @@ pub struct KeypointSettings {
     pub image_size: Option<(u32, u32)>,
 }
 
-/// The mouths that a camera saw, by frame.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mouths {
     /// In pixels of the camera. A frame that is absent has none.
     pub frames: BTreeMap<u32, Vec<Mouth>>,
-    /// Persons of whom too little is seen.
-    pub n_hidden: u64,
 }
 
 #[derive(serde::Deserialize)]
@@ -89,10 +85,10 @@ pub fn keypoints_of(folder: &Path, camera: &str) -> Option<PathBuf> {
 impl Mouths {
     /// Reads a file of a clip or a folder with a file for each frame, and brings it to the pixels of `lens`.
     pub fn read(path: &Path, lens: &Lens, settings: &KeypointSettings) -> Result<Mouths> {
-        let mut frames = if path.is_dir() { read_folder(path)? } else { read_clip(path)? };
-        let base = base(path, &mut frames, settings)?;
+        let (frames, counts_from) = if path.is_dir() { read_folder(path)? } else { read_clip(path)? };
+        let base = base(path, frames.keys().next().copied(), counts_from, settings)?;
         let mut mouths = Mouths::default();
-        for (number, persons) in frames.frames {
+        for (number, persons) in frames {
             let frame = number.checked_sub(base).and_then(|frame| u32::try_from(frame).ok());
             let Some(frame) = frame.filter(|frame| *frame < MAX_FRAMES) else {
                 let reason = format!("has the frame {number}; the first is {base}, and at most {MAX_FRAMES} are read");
@@ -101,10 +97,7 @@ impl Mouths {
             for person in persons {
                 let found =
                     mouth(&person).map_err(|reason| Error::data(path, format!("frame {number}"), reason, REMEDY))?;
-                match found {
-                    Some(found) => mouths.frames.entry(frame).or_default().push(found),
-                    None => mouths.n_hidden += 1,
-                }
+                found.into_iter().for_each(|found| mouths.frames.entry(frame).or_default().push(found));
             }
         }
         mouths.fit(path, lens, settings.image_size)?;
@@ -120,12 +113,8 @@ impl Mouths {
                     "is of {width} x {height} pixels, the camera has {} x {}",
                     lens.intrinsics.width, lens.intrinsics.height
                 );
-                return Err(Error::data(
-                    path,
-                    "",
-                    reason,
-                    "detect on pictures of the camera's shape, not cropped ones",
-                ));
+                let remedy = "detect on pictures of the camera's shape, not cropped ones";
+                return Err(Error::data(path, "", reason, remedy));
             }
             let scale = DVec2::new(w / from_w, h / from_h);
             for mouth in self.frames.values_mut().flatten() {
@@ -149,23 +138,18 @@ impl Mouths {
     }
 }
 
-/// Frames by the numbers of their files or lists.
-struct Numbered {
-    frames: BTreeMap<u64, Vec<Vec<Keypoint>>>,
-    /// Of a list that begins with this number in its writer's way of counting.
-    counts_from: Option<u64>,
-}
+/// Frames by the numbers of their files or lists; and of a list the number with which its writer begins to count.
+type Numbered = (BTreeMap<u64, Vec<Vec<Keypoint>>>, Option<u64>);
 
 /// The number of the first frame: 1 where only MMPose's demo counts that way, 0 where there is a frame 0.
-fn base(path: &Path, frames: &mut Numbered, settings: &KeypointSettings) -> Result<u64> {
+fn base(path: &Path, least: Option<u64>, counts_from: Option<u64>, settings: &KeypointSettings) -> Result<u64> {
     if let Some(first) = settings.first_frame {
         return Ok(first.into());
     }
-    let Some(least) = frames.frames.keys().next() else { return Ok(0) };
-    match frames.counts_from {
-        Some(known) if *least == known => Ok(known),
-        None if *least == 0 => Ok(0),
-        _ => {
+    match (least, counts_from.unwrap_or(0)) {
+        (None, _) => Ok(0),
+        (Some(least), known) if least == known => Ok(known),
+        (Some(least), _) => {
             let reason = format!("begins with the frame {least}: it is not known whether the clip does too");
             Err(Error::data(path, "", reason, "give the number of the clip's first frame with --first-frame"))
         }
@@ -180,16 +164,13 @@ fn read_folder(folder: &Path) -> Result<Numbered> {
         let Some(number) = number(&path) else {
             return Err(Error::data(&path, "", "has no number in its name", "name the files after their frames"));
         };
-        let mut persons = Vec::new();
-        for (_, found) in read_file(&path)?.0 {
-            persons.extend(found);
-        }
+        let persons = read_file(&path)?.0.into_iter().flat_map(|(_, found)| found).collect();
         if frames.insert(number, persons).is_some() {
             let reason = format!("is the second file of frame {number}");
             return Err(Error::data(&path, "", reason, "keep the files of one detector and camera in a folder"));
         }
     }
-    Ok(Numbered { frames, counts_from: None })
+    Ok((frames, None))
 }
 
 fn read_clip(path: &Path) -> Result<Numbered> {
@@ -202,7 +183,7 @@ fn read_clip(path: &Path) -> Result<Numbered> {
         };
         frames.entry(number).or_default().extend(persons);
     }
-    Ok(Numbered { frames, counts_from })
+    Ok((frames, counts_from))
 }
 
 /// The last number in a name: of `clip_000000000012_keypoints.json`, 12.
@@ -279,7 +260,6 @@ fn keypoint(x: Option<f64>, y: Option<f64>, score: Option<f64>) -> Keypoint {
     (DVec2::new(number(x), number(y)), number(score))
 }
 
-/// The mouth of a person in a picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mouth {
     /// Its middle, pixels of the picture that the detector saw.
@@ -296,7 +276,6 @@ pub struct Mouth {
     pub approx: bool,
 }
 
-/// Where a list of points has what is of use.
 struct Layout {
     /// First of twelve points of the outer lip and eight of the inner; both begin at the speaker's right corner, upper lip first.
     lips: Option<usize>,

@@ -19,7 +19,6 @@ pub const CONFIDENT: f64 = 2.0;
 /// A recording whose loudest sample is below this has no sound.
 const SILENT: f32 = 1e-4;
 
-/// How a recording lies against the others.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lag {
     /// How much later it hears what the reference hears, seconds: as much earlier it began. Sound takes 3 ms for a metre, which counts.
@@ -106,7 +105,6 @@ fn compared(spectra: &mut Spectra, a: &[Complex64], b: &[Complex64], rate: f64) 
 mod tests {
     use super::*;
 
-    /// Noise that the number tells, uniform in -1 to 1.
     fn noise(seed: u32, n: usize) -> Vec<f32> {
         let mut state = seed.wrapping_mul(2_654_435_761).wrapping_add(1);
         let mut next = || {

@@ -10,7 +10,7 @@ use glam::DVec3;
 use super::FS;
 use super::align::LEAD;
 use super::fir::{State, Voice};
-use super::geometry::{Bearing, Mode, angles, gain};
+use super::geometry::{Bearing, Mode, angles, direction, gain};
 use super::hrtf::{HrtfSet, Lookup};
 use super::pose::PoseTrack;
 use super::sinc::{DelayTable, Resampler};
@@ -45,7 +45,6 @@ impl Live {
         Live { signals, sources: sounds.sources().to_vec(), law: sounds.law(), hrtf, table: DelayTable::new(), faults }
     }
 
-    /// A listener who has heard nothing yet.
     pub fn listener(&self) -> Listener<'_> {
         Listener { live: self, heard: self.sources.iter().map(|_| None).collect() }
     }
@@ -57,12 +56,11 @@ impl Live {
         // A file that does not say where it was recorded: as loud as its payload at the distance 1 and below.
         let (r_m, r_min) = self.law.0.map_or((1.0, 1.0), |mic| (place.distance(mic.into()), self.law.1));
         let bearing = Bearing { az, el, r_l: place.distance(head.p), r_m };
-        let filter = Rc::new(self.hrtf.filter(bearing.direction(), Lookup::Aligned));
+        let filter = Rc::new(self.hrtf.filter(direction(az, el), Lookup::Aligned));
         State { filter, gain: source.gain * gain(Mode::Paper3d, &bearing, r_min) }
     }
 }
 
-/// The samples of a source at [`FS`].
 fn signal(source: &AudioSource) -> Result<Vec<f32>> {
     let name = format!("sound \"{}\"", source.name);
     let name = Path::new(&name);
@@ -77,7 +75,6 @@ fn signal(source: &AudioSource) -> Result<Vec<f32>> {
     Ok(Resampler::new(recording.fs, FS, 0.0).apply(&samples))
 }
 
-/// A listener on the way.
 pub struct Listener<'a> {
     live: &'a Live,
     heard: Vec<Option<Playing<'a>>>,

@@ -33,7 +33,6 @@ const MIN_SECONDS: f64 = 0.1;
 /// Squared Mahalanobis distance beyond which a place is of someone else: 0.999 of chi squared with three degrees.
 const GATE: f64 = 16.27;
 
-/// How sources are localised.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LocalizeSettings {
     /// Metres in a scene unit. `None` estimates it from the width of mouths, well enough for the smoothing.
@@ -42,21 +41,17 @@ pub struct LocalizeSettings {
     pub hold: bool,
 }
 
-/// Tracks, and how good they are.
 #[derive(Clone, Debug)]
 pub struct Localized {
     /// The one that is found most often first; ids `p0`, `p1`, and so on. A sample for each frame of the clip.
     pub tracks: Vec<SourceTrack>,
     /// Mean opening of the lips by track and frame, relative to their width; NaN where it is not seen.
     pub openings: Vec<Vec<f64>>,
-    /// Its numbers.
     pub report: LocalizeReport,
 }
 
-/// Numbers of a localisation.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct LocalizeReport {
-    /// Frames of the clip.
     pub frames: usize,
     /// Mouths that the detectors saw, by camera.
     pub mouths: BTreeMap<String, usize>,
@@ -68,16 +63,12 @@ pub struct LocalizeReport {
     pub stray_places: usize,
     /// Metres in a scene unit, as given or estimated; the smoothing uses it.
     pub metres_per_unit: f64,
-    /// True if it was estimated.
     pub is_scale_estimated: bool,
-    /// The sources.
     pub sources: Vec<SourceReport>,
 }
 
-/// Numbers of a source.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct SourceReport {
-    /// Names its track.
     pub id: String,
     /// Frames by how its place was found.
     pub flags: BTreeMap<&'static str, usize>,
@@ -316,7 +307,7 @@ fn samples(
         let t = frame as f64 * dt;
         let at = frame.clamp(first, last);
         let state = &states[at - first];
-        let c = state.place_cov();
+        let c = state.cov[0][0];
         let cov = [c.x_axis.x, c.x_axis.y, c.x_axis.z, c.y_axis.y, c.y_axis.z, c.z_axis.z];
         let unseen = |p: DVec3, flag: Flag| SourceSample { t, p, cov, views: 0, reproj_px: 0.0, flag };
         if at != frame {

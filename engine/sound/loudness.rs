@@ -10,7 +10,6 @@ use crate::error::{Error, Result};
 /// True peaks are kept below this, dBTP (EBU R 128 for programmes).
 pub const PEAK_LIMIT_DB: f64 = -1.0;
 
-/// Loudness and peak.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Loudness {
     /// Integrated loudness, LUFS; none for silence.
@@ -44,7 +43,6 @@ fn refused(fault: ebur128::Error) -> Error {
     Error::data(Path::new("rendered sound"), "", format!("loudness: {fault}"), "check the input's level")
 }
 
-/// Makes frames louder by `gain_db` decibels.
 pub fn amplify<const N: usize>(frames: &mut [[f32; N]], gain_db: f64) {
     let scale = 10f64.powf(gain_db / 20.0) as f32;
     frames.as_flattened_mut().iter_mut().for_each(|value| *value *= scale);

@@ -14,7 +14,7 @@ use glam::{DMat3, DQuat, DVec3};
 
 use super::pose::{HeadPose, PoseTrack};
 use crate::error::{Error, Result};
-use crate::files::read_text;
+use crate::files::{cannot_read, read_text};
 use crate::scene;
 
 /// Largest deviation of R R^T from the identity, entry by entry.
@@ -57,7 +57,6 @@ impl HeadPose {
 /// A path, as its file has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeadPath {
-    /// Where the head is.
     pub track: PoseTrack,
     /// Pictures per second, width and height in pixels, and the vertical field of view in degrees, where the file says.
     pub camera: Option<PathCamera>,
@@ -68,9 +67,7 @@ pub struct HeadPath {
 pub struct PathCamera {
     /// Pictures per second.
     pub fps: f64,
-    /// Pixels.
     pub width: u32,
-    /// Pixels.
     pub height: u32,
     /// Vertical field of view of the first picture, degrees.
     pub fov: f64,
@@ -79,8 +76,7 @@ pub struct PathCamera {
 /// Reads a path; see the module for the kinds of files. `convention` replaces the kind's own.
 pub fn read_path(path: impl AsRef<Path>, convention: Option<Convention>) -> Result<HeadPath> {
     let path = path.as_ref();
-    let text =
-        read_text(path).map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
+    let text = read_text(path).map_err(|fault| cannot_read(path, &fault))?;
     let ending = path.extension().map(|ending| ending.to_string_lossy().to_lowercase());
     let (poses, camera, own) = match ending.as_deref() {
         Some("json") => nerfstudio(path, &text)?,

@@ -18,7 +18,6 @@ pub struct HeadPose {
 }
 
 impl HeadPose {
-    /// The head's forward axis in the world.
     pub fn forward(&self) -> DVec3 {
         self.q * DVec3::X
     }
@@ -64,7 +63,6 @@ impl PoseTrack {
         Ok(PoseTrack { poses })
     }
 
-    /// A head that stays.
     pub fn still(p: DVec3, q: DQuat) -> Self {
         PoseTrack { poses: vec![HeadPose { t: 0.0, p, q }] }
     }
@@ -84,7 +82,6 @@ impl PoseTrack {
         }
     }
 
-    /// The poses, in the order of time.
     pub fn poses(&self) -> &[HeadPose] {
         &self.poses
     }

@@ -7,7 +7,7 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 use super::path::Convention;
 use super::pose::{HeadPose, PoseTrack};
 use crate::error::{Error, Result};
-use crate::files::read_file;
+use crate::files::read_json;
 use crate::scene::Pose;
 use crate::scene::capture::{Camera, CaptureSettings, Faults, camera_place, describe};
 use crate::scene::undistort::Lens;
@@ -15,7 +15,6 @@ use crate::scene::undistort::Lens;
 /// A camera with its clock.
 #[derive(Clone, Debug)]
 pub struct RigCamera {
-    /// Unique.
     pub name: String,
     /// Distortion included.
     pub lens: Lens,
@@ -59,14 +58,11 @@ impl RigCamera {
     }
 }
 
-/// The cameras of a capture.
 #[derive(Clone, Debug)]
 pub struct Rig {
     /// Training and test cameras.
     pub cameras: Vec<RigCamera>,
-    /// Frames per second.
     pub fps: f64,
-    /// Frames of the clip.
     pub n_frames: u32,
 }
 
@@ -83,20 +79,17 @@ impl Rig {
         Self::open_with(path, &CaptureSettings::default())
     }
 
-    /// Reads the calibration of a capture as `settings` say.
     pub fn open_with(path: &Path, settings: &CaptureSettings) -> Result<Rig> {
         let mut faults = Faults::default();
-        let described = describe(path, settings, &mut faults).map(|(_, mut builder)| {
+        let mut described = describe(path, settings, &mut faults);
+        if let Some((_, builder)) = &mut described {
             builder.cut(path, settings.frames, &mut faults);
-            builder
-        });
+        }
         if let Some(error) = faults.first() {
             return Err(error);
         }
-        let Some(builder) = described else {
-            let remedy = "give a capture folder; `ivv prepare` makes one";
-            return Err(Error::data(path, "", "not a recognised capture", remedy));
-        };
+        let remedy = "give a capture folder; `ivv prepare` makes one";
+        let (_, builder) = described.ok_or_else(|| Error::data(path, "", "not a recognised capture", remedy))?;
         let bad = |place: String, reason: String| {
             Err(Error::data(&builder.calibration, place, reason, "`ivv check` lists all faults of the capture"))
         };
@@ -131,19 +124,14 @@ impl Rig {
     /// Takes the clocks from the `offsets.json` that `ivv train` writes; a camera that it does not name keeps the true time.
     pub fn read_offsets(&mut self, path: &Path) -> Result<()> {
         let remedy = "give the offsets.json of a run on this capture";
-        let fault = |reason: String| Error::data(path, "", reason, remedy);
-        let text = read_file(path).map_err(|e| fault(format!("cannot be read: {e}")))?;
-        let rows: Vec<Offset> = serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))?;
-        let mut n_found = 0;
+        let rows: Vec<Offset> = read_json(path, "list of offsets", remedy)?;
+        let mut has_found = false;
         for camera in &mut self.cameras {
             if let Some(row) = rows.iter().find(|row| row.camera == camera.name) {
                 camera.offset = row.offset;
-                n_found += 1;
+                has_found = true;
             }
         }
-        if n_found == 0 {
-            return Err(fault("names no camera of the capture".to_owned()));
-        }
-        Ok(())
+        if has_found { Ok(()) } else { Err(Error::data(path, "", "names no camera of the capture", remedy)) }
     }
 }

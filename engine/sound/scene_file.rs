@@ -20,10 +20,10 @@ use super::pose::{HeadPose, PoseTrack};
 use super::source_track::SourceTrack;
 use super::wav::Channel;
 use crate::error::{Error, Result};
-use crate::files::{read_file, write_atomic};
+use crate::files::{read_json, write_atomic};
 
-/// The file's version.
 const VERSION: u32 = 1;
+const REMEDY: &str = "see engine/sound/README.md for what a scene holds";
 
 /// A recording and the places of who is in it.
 #[derive(Clone, Debug)]
@@ -32,31 +32,24 @@ pub struct SoundScene {
     pub metres_per_unit: Option<f64>,
     /// Up, world.
     pub up: DVec3,
-    /// The microphone.
     pub mic: Mic,
     /// Who is heard; at least one.
     pub sources: Vec<Source>,
 }
 
-/// A microphone.
 #[derive(Clone, Debug)]
 pub struct Mic {
-    /// The camera that it belongs to.
     pub camera: String,
     /// Where it was, looking as its camera looked.
     pub pose: PoseTrack,
-    /// Its recording.
     pub wav: PathBuf,
-    /// Which channel of it.
     pub channel: Channel,
     /// Time of the recording's first sample, seconds.
     pub offset_s: f64,
 }
 
-/// A source.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Where it is.
     pub track: SourceTrack,
     /// The microphone's recording of it alone, where there is one.
     pub wav: Option<PathBuf>,
@@ -114,11 +107,8 @@ impl SoundScene {
     /// Reads a scene and the tracks that it names.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
-        let fault = |place: &str, reason: String| {
-            Error::data(path, place, reason, "see engine/sound/README.md for what a scene holds")
-        };
-        let bytes = read_file(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
-        let file: SceneFile = serde_json::from_slice(&bytes).map_err(|e| fault("", e.to_string()))?;
+        let fault = |place: &str, reason: String| Error::data(path, place, reason, REMEDY);
+        let file: SceneFile = read_json(path, "sound scene", REMEDY)?;
         if file.version != VERSION {
             return Err(fault("version", format!("it is {}, not {VERSION}", file.version)));
         }
@@ -142,10 +132,8 @@ impl SoundScene {
         for source in file.sources {
             let is_gate = |(from, to): &(f64, f64)| from.is_finite() && to.is_finite() && from < to;
             if !(source.gates.iter().all(is_gate) && source.gain_db.is_finite()) {
-                return Err(fault(
-                    &format!("source {}", source.id),
-                    "a gate ends before it begins, or a gain is no number".into(),
-                ));
+                let reason = "a gate ends before it begins, or a gain is no number";
+                return Err(fault(&format!("source {}", source.id), reason.into()));
             }
             let track = SourceTrack { id: source.id, ..SourceTrack::read_csv(&folder.join(source.track))? };
             let wav = source.wav.map(|wav| folder.join(wav));

@@ -8,14 +8,12 @@ type Blocks = [[DMat3; 2]; 2];
 /// Place and velocity with their covariance.
 #[derive(Clone, Copy, Debug)]
 pub struct State {
-    /// World.
     pub p: DVec3,
     /// World, per second.
     pub v: DVec3,
-    cov: Blocks,
+    pub(super) cov: Blocks,
 }
 
-/// How things move.
 #[derive(Clone, Copy, Debug)]
 pub struct Motion {
     /// Spectral density of the acceleration, scene units squared per second cubed.
@@ -25,18 +23,11 @@ pub struct Motion {
 }
 
 impl State {
-    /// A new state at `p`.
     pub fn new(p: DVec3, cov: DMat3, motion: Motion) -> State {
         let unknown = DMat3::from_diagonal(DVec3::splat(motion.speed * motion.speed));
         State { p, v: DVec3::ZERO, cov: [[cov, DMat3::ZERO], [DMat3::ZERO, unknown]] }
     }
 
-    /// Covariance of the place.
-    pub fn place_cov(&self) -> DMat3 {
-        self.cov[0][0]
-    }
-
-    /// The state `dt` seconds later.
     pub fn predicted(&self, dt: f64, motion: Motion) -> State {
         let [[a, b], [bt, c]] = self.cov;
         let noise = |factor: f64| DMat3::from_diagonal(DVec3::splat(motion.density * factor));
@@ -45,7 +36,6 @@ impl State {
         State { p: self.p + dt * self.v, v: self.v, cov: [[place, across], [across.transpose(), c + noise(dt)]] }
     }
 
-    /// The state when it is also seen at `p`.
     pub fn updated(&self, p: DVec3, cov: DMat3) -> State {
         let [[a, b], [bt, c]] = self.cov;
         let inverse = (a + cov).inverse();

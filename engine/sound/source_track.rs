@@ -1,17 +1,15 @@
 //! Where a source of sound is over time, and the CSV file of it.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use glam::DVec3;
 
 use crate::error::{Error, Result};
-use crate::files::{read_text, write_atomic};
+use crate::files::{cannot_read, read_text, write_atomic};
 
 const HEADER: &str = "t,x,y,z,cxx,cxy,cxz,cyy,cyz,czz,views,reproj_px,flag";
 const REMEDY: &str = "write the columns that `ivv sound localize` writes";
 
-/// How a sample was found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Flag {
@@ -36,13 +34,11 @@ impl Flag {
         (Flag::Approx, "approx"),
     ];
 
-    /// As the file spells it.
     pub fn name(self) -> &'static str {
         Flag::ALL.iter().find(|(flag, _)| *flag == self).map_or("", |(_, name)| name)
     }
 }
 
-/// A source at one time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SourceSample {
     /// Seconds of the clip.
@@ -55,18 +51,15 @@ pub struct SourceSample {
     pub views: u16,
     /// Root mean square of what they disagree by, pixels.
     pub reproj_px: f32,
-    /// How it was found.
     pub flag: Flag,
 }
 
-/// A source over time.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SourceTrack {
     /// Names the source and its file.
     pub id: String,
     /// In order of time; at least one.
     pub samples: Vec<SourceSample>,
-    /// Samples per second.
     pub fps: f64,
 }
 
@@ -100,8 +93,7 @@ impl SourceTrack {
 
     /// Reads a CSV file of these columns; the file's name without ending is the id, the rate is that of the times.
     pub fn read_csv(path: &Path) -> Result<SourceTrack> {
-        let text = read_text(path)
-            .map_err(|fault| Error::data(path, "", format!("cannot be read: {fault}"), "check the path"))?;
+        let text = read_text(path).map_err(|fault| cannot_read(path, &fault))?;
         let mut lines = text.lines().enumerate();
         let header = lines.next().map_or("", |(_, line)| line.trim());
         if header != HEADER {
@@ -116,14 +108,13 @@ impl SourceTrack {
             }
             samples.push(sample);
         }
-        let [first, .., last] = samples.as_slice() else {
-            if samples.is_empty() {
-                return Err(Error::data(path, "", "holds no sample", REMEDY));
-            }
-            return Ok(SourceTrack { id: id(path), samples, fps: 1.0 });
+        let fps = match samples.as_slice() {
+            [] => return Err(Error::data(path, "", "holds no sample", REMEDY)),
+            [_] => 1.0,
+            [first, .., last] => (samples.len() - 1) as f64 / (last.t - first.t),
         };
-        let fps = (samples.len() - 1) as f64 / (last.t - first.t);
-        Ok(SourceTrack { id: id(path), samples, fps })
+        let id = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        Ok(SourceTrack { id, samples, fps })
     }
 
     /// Writes the file that [`SourceTrack::read_csv`] reads back as equal samples.
@@ -131,15 +122,10 @@ impl SourceTrack {
         let mut text = format!("{HEADER}\n");
         for SourceSample { t, p, cov, views, reproj_px, flag } in &self.samples {
             let numbers: Vec<String> = [*t, p.x, p.y, p.z].iter().chain(cov).map(|number| number.to_string()).collect();
-            // A string takes all that is written into it.
-            let _ = writeln!(text, "{},{views},{reproj_px},{}", numbers.join(","), flag.name());
+            text += &format!("{},{views},{reproj_px},{}\n", numbers.join(","), flag.name());
         }
         write_atomic(path, |to| to.write_all(text.as_bytes()))
     }
-}
-
-fn id(path: &Path) -> String {
-    path.file_stem().map_or_else(String::new, |stem| stem.to_string_lossy().into_owned())
 }
 
 fn sample(line: &str) -> std::result::Result<SourceSample, String> {

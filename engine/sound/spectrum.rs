@@ -1,5 +1,6 @@
 //! Fourier transforms of real signals in f64, for what is prepared once (responses) or measured.
 
+use std::f64::consts::PI;
 use std::sync::Arc;
 
 use realfft::num_complex::Complex64;
@@ -19,7 +20,6 @@ impl Spectra {
         Spectra { n, forward: planner.plan_fft_forward(n), inverse: planner.plan_fft_inverse(n) }
     }
 
-    /// Samples of a transform.
     pub fn size(&self) -> usize {
         self.n
     }
@@ -32,6 +32,15 @@ impl Spectra {
         // The lengths are the plan's own, which is all that can be wrong.
         let _ = self.forward.process(&mut padded, &mut bins);
         bins
+    }
+
+    /// A signal that is later by `by` samples; what leaves at one end comes in at the other.
+    pub fn delayed(&mut self, signal: &[f32], by: f64) -> Vec<f64> {
+        let mut bins = self.forward(signal.iter().map(|value| f64::from(*value)));
+        for (k, bin) in bins.iter_mut().enumerate() {
+            *bin *= Complex64::from_polar(1.0, -2.0 * PI * k as f64 * by / self.n as f64);
+        }
+        self.inverse(&bins)
     }
 
     /// The signal of bins 0 to n / 2, scaled so that it undoes [`Spectra::forward`].

@@ -13,12 +13,9 @@ const HUBER: f64 = 2.0;
 const STEPS: usize = 30;
 const HALVINGS: usize = 20;
 
-/// A detection in one camera.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Sight {
-    /// Tells cameras apart.
     pub camera: usize,
-    /// Where the camera was.
     pub pose: Pose,
     /// Focal lengths, pixels.
     pub focal: DVec2,
@@ -50,9 +47,7 @@ impl Sight {
 /// A place on which sights agree.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Fix {
-    /// World.
     pub p: DVec3,
-    /// Covariance of `p`.
     pub cov: DMat3,
     /// How much wider `cov` is than the sights' standard deviations make it, because the sights disagree by more; at least 1.
     pub excess: f64,
