@@ -27,27 +27,6 @@ const RENAMED: [(&str, &str); 7] = [
     ("--Mapper.fix_existing_images", "--Mapper.fix_existing_frames"),
 ];
 
-/// Runs a command: its output, and the result; `hear` gets each line. Where COLMAP does not know one option, it runs again with the
-/// newer name.
-pub(super) fn attempt(
-    verb: &str,
-    arguments: &Arguments,
-    about: &Path,
-    hear: &mut dyn FnMut(&str),
-) -> Result<(Vec<u8>, Result<()>)> {
-    let mut arguments = arguments.to_vec();
-    loop {
-        let pairs = arguments.iter().flat_map(|(name, value)| [OsStr::new(name), value]);
-        let words: Vec<&OsStr> = std::iter::once(OsStr::new(verb)).chain(pairs).collect();
-        let (said, outcome) = COLMAP.attempt(words, about, hear)?;
-        let Some(renamed) = outcome.as_ref().err().and_then(|fault| unknown_option(&fault.to_string(), &arguments))
-        else {
-            return Ok((said, outcome));
-        };
-        arguments[renamed.0].0 = renamed.1;
-    }
-}
-
 fn unknown_option(fault: &str, arguments: &Arguments) -> Option<(usize, &'static str)> {
     let (old, new) = RENAMED.into_iter().find(|(old, _)| fault.contains(&format!("'{old}'")))?;
     let place = arguments.iter().position(|(name, _)| *name == old)?;
@@ -63,13 +42,29 @@ pub(super) struct Colmap<'a> {
 }
 
 impl Colmap<'_> {
-    pub fn attempt(&self, verb: &str, arguments: &Arguments) -> Result<(Vec<u8>, Result<()>)> {
-        let given = [("--database_path", self.database.as_os_str())];
-        attempt(verb, &[&given, arguments].concat(), self.about, &mut |_| {})
+    /// Runs a command on the database: its output, and the result; `hear` gets each line. Where COLMAP does not know one option, it
+    /// runs again with the newer name.
+    pub fn attempt(
+        &self,
+        verb: &str,
+        arguments: &Arguments,
+        hear: &mut dyn FnMut(&str),
+    ) -> Result<(Vec<u8>, Result<()>)> {
+        let mut arguments = [&[("--database_path", self.database.as_os_str())], arguments].concat();
+        loop {
+            let pairs = arguments.iter().flat_map(|(name, value)| [OsStr::new(name), value]);
+            let words: Vec<&OsStr> = std::iter::once(OsStr::new(verb)).chain(pairs).collect();
+            let (said, outcome) = COLMAP.attempt(words, self.about, hear)?;
+            let Some(renamed) = outcome.as_ref().err().and_then(|fault| unknown_option(&fault.to_string(), &arguments))
+            else {
+                return Ok((said, outcome));
+            };
+            arguments[renamed.0].0 = renamed.1;
+        }
     }
 
     pub fn run(&self, verb: &str, arguments: &Arguments) -> Result<()> {
-        self.attempt(verb, arguments)?.1
+        self.attempt(verb, arguments, &mut |_| {})?.1
     }
 
     /// Features of all images, lens by lens: each lens becomes a camera of the database, numbered from 1 in this order.
@@ -114,7 +109,7 @@ impl Colmap<'_> {
             ("--clear_points", OsStr::new(ON)),
             ("--Mapper.num_threads", OsStr::new(&self.threads)),
         ];
-        let (said, outcome) = self.attempt("point_triangulator", &[&arguments, options].concat())?;
+        let (said, outcome) = self.attempt("point_triangulator", &[&arguments, options].concat(), &mut |_| {})?;
         if outcome.is_err() && found_nothing(&String::from_utf8_lossy(&said)) {
             return Ok(false);
         }

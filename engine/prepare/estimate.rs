@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use super::settings::{PrepareSettings, Progress, Triangulate};
-use super::{Preparation, prepare_posed, triangulate};
+use super::settings::{OnProgress, PrepareSettings, Triangulate};
+use super::{Preparation, make, triangulate};
 use crate::error::{Error, Result};
 use crate::scene::capture::Frames;
 
@@ -37,7 +37,6 @@ pub struct StageEstimate {
     pub bytes: u64,
 }
 
-/// A folder that is removed when this is dropped.
 struct Scratch(PathBuf);
 
 impl Drop for Scratch {
@@ -48,7 +47,7 @@ impl Drop for Scratch {
 }
 
 /// Prepares some frames of a source that has cameras in a folder beside the output, which is removed, and estimates all from them.
-pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Estimate> {
+pub fn estimate(settings: &PrepareSettings, progress: OnProgress) -> Result<Estimate> {
     settings.check()?;
     let Preparation { source, images, settings, .. } = Preparation::faultless(settings)?;
     let (n, every) = (images.n_frames(), settings.frames.every);
@@ -65,7 +64,7 @@ pub fn estimate(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)
     // When each stage was last heard of.
     let heard: Mutex<HashMap<&'static str, Instant>> = Mutex::default();
     let mut before = Instant::now();
-    let prepared = prepare_posed(&sample, None, Vec::new(), &|update| {
+    let prepared = make(Preparation::new(&sample)?, None, Vec::new(), &|update| {
         heard.lock().unwrap_or_else(PoisonError::into_inner).insert(update.stage, Instant::now());
         progress(update);
     })?;
@@ -100,9 +99,7 @@ fn scratch_folder(output: &Path) -> Result<PathBuf> {
     let Some(name) = output.file_name() else {
         return Err(Error::data(output, "", "this names no folder", "choose another folder with -o"));
     };
-    let mut hidden = std::ffi::OsString::from(".");
-    hidden.push(name);
-    hidden.push(format!(".plan-{}", std::process::id()));
+    let hidden = format!(".{}.plan-{}", name.to_string_lossy(), std::process::id());
     Ok(output.with_file_name(hidden))
 }
 

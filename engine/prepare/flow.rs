@@ -10,7 +10,7 @@ use serde_json::json;
 use super::images::{Camera, Images};
 use super::journal::Journal;
 use super::program::last_line;
-use super::settings::{PrepareSettings, Progress, Share};
+use super::settings::{OnProgress, PrepareSettings, Progress, Share};
 use crate::error::{Error, Result};
 use crate::parallel::{in_parallel, memory};
 
@@ -61,7 +61,7 @@ pub(super) fn make(
     settings: &PrepareSettings,
     share: Share,
     journal: &Journal,
-    progress: &(dyn Fn(Progress) + Sync),
+    progress: OnProgress,
 ) -> Result<()> {
     let output = &images.output;
     let estimated = estimated(images)?;
@@ -109,7 +109,6 @@ pub(super) fn require(images: &Images, settings: &PrepareSettings) -> Result<()>
     Ok(())
 }
 
-/// A Python that has what the script needs.
 fn python(about: &Path) -> Result<&'static str> {
     let has_opencv = |python: &&str| {
         let mut command = Command::new(python);
@@ -122,7 +121,6 @@ fn python(about: &Path) -> Result<&'static str> {
     })
 }
 
-/// Runs the script on one camera; it prints a line for each file.
 fn estimate(python: &str, capture: &Path, camera: &str, tell: &dyn Fn(&str)) -> Result<()> {
     let fault = |reason: String| Error::data(&capture.join("flow").join(camera), "", reason, INSTALL);
     let mut command = Command::new(python);
@@ -152,7 +150,6 @@ mod tests {
     fn scripts_at_once_fit_the_memory() {
         let large = 5312 * 2988;
         assert_eq!([32, 64, 1024].map(|gib| at_once(16, large, gib << 30)), [4, 8, 16]);
-        // One at least, whatever there is.
         assert_eq!([at_once(16, large, 1 << 30), at_once(16, 640 * 360, 8 << 30), at_once(2, 0, 0)], [1, 16, 1]);
     }
 }

@@ -62,7 +62,6 @@ impl Batch {
         n * (PLACE[0] + n * PLACE[1])
     }
 
-    /// To make a clip of so many frames, each with these pictures, and the points of some.
     fn clip(self, frames: usize, with_points: usize, distort: bool) -> f64 {
         frames as f64 * self.images(distort) + with_points as f64 * self.points(triangulate::n_pairs(self.n))
     }
@@ -80,7 +79,6 @@ fn rough(seconds: f64) -> String {
     }
 }
 
-/// The expected work of COLMAP.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Forecast {
     /// The kind of source, as `photos`.

@@ -125,7 +125,6 @@ pub(super) fn is_deep(path: &Path) -> bool {
     read.is_ok() && start.starts_with(b"\x89PNG") && start[24] > 8
 }
 
-/// Width and height of a picture in pixels.
 pub(super) fn read_size(path: &Path) -> Result<(u32, u32)> {
     if kind(path) != Kind::Converted {
         return Ok(capture::read_size(path)?);
@@ -145,7 +144,6 @@ pub(super) fn size_for(path: &Path, calibrated: (u32, u32)) -> Result<(u32, u32)
     if kind(path) == Kind::Converted { read_size(path) } else { Ok(capture::size_for(path, calibrated)?) }
 }
 
-/// The pixels of a picture of so many pixels.
 pub(super) fn decode_image(path: &Path, width: u32, height: u32) -> Result<DynamicImage> {
     if kind(path) != Kind::Converted {
         return capture::decode_image(path, width, height);

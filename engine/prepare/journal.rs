@@ -38,7 +38,6 @@ pub(super) struct Journal {
 }
 
 impl Journal {
-    /// Opens the journal of the output, which is made when it is absent.
     pub fn open(settings: &PrepareSettings) -> Result<Journal> {
         make_folder(&settings.output)?;
         let journal = Journal { output: settings.output.clone(), force: settings.force };
@@ -146,7 +145,6 @@ fn without(part: PathBuf, kept: &[PathBuf]) -> Vec<PathBuf> {
     entries.filter(|path| !kept.contains(path)).collect()
 }
 
-/// A value that differs, with its name.
 fn difference(before: &Value, now: &Value) -> String {
     let (Value::Object(old), Value::Object(new)) = (before, now) else { return "its files have changed".to_owned() };
     let is_list = |value: &Value| value.is_array() || value.is_object();

@@ -37,7 +37,7 @@ use self::images::{Images, plan};
 use self::journal::Journal;
 use self::pictures::Pictures;
 use self::program::{FFMPEG, FFPROBE};
-pub use self::settings::{ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate};
+pub use self::settings::{ImageFormat, OnProgress, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate};
 use self::source::{Clocks, Footage, Source, SourceCamera};
 pub use self::source::{Recognised, recognise};
 use crate::error::{Error, Result};
@@ -75,13 +75,15 @@ pub struct Prepared {
 
 /// Makes a capture folder, or completes one that an interrupted run began; a second run changes nothing. Faults of the source, and of
 /// the finished capture, are in the report.
-pub fn prepare(settings: &PrepareSettings, progress: &(dyn Fn(Progress) + Sync)) -> Result<Prepared> {
-    let Some(pictures) = pictures(settings)? else { return prepare_posed(settings, None, Vec::new(), progress) };
+pub fn prepare(settings: &PrepareSettings, progress: OnProgress) -> Result<Prepared> {
+    let Some(pictures) = pictures(settings)? else {
+        return make(Preparation::new(settings)?, None, Vec::new(), progress);
+    };
     let (settings, mut notes) = in_step(settings, &pictures)?;
     let journal = Journal::open(&settings)?;
     let (posed, placed) = reconstruct::make(&settings, &pictures, &journal, progress)?;
     notes.extend(placed);
-    let prepared = prepare_posed(&posed, Some(journal), notes, progress)?;
+    let prepared = make(Preparation::new(&posed)?, Some(journal), notes, progress)?;
     Ok(Prepared { source_format: pictures.name(), ..prepared })
 }
 
@@ -94,12 +96,7 @@ fn in_step(settings: &PrepareSettings, pictures: &Pictures) -> Result<(PrepareSe
 
 /// Makes a share of one stage of [`prepare`], so that several machines with one file system do it together: stage by stage, each when all
 /// shares of the one before are made. [`prepare`] then completes the capture.
-pub fn prepare_share(
-    settings: &PrepareSettings,
-    stage: Stage,
-    share: Share,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> Result<()> {
+pub fn prepare_share(settings: &PrepareSettings, stage: Stage, share: Share, progress: OnProgress) -> Result<()> {
     let pictures = pictures(settings)?;
     let early = |reason: String, stage: &str| {
         let remedy = format!("run the same command with --only {stage} first");
@@ -183,26 +180,16 @@ impl Preparation {
     }
 }
 
-fn prepare_posed(
-    settings: &PrepareSettings,
+fn make(
+    mut planned: Preparation,
     journal: Option<Journal>,
     notes: Vec<String>,
-    progress: &(dyn Fn(Progress) + Sync),
+    progress: OnProgress,
 ) -> Result<Prepared> {
-    let mut planned = Preparation::new(settings)?;
     if let Some(report) = planned.faulty() {
         let Source { format, notes, .. } = planned.source;
         return Ok(Prepared { source_format: format, notes, points: Vec::new(), report });
     }
-    make(planned, journal, notes, progress)
-}
-
-fn make(
-    planned: Preparation,
-    journal: Option<Journal>,
-    notes: Vec<String>,
-    progress: &(dyn Fn(Progress) + Sync),
-) -> Result<Prepared> {
     let Preparation { source, images, settings, photos, .. } = planned;
     let settings = &settings;
     triangulate::require(&images, &source, settings)?;

@@ -1,13 +1,12 @@
 //! `sparse/0`: the calibration as COLMAP's text files.
 
-use std::fmt::Write as _;
 use std::path::Path;
 
 use crate::error::Result;
 use crate::files::{make_folder, write_atomic};
 use crate::scene::capture::{Faults, Posed, read_images};
 use crate::scene::undistort::{Distortion, Lens};
-use crate::scene::{Intrinsics, Pose, quaternion};
+use crate::scene::{Intrinsics, Pose, SeenPoint, quaternion};
 use glam::{DVec2, DVec3};
 
 pub(super) struct ModelCamera {
@@ -17,9 +16,6 @@ pub(super) struct ModelCamera {
     pub images: Vec<(String, Pose)>,
 }
 
-/// A point, its colour and the indices of the cameras that saw it in their first images.
-pub(super) type ModelPoint = ([f64; 3], [u8; 3], Vec<usize>);
-
 /// The images of a model; its first fault is an error.
 pub(super) fn read(folder: &Path) -> Result<Vec<Posed>> {
     let mut faults = Faults::default();
@@ -27,8 +23,9 @@ pub(super) fn read(folder: &Path) -> Result<Vec<Posed>> {
     faults.first().map_or(Ok(model.images), Err)
 }
 
-/// Writes cameras, images and points3D. As observations of the points COLMAP is given their projections.
-pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint]) -> Result<()> {
+/// Writes cameras, images and points3D. Points were seen by the first images of cameras, whose ids count from 1; as
+/// observations COLMAP is given their projections.
+pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[SeenPoint]) -> Result<()> {
     make_folder(folder)?;
     let mut observed: Vec<Vec<String>> = vec![Vec::new(); cameras.len()];
     let reaches: Vec<f64> = cameras.iter().map(|camera| camera.lens.reach()).collect();
@@ -37,16 +34,14 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
         *next += camera.images.len();
         Some(*next)
     }));
-    // Writing to a string cannot fail.
     let mut points_txt = String::from("# POINT3D_ID, X, Y, Z, R, G, B, ERROR, TRACK[] as (IMAGE_ID, POINT2D_IDX)\n");
-    for ((position, color, seen_by), id) in points.iter().zip(1_u64..) {
-        let ([x, y, z], [r, g, b]) = (position, color);
-        let _ = write!(points_txt, "{id} {x} {y} {z} {r} {g} {b} 0");
-        for &index in seen_by {
-            let Some(DVec2 { x: u, y: v }) = project(&cameras[index], reaches[index], DVec3::from(*position)) else {
-                continue;
-            };
-            let _ = write!(points_txt, " {} {}", firsts[index], observed[index].len());
+    for (point, id) in points.iter().zip(1_u64..) {
+        let ([x, y, z], [r, g, b]) = (point.position, point.rgb);
+        points_txt += &format!("{id} {x} {y} {z} {r} {g} {b} 0");
+        for index in point.camera_ids.iter().map(|id| *id as usize - 1) {
+            let pixel = project(&cameras[index], reaches[index], point.position.into());
+            let Some(DVec2 { x: u, y: v }) = pixel else { continue };
+            points_txt += &format!(" {} {}", firsts[index], observed[index].len());
             observed[index].push(format!("{u} {v} {id}"));
         }
         points_txt.push('\n');
@@ -58,10 +53,10 @@ pub(super) fn write(folder: &Path, cameras: &[ModelCamera], points: &[ModelPoint
     for ((camera, observed), first) in cameras.iter().zip(&observed).zip(&firsts) {
         let Intrinsics { width, height, .. } = camera.lens.intrinsics;
         let (kind, numbers) = parameters(&camera.lens);
-        let _ = writeln!(cameras_txt, "{} {kind} {width} {height} {}", camera.id, joined(&numbers, " "));
+        cameras_txt += &format!("{} {kind} {width} {height} {}\n", camera.id, joined(&numbers, " "));
         for ((name, pose), id) in camera.images.iter().zip(*first..) {
             let ([w, x, y, z], [tx, ty, tz]) = (quaternion(&pose.rotation), pose.translation.to_array());
-            let _ = writeln!(images_txt, "{id} {w} {x} {y} {z} {tx} {ty} {tz} {} {name}", camera.id);
+            images_txt += &format!("{id} {w} {x} {y} {z} {tx} {ty} {tz} {} {name}\n", camera.id);
             images_txt += &if id == *first { observed.join(" ") } else { String::new() };
             images_txt.push('\n');
         }

@@ -13,13 +13,13 @@ use crate::files::{make_folder, write_atomic};
 use crate::scene::capture::{CaptureSettings, Frames, PHOTOS, is_capture};
 
 /// Photographs that COLMAP places together with the cameras.
+#[derive(Default)]
 pub(super) struct Together {
     /// Below the folder of all pictures, with its name, as COLMAP knows them.
     pub names: Vec<OsString>,
     pub notes: Vec<String>,
 }
 
-/// Refuses photographs that the source cannot use.
 pub(super) fn check(settings: &PrepareSettings, pictures: Option<&Pictures>) -> Result<()> {
     let Some(photos) = &settings.photos else { return Ok(()) };
     let bad = |reason: &str, remedy: &str| Err(Error::data(photos, "--static", reason, remedy));
@@ -46,15 +46,12 @@ impl Together {
     /// Takes the photographs over to where COLMAP finds them, below `images`; none where the settings have none.
     pub fn take(settings: &PrepareSettings, images: &Path) -> Result<Together> {
         let Some(Pictures::Photos(from)) = settings.photos.as_deref().and_then(Pictures::at) else {
-            return Ok(Together { names: Vec::new(), notes: Vec::new() });
+            return Ok(Together::default());
         };
         let photos = Photos::of(&from)?;
         photos.copy(&images.join(PHOTOS), settings.threads, &|_, _| {})?;
-        let notes = photos.notes();
-        Ok(Together {
-            names: photos.names.iter().map(|name| Path::new(PHOTOS).join(name).into_os_string()).collect(),
-            notes,
-        })
+        let names = photos.names.iter().map(|name| Path::new(PHOTOS).join(name).into_os_string()).collect();
+        Ok(Together { names, notes: photos.notes() })
     }
 
     pub fn has(&self, name: &Path) -> bool {
@@ -71,17 +68,9 @@ impl Together {
             let text = others.iter().map(|name| name.to_string_lossy() + "\n").collect::<String>();
             write_atomic(&list, |to| to.write_all(text.as_bytes()))?;
             make_folder(&to)?;
-            let word = OsStr::new;
-            let arguments = [
-                word("image_deleter"),
-                word("--input_path"),
-                model.as_os_str(),
-                word("--output_path"),
-                to.as_os_str(),
-                word("--image_names_path"),
-                list.as_os_str(),
-            ];
-            COLMAP.run(arguments, about)?;
+            let paths = [("--input_path", model), ("--output_path", &to), ("--image_names_path", &list)];
+            let paths = paths.iter().flat_map(|(name, path)| [OsStr::new(name), path.as_os_str()]);
+            COLMAP.run([OsStr::new("image_deleter")].into_iter().chain(paths), about)?;
             Ok(to)
         };
         Ok((without(&self.names, "of-cameras")?, Some(without(cameras, "of-photos")?)))

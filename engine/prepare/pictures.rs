@@ -111,7 +111,6 @@ impl Photos {
         Ok(Photos { folder: folder.to_owned(), files, unread, names, are_copied })
     }
 
-    /// True if they are `least` or more.
     pub fn require(&self, least: usize) -> Result<()> {
         if self.files.len() >= least {
             return Ok(());

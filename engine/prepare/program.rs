@@ -83,7 +83,6 @@ impl Program {
         Ok((Running { child, program: self, said }, lines))
     }
 
-    /// Runs the program to its end and returns its output.
     pub fn run<S: AsRef<OsStr>>(self, arguments: impl IntoIterator<Item = S> + Clone, about: &Path) -> Result<Vec<u8>> {
         let (output, outcome) = self.attempt(arguments, about, &mut |_| {})?;
         outcome.map(|()| output)

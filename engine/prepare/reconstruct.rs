@@ -9,14 +9,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use serde_json::json;
 
-use super::colmap::{self, Arguments};
+use super::colmap::{Arguments, Colmap, OFF, ON};
 use super::database;
 use super::journal::{Journal, stamps};
 use super::model;
 use super::photos::Together;
 use super::pictures::{Photos, Pictures, images};
 use super::program::{COLMAP, FFMPEG, FFPROBE};
-use super::settings::{PrepareSettings, Progress};
+use super::settings::{OnProgress, PrepareSettings, Progress};
 use super::source::Footage;
 use super::source::footage::{find, video_names};
 use super::timeline::Timeline;
@@ -60,19 +60,18 @@ fn is_whole(model: &Path) -> bool {
     ["images.bin", "points3D.txt"].iter().any(|file| model.join(file).is_file())
 }
 
-/// Refuses `--moving` for sources other than folders of videos.
 pub(super) fn check_moving(settings: &PrepareSettings, pictures: Option<&Pictures>) -> Result<()> {
     if settings.moving.is_none() {
         return Ok(());
     }
-    let bad = |option: &str, reason: String, remedy: &str| Err(Error::data(&settings.source, option, reason, remedy));
     let found = match pictures {
         Some(Pictures::Videos(_)) => return Ok(()),
         Some(other) => other.name(),
         None => "a source with cameras",
     };
     let remedy = "leave --moving out, or give a folder with a video of each camera of the rig and no calibration";
-    bad("--moving", format!("expects a folder of videos without calibration, found {found}"), remedy)
+    let reason = format!("expects a folder of videos without calibration, found {found}");
+    Err(Error::data(&settings.source, "--moving", reason, remedy))
 }
 
 /// Settings that prepare what COLMAP placed, with notes about it. What an earlier run has done is not done again.
@@ -81,7 +80,7 @@ pub(super) fn make(
     settings: &PrepareSettings,
     pictures: &Pictures,
     journal: &Journal,
-    progress: &(dyn Fn(Progress) + Sync),
+    progress: OnProgress,
 ) -> Result<(PrepareSettings, Vec<String>)> {
     require(settings, pictures)?;
     let project = settings.output.join("reconstruction");
@@ -187,7 +186,7 @@ struct Reconstruction<'a> {
     project: PathBuf,
     images: PathBuf,
     together: Together,
-    progress: &'a (dyn Fn(Progress) + Sync),
+    progress: OnProgress<'a>,
 }
 
 impl Reconstruction<'_> {
@@ -241,9 +240,18 @@ impl Reconstruction<'_> {
 
     fn place(&self, names: &[OsString]) -> Result<()> {
         let n = names.len() + self.together.names.len();
-        let (database, models) = (self.project.join("database.db"), self.project.join("models"));
-        let (threads, side) = (self.settings.threads.max(1).to_string(), MAX_SIDE.to_string());
-        let place = [("--database_path", database.as_os_str()), ("--image_path", self.images.as_os_str())];
+        let colmap = Colmap {
+            about: &self.settings.source,
+            folder: self.images.clone(),
+            database: self.project.join("database.db"),
+            threads: self.settings.threads.max(1).to_string(),
+            on_gpu: OFF,
+        };
+        let (models, side) = (self.project.join("models"), MAX_SIDE.to_string());
+        // Most lines say nothing of progress.
+        let run = |verb: &str, arguments: &Arguments, hear: &dyn Fn(&str) -> Option<()>| {
+            colmap.attempt(verb, arguments, &mut |line| _ = hear(line))?.1
+        };
         let word = OsStr::new;
         // Cameras of a rig are different ones; other pictures of one size are taken to be of one camera.
         let groups = [(names, matches!(self.pictures, Pictures::Videos(_))), (&self.together.names, false)];
@@ -257,19 +265,19 @@ impl Reconstruction<'_> {
             let list = self.project.join(list);
             write_atomic(&list, |to| names.iter().try_for_each(|name| writeln!(to, "{}", name.to_string_lossy())))?;
             let find = [
+                ("--image_path", self.images.as_os_str()),
                 ("--image_list_path", list.as_os_str()),
-                ("--ImageReader.single_camera", word(if is_single { "1" } else { "0" })),
-                ("--SiftExtraction.use_gpu", word("0")),
+                ("--ImageReader.single_camera", word(if is_single { ON } else { OFF })),
+                ("--SiftExtraction.use_gpu", word(OFF)),
                 ("--SiftExtraction.max_image_size", word(&side)),
-                ("--SiftExtraction.num_threads", word(&threads)),
+                ("--SiftExtraction.num_threads", word(&colmap.threads)),
             ];
-            self.run("feature_extractor", &[&place[..], &find].concat(), &|line| {
+            run("feature_extractor", &find, &|line| {
                 let (done, _) = line.strip_prefix("Processed file [")?.strip_suffix(']')?.split_once('/')?;
                 self.tell("features", before + done.parse::<usize>().ok()?, n, "COLMAP");
                 Some(())
             })?;
         }
-        let matching = [("--SiftMatching.use_gpu", word("0")), ("--SiftMatching.num_threads", word(&threads))];
         let (overlap, block) = (OVERLAP.to_string(), BLOCK.to_string());
         let (verb, order) = match self.pictures {
             Pictures::Video(_) => ("sequential_matcher", ("--SequentialMatching.overlap", word(&overlap))),
@@ -277,7 +285,7 @@ impl Reconstruction<'_> {
         };
         let n_blocks = if verb == "sequential_matcher" { n } else { n.div_ceil(BLOCK) * n.div_ceil(BLOCK) };
         let done = Cell::new(0);
-        self.run(verb, &[&place[..1], &matching, &[order]].concat(), &|line| {
+        run(verb, &[&colmap.matching()[..], &[order]].concat(), &|line| {
             if line.starts_with("Matching ") && line.contains(" in ") {
                 done.set(done.get() + 1);
                 self.tell("matches", done.get(), n_blocks, "COLMAP");
@@ -286,8 +294,12 @@ impl Reconstruction<'_> {
         })?;
         let _ = fs::remove_dir_all(&models);
         make_folder(&models)?;
-        let to = [("--output_path", models.as_os_str()), ("--Mapper.num_threads", word(&threads))];
-        let placed = self.run("mapper", &[&place[..], &to].concat(), &|line| {
+        let place = [
+            ("--image_path", self.images.as_os_str()),
+            ("--output_path", models.as_os_str()),
+            ("--Mapper.num_threads", word(&colmap.threads)),
+        ];
+        let placed = run("mapper", &place, &|line| {
             let placed = line.strip_prefix("Registering image #")?.split_once('(')?.1.strip_suffix(')')?;
             self.tell("cameras", placed.parse().ok()?, n, "COLMAP");
             Some(())
@@ -352,11 +364,5 @@ impl Reconstruction<'_> {
             notes.push(format!("left out, since too little of them is in others: {}", listed(&left_out)));
         }
         Ok(notes)
-    }
-
-    /// Runs a command of COLMAP and gives it what the command says line by line.
-    fn run(&self, verb: &str, arguments: &Arguments, hear: &dyn Fn(&str) -> Option<()>) -> Result<()> {
-        // Most lines say nothing of progress.
-        colmap::attempt(verb, arguments, &self.settings.source, &mut |line| _ = hear(line))?.1
     }
 }

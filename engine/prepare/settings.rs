@@ -204,7 +204,10 @@ impl PrepareSettings {
     }
 }
 
-/// Something that is done, or where `total` is 0 what is to be expected; told from any thread.
+/// Hears of progress, from any thread.
+pub type OnProgress<'a> = &'a (dyn Fn(Progress) + Sync);
+
+/// Something that is done, or where `total` is 0 what is to be expected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Progress<'a> {
     pub stage: &'static str,

@@ -2,7 +2,6 @@
 
 use std::collections::{BTreeSet, HashMap};
 use std::ffi::OsStr;
-use std::fmt::Write as _;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -13,9 +12,9 @@ use sha2::{Digest, Sha256};
 use super::colmap::{Colmap, Matched, OFF, ON};
 use super::images::{Camera, Images, take_over};
 use super::journal::{Journal, stamps};
-use super::model::{self, ModelCamera, ModelPoint};
+use super::model::{self, ModelCamera};
 use super::program::COLMAP;
-use super::settings::{PrepareSettings, Progress, Share, Triangulate};
+use super::settings::{OnProgress, PrepareSettings, Progress, Share, Triangulate};
 use super::source::Source;
 use super::video::Selection;
 use crate::error::{Error, Result};
@@ -41,7 +40,7 @@ pub(super) fn make(
     settings: &PrepareSettings,
     share: Share,
     journal: &Journal,
-    progress: &(dyn Fn(Progress) + Sync),
+    progress: OnProgress,
 ) -> Result<Vec<(u32, usize)>> {
     let (what, keeps) = asked(source, settings);
     let carried = source.frame_points.as_ref().filter(|_| keeps && what == Triangulate::None);
@@ -194,19 +193,14 @@ impl Triangulation<'_> {
         index as u32 + 1
     }
 
-    /// The points of the source; who saw them, where it says so.
     fn of_source(&self, source: &Source) -> Vec<SeenPoint> {
-        let names =
-            self.images.cameras.iter().enumerate().map(|(index, camera)| (camera.name.as_str(), Self::id(index)));
-        let ids: HashMap<&str, u32> = names.collect();
-        let seen = |by: &[String]| {
+        let names = self.images.cameras.iter().map(|camera| camera.name.as_str());
+        let ids: HashMap<&str, u32> = names.zip(1..).collect();
+        let points = source.points.iter().map(|(point, by)| {
             let ids: BTreeSet<u32> = by.iter().filter_map(|name| ids.get(name.as_str()).copied()).collect();
-            ids.into_iter().collect()
-        };
-        let points = source.points.iter();
-        points
-            .map(|(point, by)| SeenPoint { position: point.position, rgb: point.color, camera_ids: seen(by) })
-            .collect()
+            SeenPoint { position: point.position, rgb: point.color, camera_ids: ids.into_iter().collect() }
+        });
+        points.collect()
     }
 
     /// The source's points of a frame, which were triangulated from pictures of whatever size.
@@ -219,25 +213,13 @@ impl Triangulation<'_> {
 
     /// The model of all cameras, in the names of the finished images, with the points of the reference frame.
     fn write_model(&self, folder: &Path, points: &[SeenPoint]) -> Result<()> {
-        let cameras: Vec<ModelCamera> = self
-            .images
-            .cameras
-            .iter()
-            .enumerate()
-            .map(|(index, camera)| {
-                let frames = (0_u32..).zip(&camera.poses);
-                let images = frames.map(|(frame, pose)| (self.images.image_name(camera, frame), *pose)).collect();
-                ModelCamera { id: Self::id(index), lens: camera.pinhole, images }
-            })
-            .collect();
-        let points: Vec<ModelPoint> = points
-            .iter()
-            .map(|point| {
-                let seen_by = point.camera_ids.iter().map(|id| *id as usize - 1).collect();
-                (point.position, point.rgb, seen_by)
-            })
-            .collect();
-        model::write(folder, &cameras, &points)
+        let model = |(index, camera): (usize, &Camera)| {
+            let frames = (0_u32..).zip(&camera.poses);
+            let images = frames.map(|(frame, pose)| (self.images.image_name(camera, frame), *pose)).collect();
+            ModelCamera { id: Self::id(index), lens: camera.pinhole, images }
+        };
+        let cameras: Vec<ModelCamera> = self.images.cameras.iter().enumerate().map(model).collect();
+        model::write(folder, &cameras, points)
     }
 
     /// How many programs run at once. A GPU holds the pictures of some at a time.
@@ -348,8 +330,7 @@ fn match_features(colmap: &Colmap, of_frames: &[Vec<ModelCamera>], work: &Path) 
         let (names, poses): (Vec<&str>, Vec<Pose>) =
             models.iter().map(|model| (model.images[0].0.as_str(), model.images[0].1)).unzip();
         for (a, b) in MATCHED.pairs(&poses) {
-            // Writing to a string cannot fail.
-            let _ = writeln!(text, "{} {}", names[a], names[b]);
+            text += &format!("{} {}\n", names[a], names[b]);
         }
     }
     colmap.match_pairs(&text, work, &guided)

@@ -70,7 +70,6 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// A mask, or the alpha of an image, scaled and undistorted.
     pub fn write_plane(&self, folder: &str, frame: u32, from: &Path, of_alpha: bool) -> Result<()> {
         if self.path(folder, frame).is_file() {
             return Ok(());
@@ -88,7 +87,6 @@ impl<'a> Maker<'a> {
         rows.flat_map(|row| &row[x..x + width]).copied().collect()
     }
 
-    /// Flow and depth of the source, scaled and undistorted as the pictures are.
     pub fn write_priors(&self, frame: u32, shot: &Shot) -> Result<()> {
         let (width, height) = self.camera.recorded;
         let Intrinsics { width: to_width, height: to_height, .. } = self.camera.pinhole.intrinsics;

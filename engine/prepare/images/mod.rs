@@ -19,7 +19,7 @@ use crate::error::{Error, Result};
 use crate::files::make_folder;
 use crate::parallel::in_parallel;
 use crate::prepare::journal::Journal;
-use crate::prepare::settings::{ImageFormat, Progress, Share};
+use crate::prepare::settings::{ImageFormat, OnProgress, Progress, Share};
 use crate::prepare::timeline::Timeline;
 use crate::prepare::video::{self, Selection};
 use crate::scene::undistort::Lens;
@@ -70,7 +70,7 @@ impl Images {
     }
 
     #[tracing::instrument(level = "info", name = "images", skip_all)]
-    pub fn make(&self, share: Share, journal: &Journal, progress: &(dyn Fn(Progress) + Sync)) -> Result<()> {
+    pub fn make(&self, share: Share, journal: &Journal, progress: OnProgress) -> Result<()> {
         journal.begin("images", self.made_from.clone())?;
         let n = self.select.n;
         let mut jobs = Vec::new();

@@ -114,7 +114,6 @@ struct Planner<'a> {
     faults: &'a mut Faults,
 }
 
-/// Notes of cameras, those of one text together.
 fn grouped(of_cameras: &[(String, String)], n_cameras: usize) -> Vec<String> {
     let mut groups: Vec<(&str, Vec<&str>)> = Vec::new();
     for (camera, note) in of_cameras {
@@ -132,8 +131,17 @@ fn grouped(of_cameras: &[(String, String)], n_cameras: usize) -> Vec<String> {
 }
 
 impl Planner<'_> {
+    /// Adds a fault of a camera, which is not planned then.
+    fn fault<T>(&mut self, camera: &str, reason: impl Into<String>, remedy: impl Into<String>) -> Option<T> {
+        self.faults.add(&self.source.calibration, camera_place(camera), reason, remedy);
+        None
+    }
+
+    fn note(&mut self, camera: &str, note: String) {
+        self.of_cameras.push((camera.to_owned(), note));
+    }
+
     fn camera(&mut self, camera: &SourceCamera, recorded: Recorded) -> Option<Camera> {
-        let place = camera_place(&camera.name);
         let (width, height) = recorded.size;
         let fitted = fitted(&camera.lens, recorded.size, || recorded.first(&camera.footage));
         let rescaled = self.settings.capture.rescale.then(|| {
@@ -145,10 +153,9 @@ impl Planner<'_> {
             let reason = format!("is calibrated for {w} x {h}, its pictures are {width} x {height}");
             let remedy =
                 "give the footage of this calibration, calibrate again, or scale the calibration with --rescale";
-            self.faults.add(&self.source.calibration, place, reason, remedy);
-            return None;
+            return self.fault(&camera.name, reason, remedy);
         };
-        self.of_cameras.extend(note.map(|note| (camera.name.clone(), note)));
+        note.into_iter().for_each(|note| self.note(&camera.name, note));
         let side = |side: u32| ((f64::from(side) * self.settings.scale).round() as u32).max(1);
         let lens = lens.resized(side(part.width), side(part.height));
         let kept = |pinhole: &Lens| {
@@ -157,21 +164,19 @@ impl Planner<'_> {
         };
         let Some(pinhole) = lens.pinhole().filter(kept) else {
             let reason = "has a distortion after which no rectangle of a sixteenth of the picture's sides is left";
-            self.faults.add(&self.source.calibration, place, reason, "calibrate it again");
-            return None;
+            return self.fault(&camera.name, reason, "calibrate it again");
         };
         let (start, paired) = match &recorded.video {
             Some(video) => self.paired(camera, video)?,
             None => {
                 let shift = self.settings.whole_shift(&camera.name);
                 if f64::from(shift) != self.settings.shift(&camera.name) {
-                    let note =
-                        format!("its shift is rounded to {shift} frames, since images are known by their numbers");
-                    self.of_cameras.push((camera.name.clone(), note));
+                    let why = "since images are known by their numbers";
+                    self.note(&camera.name, format!("its shift is rounded to {shift} frames, {why}"));
                 }
                 let n_before = shift.unsigned_abs().saturating_sub(self.select.start);
                 let start = self.select.start.checked_add_signed(shift);
-                (start.or_else(|| self.begins_early(&place, n_before))?, Paired::default())
+                (start.or_else(|| self.begins_early(camera, n_before))?, Paired::default())
             }
         };
         let frames: Vec<u32> = (0..self.select.n).map(|i| start + i * self.select.every).collect();
@@ -181,15 +186,14 @@ impl Planner<'_> {
             let absent: Vec<_> = frames.iter().filter(|frame| !camera.poses.contains_key(frame)).collect();
             if let Some(first) = absent.first() {
                 let reason = format!("moves and has no pose at {} frames, the first is {first}", absent.len());
-                self.faults.add(&self.source.calibration, place, reason, "add the poses, or take fewer frames");
-                return None;
+                return self.fault(&camera.name, reason, "add the poses, or take fewer frames");
             }
             frames.iter().filter_map(|frame| camera.poses.get(frame).copied()).collect()
         };
         let masks = self.masks(&camera.name, &frames, recorded.size)?;
         let (material, masks) = match (&camera.footage, recorded.video) {
             (Footage::Video(_), Some(video)) => {
-                self.note_conversions(camera, &video)?;
+                self.note_conversions(&camera.name, &video)?;
                 (Material::Video(video, paired.pictures), masks)
             }
             (Footage::Images(shots), _) => {
@@ -227,28 +231,25 @@ impl Planner<'_> {
         Some(chosen)
     }
 
-    fn begins_early<T>(&mut self, place: &str, n_before: u32) -> Option<T> {
+    fn begins_early<T>(&mut self, camera: &SourceCamera, n_before: u32) -> Option<T> {
         let reason = format!("is to begin {n_before} frames before its footage");
         let remedy = format!("begin at frame {} or later: --frames {0}:", self.select.start + n_before);
-        self.faults.add(&self.source.calibration, place, reason, remedy);
-        None
+        self.fault(&camera.name, reason, remedy)
     }
 
     /// The first frame of a video that is taken, and the pictures of the chosen frames.
     fn paired(&mut self, camera: &SourceCamera, video: &Video) -> Option<(u32, Paired)> {
-        let place = camera_place(&camera.name);
         let timeline = self.timeline.as_ref()?;
         let first = timeline.index(&camera.name, video, self.select.start)?;
         let Ok(start) = u32::try_from(first) else {
-            return self.begins_early(&place, u32::try_from(-first).unwrap_or(u32::MAX));
+            return self.begins_early(camera, u32::try_from(-first).unwrap_or(u32::MAX));
         };
         let paired = paired::pair(timeline, &camera.name, video, self.select);
         if paired.pictures.iter().all(Option::is_none) && self.select.n > 0 {
             let remedy = "choose frames that it has with --frames, or leave the camera out";
-            self.faults.add(&self.source.calibration, place, "has no picture of any chosen frame", remedy);
-            return None;
+            return self.fault(&camera.name, "has no picture of any chosen frame", remedy);
         }
-        self.of_cameras.extend(paired.notes.iter().map(|note| (camera.name.clone(), note.clone())));
+        paired.notes.iter().for_each(|note| self.note(&camera.name, note.clone()));
         if self.settings.shifts.values().any(|shift| shift.fract() != 0.0) {
             self.rests.insert(camera.name.clone(), paired.rest);
         }
@@ -256,8 +257,7 @@ impl Planner<'_> {
     }
 
     /// Notes what of a video is converted; a fault where that cannot be.
-    fn note_conversions(&mut self, camera: &SourceCamera, video: &Video) -> Option<()> {
-        let mut note = |note: String| self.of_cameras.push((camera.name.clone(), note));
+    fn note_conversions(&mut self, name: &str, video: &Video) -> Option<()> {
         if let Some(colour) = &video.colour {
             if !self.converts {
                 let reason = format!("is {}; this ffmpeg has no zscale and tonemap, which make it BT.709", colour.name);
@@ -269,21 +269,17 @@ impl Planner<'_> {
                 return None;
             }
             let mapped = "tone-mapped to BT.709, all pictures by one curve";
-            note(format!(
-                "its video is {}: {}",
-                colour.name,
-                if colour.tone_maps { mapped } else { "converted to BT.709" }
-            ));
+            let how = if colour.tone_maps { mapped } else { "converted to BT.709" };
+            self.note(name, format!("its video is {}: {how}", colour.name));
         }
         if let Some(top_first) = video.top_first {
             let field = if top_first { "top" } else { "bottom" };
-            note(format!(
-                "its video is interlaced ({field} field first): de-interlaced by ffmpeg's bwdif, a picture for each frame"
-            ));
+            let how = "de-interlaced by ffmpeg's bwdif, a picture for each frame";
+            self.note(name, format!("its video is interlaced ({field} field first): {how}"));
         }
         if let Some(named) = video.named {
             let n = video.n_frames();
-            note(format!("its video is cut off: {n} of {named} pictures that its index names are there"));
+            self.note(name, format!("its video is cut off: {n} of {named} pictures that its index names are there"));
         }
         Some(())
     }
@@ -310,8 +306,7 @@ impl Planner<'_> {
         let absent: Vec<u32> = frames.iter().copied().filter(|frame| !there.contains_key(frame)).collect();
         let may_lack = self.source.may_lack || self.settings.capture.skip_missing;
         if may_lack && !absent.is_empty() {
-            let note = format!("{} of {} frames have no image", absent.len(), frames.len());
-            self.of_cameras.push((camera.to_owned(), note));
+            self.note(camera, format!("{} of {} frames have no image", absent.len(), frames.len()));
         } else if let Some(first) = absent.first() {
             let more = if absent.len() > 1 { format!(" and of {} more", absent.len() - 1) } else { String::new() };
             let reason =
@@ -322,8 +317,7 @@ impl Planner<'_> {
                 _ => "choose other frames".to_owned(),
             };
             let remedy = format!("add what is missing, {take}, or leave it out with --skip-missing");
-            let place = camera_place(camera);
-            self.faults.add(&self.source.calibration, place, reason, remedy);
+            self.faults.add(&self.source.calibration, camera_place(camera), reason, remedy);
         }
         let before = self.faults.n();
         // Those that ffmpeg reads are compared when they are decoded: it would be started for each.

@@ -2,17 +2,16 @@
 
 use std::collections::HashMap;
 use std::ffi::OsStr;
-use std::fmt::Write as _;
 use std::fs;
+use std::ops::Range;
 use std::path::Path;
 
 use super::motion::back;
-use super::{MATCHED, Placed, Tracked, picture};
+use super::{MATCHED, Track, picture};
 use crate::error::Result;
 use crate::files::make_folder;
 use crate::prepare::colmap::{Colmap, OFF, ON};
 use crate::prepare::model::{self, ModelCamera};
-use crate::prepare::settings::PrepareSettings;
 use crate::scene::Pose;
 use crate::scene::undistort::Lens;
 
@@ -23,20 +22,9 @@ const MAX_FEATURES: &str = "4096";
 const MISS: f64 = 1.0 / 640.0;
 const LEAST_MISS: f64 = 1.0;
 
-pub(super) struct Block<'a> {
-    pub settings: &'a PrepareSettings,
-    pub project: &'a Path,
-    pub pictures: &'a Path,
-    pub cameras: &'a [Tracked],
-    /// Where the poses are known.
-    pub old: usize,
-    /// Where they are to be found, in the order of time.
-    pub new: &'a [usize],
-    pub held: &'a Placed,
-}
-
-impl Block<'_> {
-    pub fn place(&self) -> Result<Vec<Vec<Option<Pose>>>> {
+impl Track<'_> {
+    /// The poses that are found at the key frames `new`, among the cameras of the key frame before them, whose poses are `held`.
+    pub(super) fn place(&self, new: Range<usize>, held: &[Pose]) -> Result<Vec<Vec<Option<Pose>>>> {
         let work = self.project.join("block");
         let _ = fs::remove_dir_all(&work);
         make_folder(&work)?;
@@ -45,41 +33,40 @@ impl Block<'_> {
         make_folder(&found)?;
         let colmap = Colmap {
             about: &self.settings.source,
-            folder: std::path::absolute(self.pictures).unwrap_or(self.pictures.to_owned()),
+            folder: std::path::absolute(self.pictures()).unwrap_or(self.pictures()),
             database: work.join("database.db"),
             threads: self.settings.threads.max(1).to_string(),
             on_gpu: OFF,
         };
-        let names: Vec<Vec<String>> =
-            (0..self.cameras.len()).map(|camera| self.keys().map(|key| picture(camera, key)).collect()).collect();
+        let of_camera = |camera: usize| (new.start - 1..new.end).map(|key| picture(camera, key)).collect();
+        let names: Vec<Vec<String>> = (0..self.cameras.len()).map(of_camera).collect();
         // A camera of the database for each of the rig, in their order, so that its number there is the model's.
-        let images: Vec<(Lens, Vec<&str>)> = self
-            .cameras
-            .iter()
-            .zip(&names)
-            .map(|(camera, names)| (camera.lens, names.iter().map(String::as_str).collect()))
-            .collect();
+        let images = self.cameras.iter().zip(&names);
+        let images: Vec<(Lens, Vec<&str>)> =
+            images.map(|(camera, names)| (camera.lens, names.iter().map(String::as_str).collect())).collect();
         let few = [
             ("--SiftExtraction.max_image_size", OsStr::new(MAX_SIDE)),
             ("--SiftExtraction.max_num_features", OsStr::new(MAX_FEATURES)),
         ];
         colmap.extract(&images, &work, &few)?;
-        colmap.match_pairs(&self.pairs(&names), &work, &[])?;
+        colmap.match_pairs(&pairs(&names, held), &work, &[])?;
         let known = |(index, lens): (usize, Lens)| ModelCamera {
             id: index as u32 + 1,
             lens,
-            images: vec![(names[index][0].clone(), self.held.poses[index])],
+            images: vec![(names[index][0].clone(), held[index])],
         };
         let lenses = self.cameras.iter().map(|camera| camera.lens);
         model::write(&input, &lenses.enumerate().map(known).collect::<Vec<_>>(), &[])?;
-        let miss = self.miss();
+        let sizes = self.cameras.iter().map(|camera| camera.lens.intrinsics);
+        let side = sizes.map(|size| size.width.max(size.height)).max().unwrap_or(0);
+        let miss = (MISS * f64::from(side)).max(LEAST_MISS).to_string();
         let near = [
             ("--Mapper.filter_max_reproj_error", OsStr::new(&miss)),
             ("--Mapper.tri_merge_max_reproj_error", OsStr::new(&miss)),
             ("--Mapper.tri_complete_max_reproj_error", OsStr::new(&miss)),
         ];
         if !colmap.triangulate(&input, &points, &near)? {
-            return Ok(vec![vec![None; names.len()]; self.new.len()]);
+            return Ok(vec![vec![None; names.len()]; new.len()]);
         }
         let place = [
             ("--image_path", colmap.folder.as_os_str()),
@@ -94,49 +81,33 @@ impl Block<'_> {
             ("--Mapper.num_threads", OsStr::new(&colmap.threads)),
         ];
         colmap.run("mapper", &[&place[..], &near].concat())?;
-        self.read(&found, &names)
+        found_poses(&found, &names, held)
     }
+}
 
-    fn keys(&self) -> impl Iterator<Item = usize> {
-        std::iter::once(self.old).chain(self.new.iter().copied())
+/// Cameras with each other within a frame, and each with itself over time.
+fn pairs(names: &[Vec<String>], held: &[Pose]) -> String {
+    let mut text = String::new();
+    for (a, b) in MATCHED.pairs(held) {
+        names[a].iter().zip(&names[b]).for_each(|(one, other)| text += &format!("{one} {other}\n"));
     }
-
-    /// Cameras with each other within a frame, and each with itself over time.
-    fn pairs(&self, names: &[Vec<String>]) -> String {
-        let mut text = String::new();
-        let within = MATCHED.pairs(&self.held.poses);
-        // Writing to a string cannot fail.
-        for (a, b) in within {
-            for (one, other) in names[a].iter().zip(&names[b]) {
-                let _ = writeln!(text, "{one} {other}");
-            }
+    for names in names {
+        for (earlier, name) in names.iter().enumerate() {
+            names[earlier + 1..].iter().for_each(|later| text += &format!("{name} {later}\n"));
         }
-        for names in names {
-            for (earlier, name) in names.iter().enumerate() {
-                names[earlier + 1..].iter().for_each(|later| {
-                    let _ = writeln!(text, "{name} {later}");
-                });
-            }
-        }
-        text
     }
+    text
+}
 
-    fn miss(&self) -> String {
-        let sizes = self.cameras.iter().map(|camera| camera.lens.intrinsics);
-        let side = sizes.map(|size| size.width.max(size.height)).max().unwrap_or(0);
-        (MISS * f64::from(side)).max(LEAST_MISS).to_string()
-    }
-
-    /// The found poses, in the scale and place of the known ones.
-    fn read(&self, found: &Path, names: &[Vec<String>]) -> Result<Vec<Vec<Option<Pose>>>> {
-        let model = model::read(found)?;
-        let poses: HashMap<&str, Pose> =
-            model.iter().filter_map(|image| Some((image.name.to_str()?, image.pose))).collect();
-        let pose = |camera: usize, key: usize| poses.get(names[camera][key].as_str()).copied();
-        let held = (0..names.len()).filter_map(|camera| Some((self.held.poses[camera], pose(camera, 0)?)));
-        let (before, now): (Vec<Pose>, Vec<Pose>) = held.unzip();
-        let back = back(&before, &now);
-        let of_key = |key: usize| (0..names.len()).map(|camera| pose(camera, key).map(|pose| back(&pose))).collect();
-        Ok((1..=self.new.len()).map(of_key).collect())
-    }
+/// By key frame after the first, the poses of the model `found`, in the scale and place of those that are `held`.
+fn found_poses(found: &Path, names: &[Vec<String>], held: &[Pose]) -> Result<Vec<Vec<Option<Pose>>>> {
+    let model = model::read(found)?;
+    let poses: HashMap<&str, Pose> =
+        model.iter().filter_map(|image| Some((image.name.to_str()?, image.pose))).collect();
+    let pose = |camera: usize, key: usize| poses.get(names[camera][key].as_str()).copied();
+    let known = (0..names.len()).filter_map(|camera| Some((held[camera], pose(camera, 0)?)));
+    let (before, now): (Vec<Pose>, Vec<Pose>) = known.unzip();
+    let back = back(&before, &now);
+    let of_key = |key: usize| (0..names.len()).map(|camera| pose(camera, key).map(|pose| back(&pose))).collect();
+    Ok((1..names.first().map_or(1, Vec::len)).map(of_key).collect())
 }

@@ -7,20 +7,19 @@ mod motion;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use self::block::Block;
 use crate::error::{Error, Result};
 use crate::files::{make_folder, read_file, write_atomic};
 use crate::prepare::colmap::Matched;
-use crate::prepare::model::{self, ModelCamera, ModelPoint};
+use crate::prepare::model::{self, ModelCamera};
 use crate::prepare::reconstruct::videos;
-use crate::prepare::settings::{PrepareSettings, Progress};
+use crate::prepare::settings::{OnProgress, PrepareSettings, Progress};
 use crate::prepare::source::Footage;
 use crate::prepare::source::footage::find;
 use crate::prepare::timeline::Timeline;
 use crate::prepare::video::{self, Video};
-use crate::scene::Pose;
 use crate::scene::capture::tracks;
 use crate::scene::undistort::Lens;
+use crate::scene::{Pose, SeenPoint};
 
 /// Key frames that are placed together, beside the one before them.
 const BLOCK: usize = 4;
@@ -89,7 +88,7 @@ pub(super) fn load(settings: &PrepareSettings, folder: &Path, step: u32) -> Resu
 pub(super) struct Track<'a> {
     settings: &'a PrepareSettings,
     project: &'a Path,
-    progress: &'a (dyn Fn(Progress) + Sync),
+    progress: OnProgress<'a>,
     cameras: Vec<Tracked>,
     timeline: Timeline,
     frames: Vec<u32>,
@@ -105,7 +104,7 @@ impl<'a> Track<'a> {
         first: &Path,
         project: &'a Path,
         step: u32,
-        progress: &'a (dyn Fn(Progress) + Sync),
+        progress: OnProgress<'a>,
     ) -> Result<Self> {
         let mut cameras = Vec::new();
         for posed in &model::read(first)? {
@@ -142,25 +141,16 @@ impl<'a> Track<'a> {
         }
         while placed.len() < n {
             let begin = placed.len();
-            let new: Vec<usize> = (begin..n.min(begin + BLOCK)).collect();
-            let block = Block {
-                settings: self.settings,
-                project: self.project,
-                pictures: &self.pictures(),
-                cameras: &self.cameras,
-                old: begin - 1,
-                new: &new,
-                held: &placed[begin - 1],
-            };
-            for (key, poses) in new.iter().zip(block.place()?) {
+            let new = begin..n.min(begin + BLOCK);
+            for (key, poses) in new.clone().zip(self.place(new, &placed[begin - 1].poses)?) {
                 match self.complete(&poses) {
                     Some(found) => {
-                        self.keep(*key, &found)?;
+                        self.keep(key, &found)?;
                         placed.push(found);
                     }
                     // It may be too far from the block's first frame: the next block begins just before it.
-                    None if *key > begin => break,
-                    None => return Err(self.lost(*key, poses.iter().flatten().count())),
+                    None if key > begin => break,
+                    None => return Err(self.lost(key, poses.iter().flatten().count())),
                 }
             }
         }
@@ -174,17 +164,11 @@ impl<'a> Track<'a> {
     pub fn notes(&self) -> Vec<String> {
         let placed: Vec<Placed> = (1..self.keys.len()).filter_map(|key| self.read(key)).collect();
         let count = |camera: usize| placed.iter().filter(|key| key.predicted[camera]).count();
-        let names = self.cameras.iter().map(|camera| camera.name.as_str());
-        let absent: Vec<String> = names
-            .enumerate()
-            .filter(|(camera, _)| count(*camera) > 0)
-            .map(|(camera, name)| format!("{name} at {}", count(camera)))
-            .collect();
-        let mut notes = vec![format!(
-            "the rig was followed through {} frames, {} of them placed",
-            self.frames.len(),
-            self.keys.len()
-        )];
+        let absent = (0..self.cameras.len()).filter(|camera| count(*camera) > 0);
+        let absent: Vec<String> =
+            absent.map(|camera| format!("{} at {}", self.cameras[camera].name, count(camera))).collect();
+        let (n_frames, n_keys) = (self.frames.len(), self.keys.len());
+        let mut notes = vec![format!("the rig was followed through {n_frames} frames, {n_keys} of them placed")];
         if !absent.is_empty() {
             let n = placed.len();
             let who = absent.join(", ");
@@ -275,10 +259,11 @@ impl<'a> Track<'a> {
             let name = name.with_extension("").to_string_lossy().into_owned();
             self.cameras.iter().position(|camera| camera.name == name)
         };
-        let points: Vec<ModelPoint> = tracks(first)?
-            .into_iter()
-            .map(|(point, by)| (point.position, point.color, by.iter().filter_map(|name| index_of(name)).collect()))
-            .collect();
+        let points = tracks(first)?.into_iter().map(|(point, by)| {
+            let camera_ids = by.iter().filter_map(|name| Some(index_of(name)? as u32 + 1)).collect();
+            SeenPoint { position: point.position, rgb: point.color, camera_ids }
+        });
+        let points: Vec<SeenPoint> = points.collect();
         // A rig is read as counted from 1 where no frame is the first of its video.
         let count_from = u32::from(self.cameras.iter().all(|camera| camera.start > 0));
         let mut cameras = Vec::new();

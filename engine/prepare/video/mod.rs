@@ -14,7 +14,7 @@ use crate::error::Result;
 use crate::files::write_atomic;
 use crate::prepare::fit::Crop;
 use crate::prepare::program::FFMPEG;
-use crate::prepare::settings::{ImageFormat, Progress};
+use crate::prepare::settings::{ImageFormat, OnProgress, Progress};
 use crate::video::input;
 
 pub(super) use self::colour::{Conversion, can_convert};
@@ -108,7 +108,7 @@ pub(super) fn write_pictures(
     pictures: &[usize],
     threads: usize,
     name: impl Fn(u32) -> String,
-    progress: &(dyn Fn(Progress) + Sync),
+    progress: OnProgress,
 ) -> Result<()> {
     let n = pictures.len();
     let file = |place: u32| folder.join(name(place));
