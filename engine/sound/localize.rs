@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use glam::{DMat3, DVec3};
 
 use super::keypoints::{Mouth, Mouths};
-use super::rig::{Rig, RigCamera};
+use super::rig::Rig;
 use super::smooth::{Motion, State, smooth};
 use super::source_track::{Flag, SourceSample, SourceTrack};
 use super::triangulate::{Fix, Sight, triangulate_all};
@@ -109,18 +109,16 @@ pub fn localize(rig: &Rig, mouths: &[Mouths], settings: &LocalizeSettings) -> Lo
     // Stable: of two that are seen as often, the one found first.
     persons.sort_by_key(|places| std::cmp::Reverse(places.len()));
 
+    let n_agreeing: usize = fixes.iter().flatten().map(|fix| fix.sights.len()).sum();
+    let n_mouths = mouths.iter().map(|mouths| mouths.frames.values().flatten().count());
+    let n_sights: usize = seen.iter().map(Vec::len).sum();
     let mut localized = Localized {
         tracks: Vec::new(),
         openings: Vec::new(),
         report: LocalizeReport {
             frames: n_frames,
-            mouths: rig
-                .cameras
-                .iter()
-                .zip(mouths)
-                .map(|(c, m)| (c.name.clone(), m.frames.values().flatten().count()))
-                .collect(),
-            agreeing: share(fixes.iter().flatten().map(|fix| fix.sights.len()).sum(), seen.iter().map(Vec::len).sum()),
+            mouths: rig.cameras.iter().map(|camera| camera.name.clone()).zip(n_mouths).collect(),
+            agreeing: n_agreeing as f64 / n_sights.max(1) as f64,
             noise,
             stray_places,
             metres_per_unit,
@@ -179,10 +177,6 @@ pub fn associate(fixes: &[Vec<Fix>], dt: f64, motion: Motion) -> Vec<Vec<(usize,
     persons.into_iter().map(|(_, places)| places).collect()
 }
 
-fn share(part: usize, whole: usize) -> f64 {
-    if whole == 0 { 0.0 } else { part as f64 / whole as f64 }
-}
-
 fn report(track: &SourceTrack) -> SourceReport {
     let mut flags = BTreeMap::new();
     track.samples.iter().for_each(|sample| *flags.entry(sample.flag.name()).or_insert(0) += 1);
@@ -213,21 +207,13 @@ fn sights(rig: &Rig, mouths: &[Mouths], frame: f64) -> Vec<(Sight, Mouth)> {
     for (index, (camera, mouths)) in rig.cameras.iter().zip(mouths).enumerate() {
         // A picture of frame f shows what is at f + offset.
         let local = frame - camera.offset;
-        let at_local = at(mouths, local, rig.fps);
-        found.extend(at_local.into_iter().filter_map(|mouth| Some((sight(camera, index, local, &mouth)?, mouth))));
+        let (pose, focal) = (camera.pose(local), camera.lens.intrinsics.focal());
+        found.extend(at(mouths, local, rig.fps).into_iter().filter_map(|mouth| {
+            let Mouth { sigma, weight, .. } = mouth;
+            Some((Sight { camera: index, pose, focal, at: camera.plane(mouth.at)?, sigma, weight }, mouth))
+        }));
     }
     found
-}
-
-fn sight(camera: &RigCamera, index: usize, local: f64, mouth: &Mouth) -> Option<Sight> {
-    Some(Sight {
-        camera: index,
-        pose: camera.pose(local),
-        focal: camera.lens.intrinsics.focal(),
-        at: camera.plane(mouth.at)?,
-        sigma: mouth.sigma,
-        weight: mouth.weight,
-    })
 }
 
 /// The mouths of a camera at a time of its own clock, frames: those of the nearest frame, moved towards the same mouth in the frame on
