@@ -131,7 +131,6 @@ pub(super) struct Matched {
 }
 
 impl Matched {
-    /// Pairs of cameras, each with the smaller number first.
     pub fn pairs(self, poses: &[Pose]) -> BTreeSet<(usize, usize)> {
         if poses.len() > self.all {
             return self.of_neighbours(poses);

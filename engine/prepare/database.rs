@@ -68,7 +68,6 @@ impl Shared {
     }
 }
 
-/// The error of pictures that hang together too little, from the database of the attempt.
 pub(super) fn unplaced(source: &Path, pictures: &Pictures, database: &Path) -> Error {
     let what = if matches!(pictures, Pictures::Videos(_)) { "cameras" } else { "pictures" };
     let found = Shared::read(database).map_or_else(String::new, |shared| format!(": {}", shared.words()));

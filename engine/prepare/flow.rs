@@ -97,7 +97,6 @@ fn is_left(images: &Images, camera: &Camera) -> bool {
         .any(|frame| camera.flow(frame).is_none() && !folder.join(format!("{frame:05}.npy")).is_file())
 }
 
-/// Finds the script's programs, unless there is nothing to estimate.
 pub(super) fn require(images: &Images, settings: &PrepareSettings) -> Result<()> {
     if !settings.flow {
         return Ok(());

@@ -10,7 +10,8 @@ use super::reconstruct::{MAX_SIDE, OVERLAP, of_video, require, videos};
 use super::settings::{PrepareSettings, Triangulate};
 use super::source::Source;
 use super::source::footage::video_names;
-use super::{track, triangulate, video};
+use super::video::{self, Video};
+use super::{track, triangulate};
 use crate::error::Result;
 use crate::scene::Intrinsics;
 use crate::scene::undistort::Distortion;
@@ -115,22 +116,33 @@ impl fmt::Display for Forecast {
     }
 }
 
-/// Pictures for COLMAP, photographs of the same place among them.
-fn count(pictures: &Pictures, settings: &PrepareSettings) -> Result<usize> {
-    let n = match pictures {
-        Pictures::Photos(folder) => Photos::of(folder)?.files.len(),
-        Pictures::Video(path) => of_video(settings, &video::probe(path)?).len(),
-        Pictures::Videos(folder) => video_names(folder).len(),
+/// Pictures for COLMAP, photographs of the same place among them; width and height of the first; frames of the clip.
+fn footage(settings: &PrepareSettings, pictures: &Pictures) -> Result<(usize, (u32, u32), usize)> {
+    let clip = |video: &Video| ((video.width, video.height), settings.frames.of(video.n_frames()).len());
+    let (n, (size, frames)) = match pictures {
+        Pictures::Photos(folder) => {
+            let files = Photos::of(folder)?.files;
+            (files.len(), (files.first().map_or(Ok((1, 1)), |first| read_size(first))?, 1))
+        }
+        Pictures::Video(path) => {
+            let video = video::probe(path)?;
+            (of_video(settings, &video).len(), clip(&video))
+        }
+        Pictures::Videos(folder) => {
+            let first = videos(folder).next().map(|(_, path)| video::probe(&path)).transpose()?;
+            (video_names(folder).len(), first.as_ref().map_or(((1, 1), 0), clip))
+        }
     };
-    match settings.photos.as_deref().and_then(Pictures::at) {
-        Some(Pictures::Photos(folder)) => Ok(n + Photos::of(&folder)?.files.len()),
-        _ => Ok(n),
-    }
+    let n_photos = match settings.photos.as_deref().and_then(Pictures::at) {
+        Some(Pictures::Photos(folder)) => Photos::of(&folder)?.files.len(),
+        _ => 0,
+    };
+    Ok((n + n_photos, size, frames))
 }
 
 pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Result<Forecast> {
     require(settings, pictures)?;
-    let n = count(pictures, settings)?;
+    let (n, (width, height), frames) = footage(settings, pictures)?;
     let pairs = match pictures {
         Pictures::Video(_) => (0..n).map(|later| OVERLAP.min(later)).sum(),
         _ => n * n.saturating_sub(1) / 2,
@@ -141,7 +153,6 @@ pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Resul
     };
     let (n, pairs) = (n + later.0, pairs + later.1);
     let threads = settings.threads.max(1);
-    let (width, height, frames) = footage(settings, pictures)?;
     let shrunk = (f64::from(MAX_SIDE) / f64::from(width.max(height))).min(1.0);
     let side = |side: u32| (f64::from(side) * shrunk) as u32;
     let given = Batch::new(n, (side(width), side(height)));
@@ -160,22 +171,6 @@ pub(super) fn forecast(settings: &PrepareSettings, pictures: &Pictures) -> Resul
     let cameras = if let Pictures::Videos(folder) = pictures { video_names(folder) } else { Vec::new() };
     let (what, notes) = (pictures.name(), pictures.notes(&settings.source)?);
     Ok(Forecast { what, pictures: n, pairs, seconds, then, threads, cameras, notes })
-}
-
-/// Width and height of the first picture, and frames of the clip.
-fn footage(settings: &PrepareSettings, pictures: &Pictures) -> Result<(u32, u32, usize)> {
-    let first = match pictures {
-        Pictures::Photos(folder) => Photos::of(folder)?.files.into_iter().next(),
-        Pictures::Video(path) => Some(path.clone()),
-        Pictures::Videos(folder) => videos(folder).next().map(|(_, path)| path),
-    };
-    let Some(first) = first else { return Ok((1, 1, 0)) };
-    if matches!(pictures, Pictures::Photos(_)) {
-        let (width, height) = read_size(&first)?;
-        return Ok((width, height, 1));
-    }
-    let video = video::probe(&first)?;
-    Ok((video.width, video.height, settings.frames.of(video.n_frames()).len()))
 }
 
 /// Less is not worth a line before it begins, seconds.

@@ -43,7 +43,6 @@ pub(super) fn check(settings: &PrepareSettings, pictures: Option<&Pictures>) -> 
 }
 
 impl Together {
-    /// Takes the photographs over to where COLMAP finds them, below `images`; none where the settings have none.
     pub fn take(settings: &PrepareSettings, images: &Path) -> Result<Together> {
         let Some(Pictures::Photos(from)) = settings.photos.as_deref().and_then(Pictures::at) else {
             return Ok(Together::default());

@@ -137,7 +137,6 @@ impl Photos {
         unread.into_iter().chain(converted(&self.files)).chain(deep).collect()
     }
 
-    /// Copies them to a folder where COLMAP can read all of them.
     pub fn copy(&self, to: &Path, threads: usize, tell: &(dyn Fn(usize, &str) + Sync)) -> Result<()> {
         make_folder(to)?;
         let one = |index: usize| {

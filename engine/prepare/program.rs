@@ -166,7 +166,6 @@ impl Drop for Running {
     }
 }
 
-/// Collects what a pipe says, and sends each line on.
 fn listen(pipe: impl Read + Send + 'static, to: mpsc::Sender<String>) -> OutputReader {
     std::thread::spawn(move || {
         let (mut heard, mut pipe) = (Vec::new(), BufReader::new(pipe));

@@ -148,7 +148,6 @@ fn by_timecodes(videos: &[(&str, Option<&Video>)]) -> Option<BTreeMap<String, f6
         .then(|| codes.iter().map(|(name, code, _)| ((*name).to_owned(), f64::from(last - code))).collect())
 }
 
-/// A note where time codes say that cameras did not begin together, and nobody asked for them.
 pub(super) fn note_timecodes(videos: &[(&str, Option<&Video>)]) -> Option<String> {
     let shifts = by_timecodes(videos)?;
     let codes: Vec<String> =

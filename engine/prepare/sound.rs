@@ -41,7 +41,6 @@ pub(super) fn carry(images: &Images, settings: &PrepareSettings, journal: &Journ
     Ok(())
 }
 
-/// The sound of a source of which the frames from `start` on are taken.
 fn sounds(source: &Path, cameras: &[Camera], start: u32) -> Result<Vec<PathBuf>> {
     let audio = source.join("audio");
     if start != 0 || !audio.is_dir() {

@@ -42,17 +42,11 @@ pub(super) struct Images {
     made_from: Value,
 }
 
-enum Job {
-    Video(usize),
-    Image(usize, u32),
-}
-
 impl Images {
     pub fn n_frames(&self) -> u32 {
         self.select.n
     }
 
-    /// By camera, the frames of the capture of which it has no picture.
     pub fn absent(&self) -> BTreeMap<String, BTreeSet<u32>> {
         let of = |camera: &Camera| (0..self.select.n).filter(|frame| !camera.has(*frame)).collect::<BTreeSet<u32>>();
         let all = self.cameras.iter().map(|camera| (camera.name.clone(), of(camera)));
@@ -74,29 +68,27 @@ impl Images {
         journal.begin("images", self.made_from.clone())?;
         let n = self.select.n;
         let mut jobs = Vec::new();
-        for (index, camera) in self.cameras.iter().enumerate() {
+        for camera in &self.cameras {
             make_folder(&self.output.join("images").join(&camera.name))?;
-            match &camera.material {
-                Material::Video(..) => jobs.push(Job::Video(index)),
-                Material::Images(_) => {
-                    jobs.extend((0..n).filter(|frame| camera.has(*frame)).map(|frame| Job::Image(index, frame)));
-                }
+            let frames: Vec<u32> = (0..n).filter(|frame| camera.has(*frame)).collect();
+            match camera.material {
+                Material::Video(..) => jobs.push((camera, frames)),
+                Material::Images(_) => jobs.extend(frames.iter().map(|frame| (camera, vec![*frame]))),
             }
         }
         let own = (0..).zip(jobs).filter(|(number, _)| share.has(*number)).map(|(_, job)| job);
-        let jobs: Vec<Job> = own.collect();
-        let pieces = |job: &Job| match job {
-            Job::Video(camera) => (0..n).filter(|frame| self.cameras[*camera].has(*frame)).count(),
-            Job::Image(..) => 1,
-        };
-        let (done, total) = (AtomicUsize::new(0), jobs.iter().map(pieces).sum());
+        let jobs: Vec<(&Camera, Vec<u32>)> = own.collect();
+        let (done, total) = (AtomicUsize::new(0), jobs.iter().map(|(_, frames)| frames.len()).sum());
         let tell = |piece: &str| {
             let done = done.fetch_add(1, Ordering::Relaxed) + 1;
             progress(Progress { stage: "images", done, total, piece });
         };
-        let work = |index: usize| match jobs[index] {
-            Job::Video(camera) => self.decode_video(&self.cameras[camera], &tell),
-            Job::Image(camera, frame) => self.convert_image(&self.cameras[camera], frame, &tell),
+        let work = |index: usize| {
+            let (camera, frames) = &jobs[index];
+            match camera.material {
+                Material::Video(..) => self.decode_video(camera, &tell),
+                Material::Images(_) => frames.iter().try_for_each(|frame| self.convert_image(camera, *frame, &tell)),
+            }
         };
         in_parallel(jobs.len(), self.threads, work, |_| {}).map(|_| ())
     }
@@ -168,12 +160,10 @@ impl Images {
             } else {
                 let image = maker.scaled(&shot.image, FilterType::Triangle)?;
                 if !image.color().has_alpha() {
-                    let rgb = image.into_rgb8();
-                    let pixels = maker.image(rgb.as_raw().as_chunks::<3>().0);
+                    let pixels = maker.image(image.into_rgb8().as_raw().as_chunks::<3>().0);
                     self.write(&to, &pixels, &camera.pinhole, ExtendedColorType::Rgb8)?;
                 } else if self.format == ImageFormat::Png {
-                    let rgba = image.into_rgba8();
-                    let pixels = maker.image(rgba.as_raw().as_chunks::<4>().0);
+                    let pixels = maker.image(image.into_rgba8().as_raw().as_chunks::<4>().0);
                     self.write(&to, &pixels, &camera.pinhole, ExtendedColorType::Rgba8)?;
                 } else {
                     let reason = "has an alpha channel, which JPEG does not hold";

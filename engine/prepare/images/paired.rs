@@ -18,7 +18,6 @@ pub(super) struct Paired {
     pub notes: Vec<String>,
 }
 
-/// Pairs the chosen frames with the pictures of a video.
 pub(super) fn pair(timeline: &Timeline, name: &str, video: &Video, select: Selection) -> Paired {
     let frames = || (0..select.n).map(|k| select.start + k * select.every);
     let pictures: Vec<Option<usize>> = frames().map(|frame| timeline.picture(name, video, frame)).collect();

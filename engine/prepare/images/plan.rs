@@ -22,7 +22,6 @@ use crate::scene::Intrinsics;
 use crate::scene::capture::{Faults, Frames, RATES, Shot, camera_place};
 use crate::scene::undistort::Lens;
 
-/// Compares the cameras with their footage and with each other.
 pub(in crate::internals::prepare) fn plan(source: &Source, settings: &PrepareSettings, faults: &mut Faults) -> Images {
     let mut notes = Vec::new();
     // Several at a time: a program is started for each video.
@@ -256,7 +255,6 @@ impl Planner<'_> {
         Some((start, paired))
     }
 
-    /// Notes what of a video is converted; a fault where that cannot be.
     fn note_conversions(&mut self, name: &str, video: &Video) -> Option<()> {
         if let Some(colour) = &video.colour {
             if !self.converts {

@@ -70,7 +70,6 @@ pub(super) fn pictures(settings: &PrepareSettings) -> Option<Pictures> {
 }
 
 impl Source {
-    /// Reads the source of the settings; the format is recognised from the folder's content.
     pub fn read(settings: &PrepareSettings, faults: &mut Faults) -> Result<Source> {
         let folder = settings.source.as_path();
         let place = Place { settings, folder, footage: settings.footage.as_deref().unwrap_or(folder) };

@@ -13,7 +13,6 @@ const SEARCHED: usize = 64;
 /// The path to give for a source, and its kind.
 type Recognise = fn(&Path) -> Option<(PathBuf, String)>;
 
-/// The fault of a path that is no source.
 pub(super) fn unknown(path: &Path, recognise: Recognise) -> Error {
     let bad = |reason: &str, remedy: &str| Error::data(path, "", reason, remedy);
     if !path.exists() {

@@ -90,7 +90,6 @@ fn bare(name: &str) -> String {
 
 type Calibrated = (String, Result<(Lens, Pose), String>);
 
-/// The cameras of a calibration.
 fn cameras(calibration: &Path) -> Result<Vec<Calibrated>, String> {
     let is_toml = calibration.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("toml"));
     let text = read_text(calibration).map_err(|fault| format!("cannot be read: {fault}"))?;

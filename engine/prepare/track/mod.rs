@@ -253,7 +253,6 @@ impl<'a> Track<'a> {
         Ok(())
     }
 
-    /// The model of all frames, with the points of the first.
     fn write(&self, first: &Path, to: &Path, placed: &[Placed]) -> Result<()> {
         let index_of = |name: &Path| {
             let name = name.with_extension("").to_string_lossy().into_owned();

@@ -34,7 +34,6 @@ impl Motion {
         Motion { turn, shift: shifts.sum::<DVec3>() / pairs.len().max(1) as f64 }
     }
 
-    /// Where it takes a camera.
     pub fn of(&self, pose: &Pose) -> Pose {
         Pose::at(self.turn * pose.center() + self.shift, pose.rotation * self.turn.transpose())
     }

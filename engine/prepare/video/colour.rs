@@ -66,7 +66,6 @@ fn one_of(tag: Option<&str>, known: &[&'static str]) -> Option<&'static str> {
     known.iter().find(|known| tag == Some(**known)).copied()
 }
 
-/// True if the installed ffmpeg has the filters of a conversion.
 pub(in crate::internals::prepare) fn can_convert(about: &Path) -> Result<bool> {
     let listed = FFMPEG.run(["-v", "error", "-filters"], about)?;
     let listed = String::from_utf8_lossy(&listed);
