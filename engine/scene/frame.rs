@@ -7,8 +7,21 @@ use exr::prelude::{AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer,
 use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
 
 use crate::error::{Error, Result};
-use crate::files::write_atomic;
-use crate::files::write_tensors;
+use crate::files::{write_atomic, write_tensors};
+
+/// Writes an OpenEXR image of f32 channels, losslessly compressed.
+pub(crate) fn write_exr(path: &Path, channels: Vec<(&str, Vec<f32>)>, width: u32, height: u32) -> Result<()> {
+    let channels = channels.into_iter().map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values)));
+    let channels = AnyChannels::sort(channels.collect());
+    let size = (width as usize, height as usize);
+    let layer = Layer::new(size, LayerAttributes::default(), Encoding::SMALL_LOSSLESS, channels);
+    write_atomic(path, |to| {
+        // The encoder seeks back to fill in its offset table, which the destination cannot.
+        let mut bytes = Cursor::new(Vec::new());
+        Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes).map_err(io::Error::other)?;
+        to.write_all(bytes.get_ref())
+    })
+}
 
 /// A rendered picture, row-major, top row first. None of the sums is normalised by alpha.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -37,7 +50,6 @@ impl Frame {
     pub fn write_png(&self, path: impl AsRef<Path>) -> Result<()> {
         let path = path.as_ref();
         self.check(path, &[self.color.len()])?;
-        // A float becomes an integer by saturation, NaN by 0.
         let level = |c: f32| (c.clamp(0.0, 1.0) * 255.0).round() as u8;
         let bytes: Vec<u8> = self.color.as_flattened().iter().map(|&c| level(c)).collect();
         write_atomic(path, |to| {
@@ -46,16 +58,14 @@ impl Frame {
         })
     }
 
-    /// Writes everything as one OpenEXR image of f32 channels, losslessly compressed: `R`, `G`, `B` (blended with the
-    /// background, not premultiplied again), `A`, `depth.Z`, `inverse_depth`, `flow.X` and `flow.Y`.
-    ///
-    /// # Errors
-    /// As [`Frame::write_png`].
+    /// Writes everything as one OpenEXR image of f32 channels: `R`, `G`, `B` (blended with the background, not premultiplied again), `A`,
+    /// `depth.Z`, `inverse_depth`, `flow.X` and `flow.Y`.
+    /// Fails as [`Frame::write_png`].
     pub fn write_exr(&self, path: &Path) -> Result<()> {
         self.check_all(path)?;
         let color = |channel: usize| self.color.iter().map(|c| c[channel]).collect();
         let flow = |axis: usize| self.flow.iter().map(|f| f[axis]).collect();
-        let channels: [(&str, Vec<f32>); 8] = [
+        let channels = vec![
             ("R", color(0)),
             ("G", color(1)),
             ("B", color(2)),
@@ -65,25 +75,12 @@ impl Frame {
             ("flow.X", flow(0)),
             ("flow.Y", flow(1)),
         ];
-        let channels = channels.into_iter().map(|(name, values)| AnyChannel::new(name, FlatSamples::F32(values)));
-        let channels = AnyChannels::sort(channels.collect());
-        let size = (self.width as usize, self.height as usize);
-        let attributes = LayerAttributes::default();
-        let layer = Layer::new(size, attributes, Encoding::SMALL_LOSSLESS, channels);
-        write_atomic(path, |to| {
-            // The encoder seeks back to fill in its offset table, which the destination cannot.
-            let mut bytes = Cursor::new(Vec::new());
-            let encoded = Image::from_layer(layer).write().non_parallel().to_buffered(&mut bytes);
-            encoded.map_err(io::Error::other)?;
-            to.write_all(bytes.get_ref())
-        })
+        write_exr(path, channels, self.width, self.height)
     }
 
     /// Writes everything as f32 tensors (SPEC 9): `color` [H, W, 3], `alpha`, `depth`, `inverse_depth` [H, W] and
     /// `flow` [H, W, 2].
-    ///
-    /// # Errors
-    /// As [`Frame::write_png`].
+    /// Fails as [`Frame::write_png`].
     pub fn write_safetensors(&self, path: &Path) -> Result<()> {
         self.check_all(path)?;
         let (h, w) = (self.height as usize, self.width as usize);

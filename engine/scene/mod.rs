@@ -20,6 +20,7 @@ mod view;
 
 pub use demo::demo;
 pub use frame::Frame;
+pub(crate) use frame::write_exr;
 pub use intrinsics::Intrinsics;
 pub use navigator::{Navigator, Push};
 pub use orbit::{Orbit, upright};

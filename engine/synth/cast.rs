@@ -1,4 +1,4 @@
-//! One picture by casting rays, with what is true of each pixel.
+//! One picture by casting rays, with the truth of each pixel.
 
 use super::math::{self, Stream, normal3};
 use super::options::{Noise, Options};
@@ -10,6 +10,7 @@ pub(super) const SENSOR_NOISE: f64 = 0.01;
 const HOOD: DVec3 = DVec3::splat(0.06);
 
 /// A camera's picture of one frame, row-major, top first.
+#[derive(Default)]
 pub(super) struct Picture {
     pub rgb: Vec<u8>,
     /// Of the surface at the pixel's centre, along the optical axis, scene units.
@@ -27,17 +28,8 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
     let (now, next) = (world.at(time), world.at(time + 1.0));
     let (camera, then) = (&camera.at(time), camera.at(time + 1.0));
     let mut noise = math::random(options.seed, Stream::Sensor, index, frame);
-    let n = camera.intrinsics.width as usize * camera.intrinsics.height as usize;
-    let mut picture = Picture {
-        rgb: Vec::with_capacity(3 * n),
-        depth: Vec::with_capacity(n),
-        flow: Vec::with_capacity(n),
-        body: Vec::with_capacity(n),
-        dynamic: Vec::with_capacity(n),
-    };
-    for (row, column) in
-        (0..camera.intrinsics.height).flat_map(|row| (0..camera.intrinsics.width).map(move |column| (row, column)))
-    {
+    let mut picture = Picture::default();
+    for (column, row) in camera.pixels() {
         let corner = DVec2::new(f64::from(column), f64::from(row));
         let center = corner + DVec2::splat(0.5);
         let direction = camera.ray(center);
@@ -49,7 +41,6 @@ pub(super) fn picture(world: &World, options: &Options, index: usize, camera: &C
         let (color, dynamic) = pixel(&now, camera, corner, options.samples);
         let seen = if camera.is_hooded(column, row) { HOOD } else { transformed(camera, color) };
         let sensor = if options.noise == Noise::All { normal3(&mut noise) * SENSOR_NOISE } else { DVec3::ZERO };
-        // A float becomes an integer by saturation.
         picture.rgb.extend((seen + sensor).to_array().map(|c| (c.clamp(0.0, 1.0) * 255.0 + 0.5) as u8));
         picture.dynamic.push(dynamic || hit.is_some_and(|hit| now.placed[hit.body].body.dynamic));
     }
@@ -66,10 +57,7 @@ pub(super) fn covisible(world: &World, cameras: &[Camera], index: usize, frame: 
         let point = now.hit(camera.center, direction).map(|hit| hit.at);
         point.is_some_and(|point| cameras.iter().any(|other| !other.is_test && sees(&now, other, point)))
     };
-    (0..camera.intrinsics.height)
-        .flat_map(|row| (0..camera.intrinsics.width).map(move |column| (column, row)))
-        .map(|(x, y)| seen(x, y))
-        .collect()
+    camera.pixels().map(|(column, row)| seen(column, row)).collect()
 }
 
 /// True if a point of a surface is in a camera's picture and nothing is in front of it.
@@ -91,13 +79,13 @@ fn pixel(now: &Snapshot, camera: &Camera, corner: DVec2, samples: u32) -> (DVec3
     (sum / f64::from(samples * samples), dynamic)
 }
 
-/// The way of a surface point in the picture to the next frame, by its own motion and the camera's.
+/// The way of a surface point in the picture to the next frame.
 fn flow(now: &Snapshot, next: &Snapshot, camera: &Camera, then: &Camera, hit: &Hit) -> DVec2 {
     let moved = &next.placed[hit.body];
     if !moved.body.dynamic && camera.center == then.center {
         return DVec2::ZERO;
     }
-    // Both ends are projected, so that a body that happens to rest has no flow from rounding.
+    // Both ends are projected, so that a body at rest has no flow from rounding.
     let here = camera.project(now.placed[hit.body].world(hit.local));
     let there = then.project(moved.world(hit.local));
     here.zip(there).map_or(DVec2::ZERO, |(here, there)| there.0 - here.0)

@@ -1,9 +1,8 @@
 //! Synthetic captures (SPEC 11): a room of analytic surfaces, cast ray by ray, with everything that is true of it.
 //!
-//! The scene is no set of Gaussians. All arithmetic is +, -, *, / and sqrt in f64 and integer hashes, so equal options
-//! give equal bytes on every machine and with any number of threads. A capture holds, beside the parts of SPEC 8 and
-//! `foreground/` (255 where any ray of the pixel meets a body that moves) and `covisible/` (255 where a training camera sees
-//! what a test camera's pixel shows at its centre):
+//! All arithmetic is +, -, *, / and sqrt in f64 and integer hashes, so equal options give equal bytes on every machine and with any number
+//! of threads. A capture has, beside the parts of SPEC 8, `foreground/` (255 where any ray of the pixel meets a body that moves) and
+//! `covisible/` (255 where a training camera sees what a test camera's pixel shows at its centre):
 //!
 //! ```text
 //! capture.toml                            written last: a folder without it is unfinished
@@ -13,11 +12,10 @@
 //! truth/source.wav                        the voice without delay at a distance of one
 //! ```
 //!
-//! A camera of a moving rig has an image, and with it a pose, for each frame; its flow is by its own motion too. Pictures, flow
-//! and depth of frame f are of the camera's own time, f + its offset; points are of the true time f. Flow
-//! is that of the surface point, also where it is hidden or gone in the next frame, and exists for all frames but the
-//! last in `flow/`, for all in `truth/`. `depth/` holds inverse depth up to a scale and a shift of its own per picture.
-//! The microphone of a camera is at its lens and runs by its clock. Keypoints are in MMPose's format, 133 per person.
+//! A camera of a moving rig has a pose for each frame. Pictures, flow and depth of frame f are of the camera's own time, f + its offset;
+//! points are of the true time f. Flow is that of the surface point, also where that is hidden or gone in the next frame; `flow/` has none
+//! for the last frame. `depth/` holds inverse depth with a scale and a shift of its own per picture. The microphone of a camera is at its
+//! lens and runs by its clock. Keypoints are in MMPose's format, 133 per person.
 
 mod cast;
 mod colmap;

@@ -2,7 +2,6 @@
 
 use serde::Serialize;
 
-/// Where the cameras stand.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Rig {
@@ -14,15 +13,15 @@ pub enum Rig {
     Moving,
 }
 
-/// Parts that noise disturbs.
+/// What noise disturbs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Noise {
-    /// Nothing: points, flow, depth and keypoints are exact and no point is an outlier.
+    /// Nothing.
     None,
     /// Estimates from pictures: points (with outliers), flow, depth and keypoints.
     Priors,
-    /// The same, with points as of a structure from motion that fits badly: 3 cm off, one in five an outlier.
+    /// The same, with points of a bad structure from motion: 3 cm off, one in five an outlier.
     Rough,
     /// The priors, and the pictures themselves (sensor noise).
     All,
@@ -31,49 +30,46 @@ pub enum Noise {
 /// Everything that decides a synthetic capture; equal options give equal bytes.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Options {
-    /// Decides colours, textures, speeds, the small things of the layout, and all noise.
+    /// Of colours, textures, speeds, the small things of the layout, and all noise.
     pub seed: u64,
-    /// Where the cameras stand.
     pub rig: Rig,
-    /// Cameras in all, 3 to 99.
+    /// 3 to 99, with the test cameras.
     pub cameras: u32,
-    /// Held out: the first is central, the second peripheral, others lie between; at most `cameras - 2`.
+    /// The first is central, the second peripheral, others lie between; at most `cameras - 2`.
     pub test_cameras: u32,
     /// Pixels, 16 to 8192.
     pub width: u32,
     /// Pixels, 16 to 8192.
     pub height: u32,
-    /// Frames of the clip, 1 to 9999.
+    /// 1 to 9999.
     pub frames: u32,
-    /// Frames at the beginning in which nothing moves, 0 to `frames`; what moves does so later then.
+    /// Frames at the beginning in which nothing moves, 0 to `frames`; all movements are that much later.
     pub still_frames: u32,
-    /// Frames per second, 1 to 1000.
+    /// 1 to 1000.
     pub fps: u32,
     /// Rays per pixel and axis, 1 to 8; a pixel is the mean of their square.
     pub samples: u32,
-    /// Triangulated points per frame, outliers included; at most 1,000,000.
+    /// Triangulated points per frame, with outliers; at most 1,000,000.
     pub points: u32,
-    /// What is disturbed by noise.
     pub noise: Noise,
-    /// Each training camera's clock is off by its own part of a frame (mean 0); test cameras keep the true time.
+    /// The clock of each training camera is off by a part of a frame (mean 0).
     pub offsets: bool,
-    /// Each training camera has its own affine colour transform (mean identity); test cameras keep the true colours.
+    /// Each training camera has its own affine colour transform (mean identity).
     pub colors: bool,
-    /// Every second training camera's lens hood covers a corner of its pictures, and masks say so.
+    /// The lens hood of every second training camera covers a corner of its pictures, which masks leave out.
     pub masks: bool,
-    /// The calibration has each training camera turned by 0.2 degrees and shifted by 10 mm from where it is.
+    /// The calibration has each training camera turned by 0.2 degrees and shifted by 10 mm.
     pub bent: bool,
-    /// Photographs of the room without what moves, 2 to 99: taken from around an outward rig's place, looking outward.
+    /// Photographs of the room without moving things, 2 to 99, from around an outward rig's place.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub photos: Option<u32>,
 }
 
-/// Named options.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Preset {
-    /// For tests: 6 cameras (2 for test), 64 x 48, 8 frames.
+    /// For tests.
     Tiny,
-    /// For a first training run: 10 cameras (2 for test), 128 x 96, 12 frames.
+    /// For a first training run.
     Small,
     /// `Small` with time offsets, colour transforms, sensor noise and masks.
     Hard,
@@ -81,16 +77,13 @@ pub enum Preset {
     Outward,
     /// `Small` with 40 frames and time offsets: for the studies of `ivv bench`.
     Study,
-    /// 20 cameras (3 for test), 480 x 360, 60 frames.
     Room,
 }
 
 impl Preset {
-    /// Every preset, the smallest first.
     pub const ALL: [Preset; 6] =
         [Preset::Tiny, Preset::Small, Preset::Hard, Preset::Outward, Preset::Study, Preset::Room];
 
-    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Preset::Tiny => "tiny",
@@ -102,7 +95,6 @@ impl Preset {
         }
     }
 
-    /// Its options. All but `Hard` and `Study` have true clocks, all but `Hard` true colours; the priors of all are noisy.
     pub fn options(self, seed: u64) -> Options {
         let small = Options {
             seed,
@@ -138,10 +130,8 @@ impl Preset {
 }
 
 impl Rig {
-    /// Every rig.
     pub const ALL: [Rig; 3] = [Rig::Inward, Rig::Outward, Rig::Moving];
 
-    /// Its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Rig::Inward => "inward",

@@ -24,9 +24,9 @@ impl Errors {
     }
 }
 
-/// The least and the largest part of its distance that is left of an outlier's.
+/// Range of an outlier's distance over its true distance.
 const OUTLIER_DEPTHS: [f64; 2] = [0.4, 0.9];
-/// Rays cast per point wanted, before a scene with too little to see gives fewer.
+/// Rays cast per point wanted; a dull scene gives fewer points.
 const TRIES: u32 = 60;
 
 #[derive(Clone, Debug)]
@@ -71,7 +71,7 @@ pub(super) fn points(world: &World, options: &Options, cameras: &[Camera], frame
         } else {
             hit.at
         };
-        // What is noted as seen lies in the picture, with its noise.
+        // With its noise, too, a point lies in the pictures that saw it.
         seen_by.retain(|&other| {
             cameras[other].project(position).is_some_and(|(at, _)| cameras[other].intrinsics.holds(at))
         });

@@ -1,4 +1,4 @@
-//! The estimates of networks: noisy optical flow, and depth in units of its own.
+//! Estimates as of networks: noisy optical flow, and depth in units of its own.
 
 use super::cast::Picture;
 use super::math::{self, Stream, value_noise};

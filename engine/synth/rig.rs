@@ -36,12 +36,12 @@ pub(super) struct Camera {
     pub name: String,
     pub is_test: bool,
     pub intrinsics: Intrinsics,
-    /// World to camera (x right, y down, z forward); of a moving camera in the middle of the clip. A [`Pose`](crate::scene::Pose) would
+    /// World to camera (x right, y down, z forward), of a moving camera in the middle of the clip. A [`Pose`](crate::scene::Pose) would
     /// change last bits.
     pub rotation: DMat3,
-    /// Of the lens, world; of a moving camera in the middle of the clip.
+    /// World, of a moving camera in the middle of the clip.
     pub center: DVec3,
-    /// Frames of the clip in which its rig goes its way; none of a camera at rest.
+    /// Frames of the clip, of a camera that moves.
     pub way: Option<u32>,
     /// Its pictures of frame f are of time f + this; frames.
     pub time_offset: f64,
@@ -51,19 +51,14 @@ pub(super) struct Camera {
 }
 
 impl Camera {
-    /// Where it is at a time, frames; a camera at rest is itself.
+    /// Where it is at a time, frames.
     pub fn at(&self, time: f64) -> Camera {
         let Some(frames) = self.way else { return self.clone() };
         let (turn, shift) = path(time, frames);
-        Camera {
-            rotation: self.rotation * turn.transpose(),
-            center: moved(self.center, turn, shift),
-            way: None,
-            ..self.clone()
-        }
+        let center = moved(self.center, turn, shift);
+        Camera { rotation: self.rotation * turn.transpose(), center, way: None, ..self.clone() }
     }
 
-    /// Where its lens is at a time, frames.
     pub fn center_at(&self, time: f64) -> DVec3 {
         self.way.map_or(self.center, |frames| {
             let (turn, shift) = path(time, frames);
@@ -71,7 +66,6 @@ impl Camera {
         })
     }
 
-    /// Where it is when it takes the picture of a frame.
     pub fn of_frame(&self, frame: u32) -> Camera {
         self.at(f64::from(frame) + self.time_offset)
     }
@@ -85,6 +79,12 @@ impl Camera {
     pub fn project(&self, world: DVec3) -> Option<(DVec2, f64)> {
         let at = self.rotation * (world - self.center);
         (at.z > 0.01).then(|| (self.intrinsics.project(at), at.z))
+    }
+
+    /// (column, row) of every pixel, row by row.
+    pub fn pixels(&self) -> impl Iterator<Item = (u32, u32)> + use<> {
+        let Intrinsics { width, height, .. } = self.intrinsics;
+        (0..height).flat_map(move |row| (0..width).map(move |column| (column, row)))
     }
 
     pub fn is_hooded(&self, column: u32, row: u32) -> bool {
@@ -213,8 +213,7 @@ fn test_indices(options: &Options) -> Vec<u32> {
     let mut order = vec![options.cameras / 2, last];
     let mut pieces = 4;
     while order.len() < options.test_cameras as usize {
-        let new: Vec<u32> = (0..pieces).map(|i| last * i / pieces).filter(|i| !order.contains(i)).collect();
-        for index in new {
+        for index in (0..pieces).map(|i| last * i / pieces) {
             if !order.contains(&index) {
                 order.push(index);
             }

@@ -4,7 +4,6 @@ use glam::DVec3;
 
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Shape {
-    /// A box of these half sides.
     Block(DVec3),
     /// The inside of a box of these half sides.
     Room(DVec3),
@@ -37,7 +36,6 @@ impl Shape {
         }
     }
 
-    /// Radius of a sphere about the origin that holds the surface.
     pub fn bound(&self) -> f64 {
         match *self {
             Shape::Block(half) | Shape::Room(half) => half.length(),

@@ -32,7 +32,6 @@ impl Voice {
         Voice { tones: (0..N_TONES).map(|_| (TAU * random.uniform(150.0, 5000.0), random.uniform(0.0, TAU))).collect() }
     }
 
-    /// In [-1, 1], at a time in seconds.
     pub fn at(&self, time: f64) -> f64 {
         let loudness = 0.65 + 0.35 * sin_cos(TAU * 4.0 * time).0;
         let sum: f64 = self.tones.iter().map(|(frequency, phase)| sin_cos(frequency * time + phase).0).sum();

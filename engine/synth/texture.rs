@@ -26,7 +26,6 @@ pub(super) enum Texture {
 }
 
 impl Texture {
-    /// The colour at a point of the face `face` (see [`super::shape::Touch`]).
     pub fn albedo(&self, at: DVec3, face: usize, seed: u64) -> DVec3 {
         match *self {
             Texture::Plain(color) => color,

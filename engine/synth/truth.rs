@@ -8,7 +8,7 @@ use super::{cast, colmap, points, priors, sound};
 use serde_json::{Value, json};
 use std::collections::BTreeMap;
 
-/// All hidden values. A microphone has a place, one that moves a place at each frame and one more; `outliers` holds by frame the rows of `points/<frame>.ply` that are outliers.
+/// All hidden values. A moving microphone has a place at each frame and one more. `outliers` has by frame the rows of `points/<frame>.ply`.
 pub(super) fn truth(world: &World, options: &Options, cameras: &[Camera], outliers: &[Vec<u32>]) -> Value {
     let by_camera = |value: &dyn Fn(usize, &Camera) -> Value| -> BTreeMap<String, Value> {
         cameras.iter().enumerate().map(|(index, camera)| (camera.name.clone(), value(index, camera))).collect()
@@ -54,7 +54,7 @@ pub(super) fn truth(world: &World, options: &Options, cameras: &[Camera], outlie
     })
 }
 
-/// Name, shape (a capsule's segment is along its y axis), whether it moves, when it exists and, of a moving one, its 3 x 4 pose (body to world) at each frame and one more.
+/// A body (a capsule's segment is along its y axis), of a moving one with its 3 x 4 pose (body to world) at each frame and one more.
 fn describe(world: &World, body: &Body) -> Value {
     let pose = |frame: u32| {
         let (rotation, at) = body.motion.pose(world.moving_time(f64::from(frame)));

@@ -63,7 +63,6 @@ pub(super) struct World {
 }
 
 impl World {
-    /// A frame's time as a part of the clip.
     pub fn clip_time(&self, frame: f64) -> f64 {
         frame / f64::from(self.frames)
     }
@@ -179,7 +178,6 @@ fn squared(x: f64) -> f64 {
     x * x
 }
 
-/// Small differences between seeds.
 pub(super) struct Jitter(pub Random);
 
 impl Jitter {

@@ -12,14 +12,15 @@ use crate::error::{Error, Result};
 use crate::files::make_folder;
 use crate::parallel::in_parallel;
 use crate::scene::prior::{write_depth, write_flow};
+use crate::scene::write_exr;
 use image::ExtendedColorType;
 use serde_json::json;
 use std::fs;
 use std::path::Path;
 
 const MARKER: &str = "synth.json";
-/// All that a capture consists of, in the order in which an old one is removed: what makes it valid goes first.
-const PARTS: [&str; 13] = [
+/// The parts of a capture in the order in which an old one is removed: first those that make it valid.
+const PARTS: [&str; 14] = [
     "capture.toml",
     "photos",
     "truth.json",
@@ -33,23 +34,18 @@ const PARTS: [&str; 13] = [
     "flow",
     "points",
     "images",
+    "sparse",
 ];
-const SPARSE: &str = "sparse";
 
-/// Counts of the written capture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 pub struct Summary {
-    /// Cameras in all.
+    /// With the test cameras.
     pub cameras: u32,
-    /// Of them held out.
     pub test_cameras: u32,
-    /// Frames of the clip.
     pub frames: u32,
-    /// Images: cameras times frames.
     pub images: u64,
-    /// Points of all frames, outliers included.
+    /// Of all frames, with the outliers.
     pub points: u64,
-    /// Of them outliers.
     pub outliers: u64,
 }
 
@@ -67,8 +63,8 @@ struct Capture<'a> {
     cameras: Vec<Camera>,
 }
 
-/// Writes a synthetic capture to `folder`, where an earlier one is removed first. The bytes depend on `options` only; `progress` is
-/// called on the calling thread as (pieces done, pieces in all).
+/// Writes a synthetic capture to `folder`, in place of an earlier one. The bytes depend on `options` only. The calling thread calls
+/// `progress` as (pieces done, pieces in all).
 #[tracing::instrument(level = "info", name = "write capture", skip_all)]
 pub fn write_capture(
     folder: &Path,
@@ -130,40 +126,33 @@ fn prepare(folder: &Path) -> Result<()> {
     let fault = |path: &Path, fault: std::io::Error| {
         Error::data(path, "", format!("cannot be emptied: {fault}"), "choose another folder with -o")
     };
-    let is_empty = fs::read_dir(folder).map_err(|e| fault(folder, e))?.next().is_none();
-    if is_empty {
+    if fs::read_dir(folder).map_err(|e| fault(folder, e))?.next().is_none() {
         return Ok(());
     }
     if !folder.join(MARKER).is_file() {
         let reason = format!("is not empty and not a folder of `ivv synth` (it has no {MARKER})");
         return Err(Error::data(folder, "", reason, "choose another folder with -o, or empty this one"));
     }
-    for part in PARTS.into_iter().chain([SPARSE]) {
+    for part in PARTS {
         let path = folder.join(part);
-        if path.is_dir() {
-            fs::remove_dir_all(&path).map_err(|e| fault(&path, e))?;
-        } else if path.exists() {
-            fs::remove_file(&path).map_err(|e| fault(&path, e))?;
-        }
+        let removed = match (path.is_dir(), path.exists()) {
+            (true, _) => fs::remove_dir_all(&path),
+            (_, true) => fs::remove_file(&path),
+            _ => Ok(()),
+        };
+        removed.map_err(|e| fault(&path, e))?;
     }
     Ok(())
 }
 
 impl Capture<'_> {
     fn make_folders(&self) -> Result<()> {
-        for folder in ["sparse/0", "points", "audio", "keypoints"] {
-            make_folder(&self.folder.join(folder))?;
-        }
-        for camera in &self.cameras {
-            for kind in ["images", "flow", "depth", "foreground", "truth/exact"] {
-                make_folder(&self.folder.join(kind).join(&camera.name))?;
-            }
-            if camera.is_test {
-                make_folder(&self.folder.join("covisible").join(&camera.name))?;
-            }
-            if camera.hood {
-                make_folder(&self.folder.join("masks").join(&camera.name))?;
-            }
+        let make = |folder: &str| make_folder(&self.folder.join(folder));
+        ["sparse/0", "points", "audio", "keypoints"].into_iter().try_for_each(make)?;
+        for Camera { name, is_test, hood, .. } in &self.cameras {
+            let kinds = ["images", "flow", "depth", "foreground", "truth/exact"].into_iter();
+            let kinds = kinds.chain(is_test.then_some("covisible")).chain(hood.then_some("masks"));
+            kinds.map(|kind| format!("{kind}/{name}")).try_for_each(|folder| make(&folder))?;
         }
         Ok(())
     }
@@ -174,7 +163,7 @@ impl Capture<'_> {
         pictures.chain((0..self.options.frames).map(Job::Points)).chain((0..n).map(Job::Sound)).collect()
     }
 
-    /// Of points: how many, and which of them are outliers.
+    /// For points, gives how many there are and which of them are outliers.
     fn run(&self, job: Job) -> Result<Option<(u64, Vec<u32>)>> {
         match job {
             Job::Picture(index, frame) => {
@@ -218,8 +207,7 @@ impl Capture<'_> {
             mask("covisible", &covisible(&self.world, &self.cameras, index, frame))?;
         }
         if camera.hood {
-            let pixels = (0..height).flat_map(|row| (0..width).map(move |column| (column, row)));
-            let clear: Vec<bool> = pixels.map(|(column, row)| !camera.is_hooded(column, row)).collect();
+            let clear: Vec<bool> = camera.pixels().map(|(column, row)| !camera.is_hooded(column, row)).collect();
             mask("masks", &clear)?;
         }
         // There is no frame after the last that an estimator could have seen.
@@ -235,7 +223,7 @@ impl Capture<'_> {
             ("flow.Y", picture.flow.iter().map(|v| v.y as f32).collect()),
             ("body", picture.body.iter().map(|&v| v as f32).collect()),
         ];
-        files::exr(&path("truth/exact", "exr"), exact, width, height)
+        write_exr(&path("truth/exact", "exr"), exact, width, height)
     }
 
     /// The files that come last, `capture.toml` last of all.
