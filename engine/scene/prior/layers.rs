@@ -10,14 +10,13 @@ use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
 use crate::scene::capture::header::guarded;
 
-/// Names of the channels of a flow and of a depth, the first that are present being taken.
+/// Channels of flow and depth; the first that are present are read.
 const FLOW: &[Channels] = &[&["flow.X", "flow.Y"], &["u", "v"], &["U", "V"], &["X", "Y"], &["R", "G"]];
 const DEPTH: &[Channels] = &[&["depth.Z"], &["Z"], &["depth"], &["Y"], &["R"]];
-/// Most channels of a layer: all of them are unpacked, whether they are wanted or not.
+/// Most channels of a layer: the decoder unpacks all of them.
 const MAX_CHANNELS: usize = 64;
 const REMEDY: &str = "make or copy the file again";
 
-/// The names under which a file keeps the channels that are wanted.
 pub(super) type Channels = &'static [&'static str];
 
 /// Size and channels of the first layer that has what is wanted.
@@ -44,7 +43,6 @@ pub(super) fn header(path: &Path, channels: usize) -> Result<((u32, u32), Channe
     Err(Error::data(path, "", "has none of the channels looked for", format!("name them {}", names.join(", or "))))
 }
 
-/// Reads the channels; the size is that of the header.
 pub(super) fn read<const N: usize>(path: &Path, size: (u32, u32), names: Channels) -> Result<Vec<[f32; N]>> {
     let width = size.0 as usize;
     let n_pixels = width * size.1 as usize;

@@ -10,7 +10,6 @@ use crate::scene::capture::header::{BROKEN, DECODER_SLACK, decoder_of, guarded, 
 /// Bytes of the widest pixel, 16 bits of three channels.
 const MAX_PIXEL_BYTES: u64 = 6;
 
-/// Width and height of a PNG of the right kind.
 pub(super) fn header(path: &Path, channels: usize) -> Result<(u32, u32)> {
     let size = read_size(path)?;
     let color = guarded(path, || Ok(decoder_of(path, DECODER_SLACK)?.color_type()))?;

@@ -1,4 +1,4 @@
-//! Formats that are a header and then the numbers: Middlebury's .flo, NumPy's .npy, PFM.
+//! Formats of a header and numbers: Middlebury's .flo, NumPy's .npy, PFM.
 
 use std::fs::File;
 use std::io::{BufReader, Read, Seek, SeekFrom};
@@ -9,10 +9,9 @@ use crate::files::npy::{Float, Header};
 use crate::files::{cannot_read, open_file};
 
 const REMEDY: &str = "make or copy the file again";
-/// Longest word in the header of a PFM.
 const MAX_WORD: usize = 32;
 
-/// Where the numbers are and how they are stored, row by row.
+/// Where the numbers are and how they are stored.
 pub(super) struct Layout {
     start: u64,
     float: Float,
@@ -52,8 +51,7 @@ pub(super) fn npy(path: &Path, channels: usize) -> Result<Found> {
     checked(path, size, channels, layout)
 }
 
-/// "Pf", width, height and a scale whose sign tells the byte order, as words; then rows from the bottom up (Debevec's
-/// PFM). The scale's magnitude is a unit that no prior needs.
+/// "Pf", width, height and a scale whose sign tells the byte order, as words; then rows from the bottom up (Debevec's PFM).
 pub(super) fn pfm(path: &Path) -> Result<Found> {
     let mut from = open(path)?;
     let mut n_read = 0;
@@ -86,7 +84,6 @@ pub(super) fn pfm(path: &Path) -> Result<Found> {
     checked(path, size, 1, layout)
 }
 
-/// Compares the length of the file with what the header promises.
 fn checked(path: &Path, size: (u32, u32), channels: usize, layout: Layout) -> Result<Found> {
     let n_bytes = std::fs::metadata(path).map_err(|cause| cannot_read(path, &cause))?.len();
     let per_pixel = (channels * layout.float.size()) as u128;
