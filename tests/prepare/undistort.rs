@@ -23,10 +23,10 @@ fn models() -> [(&'static str, Lens); 9] {
         ("OPENCV", lens(45.0, brown([-0.046, 0.14, 0.0, 0.0, 0.0, 0.0], [6e-4, 7e-4]))),
         ("FULL_OPENCV", lens(45.0, brown([-0.33, 0.046, 0.067, 0.02, -0.01, 0.003], [-4e-3, 4e-3]))),
         ("OPENCV_FISHEYE", lens(28.0, Distortion::Fisheye([0.05, -0.02, 0.004, -0.001]))),
-        ("DIVISION", lens(45.0, Distortion::division(-0.12))),
-        ("DIVISION", lens(60.0, Distortion::division(0.1))),
-        ("EUCM", lens(40.0, Distortion::unified(0.6, 1.1))),
-        ("FOV", lens(40.0, Distortion::field_of_view(0.9))),
+        ("DIVISION", lens(45.0, Distortion::Division(-0.12))),
+        ("DIVISION", lens(60.0, Distortion::Division(0.1))),
+        ("EUCM", lens(40.0, Distortion::Unified { alpha: 0.6, beta: 1.1 })),
+        ("FOV", lens(40.0, Distortion::FieldOfView(0.9))),
     ]
 }
 
@@ -66,9 +66,9 @@ fn lenses_of_colmap_4_are_as_it_has_them() {
     let omega = 0.9_f64;
     let field = (r * 2.0 * (omega / 2.0).tan()).atan() / (r * omega);
     for (distortion, scale) in [
-        (Distortion::division(k), division),
-        (Distortion::unified(alpha, beta), unified),
-        (Distortion::field_of_view(omega), field),
+        (Distortion::Division(k), division),
+        (Distortion::Unified { alpha, beta }, unified),
+        (Distortion::FieldOfView(omega), field),
     ] {
         let lens = lens(50.0, distortion);
         let [u, v] = lens.pixel([x, y], lens.reach()).unwrap();
@@ -80,9 +80,14 @@ fn lenses_of_colmap_4_are_as_it_has_them() {
         // Its middle is where a pinhole has it.
         assert_eq!(lens.pixel([0.0, 0.0], lens.reach()), Some([31.25, 24.5]));
     }
-    assert!(lens(50.0, Distortion::unified(1.5, 1.0)).fault().unwrap().contains("alpha = 1.5, expected 0 to 1"));
-    assert!(lens(50.0, Distortion::unified(0.5, -1.0)).fault().unwrap().contains("beta = -1.0"));
-    assert!(lens(50.0, Distortion::field_of_view(4.0)).fault().unwrap().contains("omega = 4.0"));
+    assert!(
+        lens(50.0, Distortion::Unified { alpha: 1.5, beta: 1.0 })
+            .fault()
+            .unwrap()
+            .contains("alpha = 1.5, expected 0 to 1")
+    );
+    assert!(lens(50.0, Distortion::Unified { alpha: 0.5, beta: -1.0 }).fault().unwrap().contains("beta = -1.0"));
+    assert!(lens(50.0, Distortion::FieldOfView(4.0)).fault().unwrap().contains("omega = 4.0"));
 }
 
 #[test]

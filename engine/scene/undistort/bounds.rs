@@ -1,5 +1,5 @@
-//! What a camera's numbers may be. The bounds are far beyond every lens that is made; what lies outside is a damaged or
-//! mistaken calibration, and would make pictures of no size or of billions of pixels.
+//! Bounds of a camera's numbers, far beyond every lens that is made: outside, a calibration is damaged or mistaken, and would make pictures
+//! of no size or of billions of pixels.
 
 use std::f64::consts::PI;
 
@@ -8,36 +8,26 @@ use crate::scene::Intrinsics;
 
 /// Focal lengths, in multiples of the picture's larger side. A fisheye of 220 degrees has 0.26, a 2,000 mm lens on film 56.
 const FOCAL: std::ops::RangeInclusive<f64> = 0.001..=10_000.0;
-/// How far the principal point may lie outside the picture, in multiples of that side of it: crops of large pictures have it
-/// outside.
+/// How far the principal point may lie outside the picture, as that of a crop may, in multiples of its side.
 const MAX_OUTSIDE: f64 = 100.0;
-/// How much one coefficient of distortion may move a point at the picture's farthest corner, in multiples of the point's
-/// distance from the principal point.
+/// How much one coefficient of distortion may move the farthest corner, in multiples of its distance from the principal point.
 const MAX_MOVE: f64 = 1e6;
 
 impl Lens {
-    /// What is wrong with the numbers, if anything, with the name of the number and what is allowed: focal lengths of 0.001 to
-    /// 10,000 times the larger side, a principal point at most 100 sides outside the picture, and coefficients that move no
-    /// corner by more than 1,000,000 times its distance from the principal point.
+    /// The number that is out of its bounds, if one is, and what is allowed.
     pub fn fault(&self) -> Option<String> {
         let Lens { intrinsics: Intrinsics { width, height, fx, fy, cx, cy }, distortion } = *self;
         let larger = f64::from(width.max(height));
         let (least, most) = (FOCAL.start() * larger, FOCAL.end() * larger);
-        for (name, focal) in [("fx", fx), ("fy", fy)] {
+        let outside = |side: u32| (-MAX_OUTSIDE * f64::from(side), MAX_OUTSIDE * f64::from(side) + f64::from(side));
+        let ranges = [("fx", fx, (least, most)), ("fy", fy, (least, most))];
+        for (name, value, (least, most)) in
+            ranges.into_iter().chain([("cx", cx, outside(width)), ("cy", cy, outside(height))])
+        {
             // Written positively, so that NaN fails.
-            if !(least..=most).contains(&focal) {
-                return Some(format!(
-                    "has {name} = {focal:?} pixels, expected {least} to {most} for {width} x {height}"
-                ));
-            }
-        }
-        for (name, center, side) in [("cx", cx, width), ("cy", cy, height)] {
-            let reach = MAX_OUTSIDE * f64::from(side);
-            let (least, most) = (-reach, reach + f64::from(side));
-            if !(least..=most).contains(&center) {
-                return Some(format!(
-                    "has {name} = {center:?} pixels, expected {least} to {most} for {width} x {height}"
-                ));
+            if !(least..=most).contains(&value) {
+                let allowed = format!("expected {least} to {most} for {width} x {height}");
+                return Some(format!("has {name} = {value:?} pixels, {allowed}"));
             }
         }
         let named = match distortion {
@@ -61,22 +51,21 @@ impl Lens {
 }
 
 impl Distortion {
-    /// Names and values of the coefficients, and the power of the radius by which each moves a point relative to its distance.
+    /// Names and values of the coefficients, and the power of the radius by which each scales a point's distance.
     fn coefficients(&self) -> Vec<(&'static str, f64, i32)> {
         match *self {
-            Distortion::None => Vec::new(),
-            Distortion::Brown { radial: [k1, k2, k3, k4, k5, k6], tangential: [p1, p2] } => vec![
-                ("k1", k1, 2),
-                ("k2", k2, 4),
-                ("k3", k3, 6),
-                ("k4", k4, 2),
-                ("k5", k5, 4),
-                ("k6", k6, 6),
-                ("p1", p1, 1),
-                ("p2", p2, 1),
-            ],
+            Distortion::Brown { radial, tangential } => {
+                let names = ["k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"];
+                let values = radial.into_iter().chain(tangential);
+                names
+                    .into_iter()
+                    .zip(values)
+                    .zip([2, 4, 6, 2, 4, 6, 1, 1])
+                    .map(|((name, k), power)| (name, k, power))
+                    .collect()
+            }
             Distortion::Division(k) => vec![("k", k, 2)],
-            Distortion::Unified { .. } | Distortion::FieldOfView(_) => Vec::new(),
+            Distortion::None | Distortion::Unified { .. } | Distortion::FieldOfView(_) => Vec::new(),
             Distortion::Fisheye([k1, k2, k3, k4]) => vec![("k1", k1, 2), ("k2", k2, 4), ("k3", k3, 6), ("k4", k4, 8)],
         }
     }

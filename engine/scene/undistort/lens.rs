@@ -7,26 +7,24 @@ const MAX_TANGENT: f64 = 20.0;
 /// Steps in which the first fold of a lens is looked for.
 const FOLD_STEPS: u32 = 4000;
 const NEWTON_STEPS: usize = 50;
-/// A last step of Newton's method, relative to where it leads.
+/// Last step of Newton's method, relative to its result.
 const CLOSE: f64 = 4.0 * f64::EPSILON;
 /// Residual of the inverse, on the plane at distance 1.
 const CONVERGED: f64 = 1e-12;
-/// How far the rectangle of a pinhole may reach beyond the size of the image, in multiples of it, from the principal point
-/// to each side: wide lenses would ask for huge pictures whose borders hold no detail.
+/// How far a pinhole may reach to each side of the principal point, in multiples of the image: wide lenses would make huge pictures whose
+/// borders have no detail.
 const MAX_GROWTH: f64 = 2.0;
 /// Largest width or height of a pinhole, pixels.
 const MAX_SIDE: f64 = 65_536.0;
 
-/// What a lens does to a point (x, y) of the plane at distance 1.
+/// Where a lens maps a point (x, y) of the plane at distance 1.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub enum Distortion {
-    /// Nothing.
     None,
     /// Brown and Conrady's, as in OpenCV: SIMPLE_RADIAL, RADIAL, OPENCV and FULL_OPENCV of COLMAP.
     Brown {
         /// k1 to k6: r is scaled by `(1 + k1 r^2 + k2 r^4 + k3 r^6) / (1 + k4 r^2 + k5 r^4 + k6 r^6)`.
         radial: [f64; 6],
-        /// p1, p2.
         tangential: [f64; 2],
     },
     /// Kannala and Brandt's, as in OpenCV: OPENCV_FISHEYE, RADIAL_FISHEYE and SIMPLE_RADIAL_FISHEYE of COLMAP. The angle t
@@ -55,19 +53,14 @@ impl Distortion {
         Distortion::Brown { radial, tangential }
     }
 
-    /// The division model; [`Distortion::None`] when it is a pinhole.
-    pub fn division(k: f64) -> Self {
-        if k == 0.0 { Distortion::None } else { Distortion::Division(k) }
-    }
-
-    /// The enhanced unified model; [`Distortion::None`] when it is a pinhole.
-    pub fn unified(alpha: f64, beta: f64) -> Self {
-        if alpha == 0.0 { Distortion::None } else { Distortion::Unified { alpha, beta } }
-    }
-
-    /// The field-of-view model; [`Distortion::None`] when it is a pinhole.
-    pub fn field_of_view(omega: f64) -> Self {
-        if omega == 0.0 { Distortion::None } else { Distortion::FieldOfView(omega) }
+    /// Itself, or [`Distortion::None`] when it is a pinhole.
+    pub fn simplified(self) -> Self {
+        match self {
+            Distortion::Division(0.0) | Distortion::Unified { alpha: 0.0, .. } | Distortion::FieldOfView(0.0) => {
+                Distortion::None
+            }
+            other => other,
+        }
     }
 
     /// COLMAP's name of the simplest model that holds the parameters.
@@ -89,12 +82,12 @@ impl Distortion {
         }
     }
 
-    /// Whether the lens maps angles from the optical axis; else radii of the plane at distance 1.
+    /// True for a map of angles from the optical axis, false for one of radii of the plane at distance 1.
     fn is_angular(&self) -> bool {
         matches!(self, Distortion::Fisheye(_))
     }
 
-    /// What becomes of a radius (of Brown's without the tangential part) or an angle (fisheye), and its derivative.
+    /// The map of a radius (of Brown's without the tangential part) or an angle (fisheye), and its derivative.
     fn radial(&self, at: f64) -> (f64, f64) {
         let square = at * at;
         match self {
@@ -125,26 +118,14 @@ impl Distortion {
         }
     }
 
-    /// Up to where the lens maps in the order of the radius or, for a fisheye, the angle: beyond it the picture would fold
-    /// back over itself.
-    fn reach(&self) -> f64 {
-        let end = if self.is_angular() { MAX_TANGENT.atan() } else { MAX_TANGENT };
-        let rises = |step: u32| {
-            let (value, slope) = self.radial(end * f64::from(step) / f64::from(FOLD_STEPS));
-            value.is_finite() && value >= 0.0 && slope > 0.0
-        };
-        let last = (1..=FOLD_STEPS).find(|&step| !rises(step)).map_or(FOLD_STEPS, |step| step - 1);
-        end * f64::from(last) / f64::from(FOLD_STEPS)
-    }
-
-    /// The radius or angle below `reach` that becomes `value`; `reach` where the lens does not get that far.
+    /// The radius or angle that is mapped to `value`, at most `reach`.
     fn radial_inverse(&self, value: f64, reach: f64) -> f64 {
         let (mut low, mut high) = (0.0, reach);
         let mut at = value.min(reach);
         for _ in 0..NEWTON_STEPS {
             let (found, slope) = self.radial(at);
             let newton = at - (found - value) / slope;
-            // Before the bracket is asked: rounding may put the last step just outside of it, and bisection would lead far away.
+            // Rounding may put the last step just outside the bracket, from where bisection would lead far away.
             if (newton - at).abs() <= CLOSE * at {
                 break;
             }
@@ -154,8 +135,7 @@ impl Distortion {
                 low = at;
             }
             // Newton's step where it stays in the bracket, bisection elsewhere.
-            let next = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
-            at = next;
+            at = if newton > low && newton < high { newton } else { 0.5 * (low + high) };
         }
         at
     }
@@ -221,49 +201,37 @@ fn ratio([k1, k2, k3, k4, k5, k6]: &[f64; 6], s: f64) -> (f64, f64) {
     (above / below, (above_slope * below - above * below_slope) / (below * below))
 }
 
-/// A camera's pinhole, and what its lens does on the way there.
+/// A pinhole behind a distortion.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Lens {
-    /// Of the undistorted directions.
     #[serde(flatten)]
     pub intrinsics: Intrinsics,
-    /// What makes it more than a pinhole.
     pub distortion: Distortion,
 }
 
 impl Lens {
-    /// The lens of pictures of another size that show the same, see [`Intrinsics::scaled`].
+    /// With [`Intrinsics::scaled`].
     pub fn resized(&self, width: u32, height: u32) -> Lens {
         Lens { intrinsics: self.intrinsics.scaled(width, height), ..*self }
     }
 
-    /// The pinhole of the undistorted pictures. It has the lens's focal lengths, so the middle keeps its resolution, and
-    /// the largest rectangle around which the image's border runs, so that no pixel is black; to each side it reaches at
-    /// most twice as far from the principal point as the image. Where the inverse does not converge on the border the
-    /// rectangle may hold pixels that nothing shows: [`super::Undistortion::validity`] tells them.
-    ///
-    /// `None` when nothing is left, or when a side would have more than 65,536 pixels.
+    /// The pinhole of the undistorted pictures. It keeps the focal lengths, and shows the largest rectangle inside the image's border, to
+    /// each side at most twice as far as the image. Where the inverse does not converge on the border, the rectangle may have pixels that
+    /// nothing shows, see [`super::Undistortion::validity`]. `None` when nothing is left, or a side would have more than 65,536 pixels.
     pub fn pinhole(&self) -> Option<Lens> {
         if self.distortion == Distortion::None {
             return Some(*self);
         }
-        let reach = self.distortion.reach();
+        let reach = self.reach();
         let Intrinsics { width, height, fx, fy, cx, cy } = self.intrinsics;
         let (w, h) = (f64::from(width), f64::from(height));
-        let plane = |x: f64, y: f64| self.plane([x, y], reach);
         // Pixel centres on the border, so that nothing is interpolated beyond them.
-        let rows = || (0..height).map(|row| f64::from(row) + 0.5);
-        let columns = || (0..width).map(|column| f64::from(column) + 0.5);
-        let most = |limit: f64, values: &mut dyn Iterator<Item = f64>| values.fold(limit, f64::max);
-        let least = |limit: f64, values: &mut dyn Iterator<Item = f64>| values.fold(limit, f64::min);
-        let left = -MAX_GROWTH * (cx - 0.5) / fx;
-        let left = most(left, &mut rows().filter_map(|y| Some(plane(0.5, y)?[0])));
-        let right = MAX_GROWTH * (w - 0.5 - cx) / fx;
-        let right = least(right, &mut rows().filter_map(|y| Some(plane(w - 0.5, y)?[0])));
-        let top = -MAX_GROWTH * (cy - 0.5) / fy;
-        let top = most(top, &mut columns().filter_map(|x| Some(plane(x, 0.5)?[1])));
-        let bottom = MAX_GROWTH * (h - 0.5 - cy) / fy;
-        let bottom = least(bottom, &mut columns().filter_map(|x| Some(plane(x, h - 0.5)?[1])));
+        let row = |y: f64| (0..width).filter_map(move |x| Some(self.plane([f64::from(x) + 0.5, y], reach)?[1]));
+        let column = |x: f64| (0..height).filter_map(move |y| Some(self.plane([x, f64::from(y) + 0.5], reach)?[0]));
+        let left = column(0.5).fold(-MAX_GROWTH * (cx - 0.5) / fx, f64::max);
+        let right = column(w - 0.5).fold(MAX_GROWTH * (w - 0.5 - cx) / fx, f64::min);
+        let top = row(0.5).fold(-MAX_GROWTH * (cy - 0.5) / fy, f64::max);
+        let bottom = row(h - 0.5).fold(MAX_GROWTH * (h - 0.5 - cy) / fy, f64::min);
         let side = |length: f64| (0.0..MAX_SIDE).contains(&length).then(|| length as u32 + 1);
         let intrinsics = Intrinsics {
             width: side((right - left) * fx)?,
@@ -276,12 +244,18 @@ impl Lens {
         Some(Lens { intrinsics, distortion: Distortion::None })
     }
 
-    /// Up to where [`Lens::pixel`] and [`Lens::plane`] go; found once for many points.
+    /// The radius or angle up to which the map rises, for [`Lens::pixel`] and [`Lens::plane`]; beyond it the picture would fold over itself.
     pub fn reach(&self) -> f64 {
-        self.distortion.reach()
+        let end = if self.distortion.is_angular() { MAX_TANGENT.atan() } else { MAX_TANGENT };
+        let at = |step: u32| end * f64::from(step) / f64::from(FOLD_STEPS);
+        let rises = |step: u32| {
+            let (value, slope) = self.distortion.radial(at(step));
+            value.is_finite() && value >= 0.0 && slope > 0.0
+        };
+        at((1..=FOLD_STEPS).find(|&step| !rises(step)).map_or(FOLD_STEPS, |step| step - 1))
     }
 
-    /// The pixel that shows a point of the plane at distance 1; `None` beyond the lens's `reach`.
+    /// The pixel that shows a point of the plane at distance 1; `None` beyond `reach`.
     pub fn pixel(&self, at: [f64; 2], reach: f64) -> Option<[f64; 2]> {
         let r = at[0].hypot(at[1]);
         let measure = if self.distortion.is_angular() { r.atan() } else { r };
@@ -293,8 +267,7 @@ impl Lens {
         Some([x * fx + cx, y * fy + cy])
     }
 
-    /// The point of the plane at distance 1 that a pixel shows; `None` when it shows none, as beyond 90 degrees, or when
-    /// the inverse does not converge.
+    /// The point of the plane at distance 1 that a pixel shows; `None` when it shows none or the inverse does not converge.
     pub fn plane(&self, [x, y]: [f64; 2], reach: f64) -> Option<[f64; 2]> {
         let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
         self.distortion.undistort([(x - cx) / fx, (y - cy) / fy], reach)

@@ -1,4 +1,4 @@
-//! From pictures of a distorting lens to those of a pinhole (SPEC 7): images, masks, depth and flow.
+//! Pictures of a distorting lens as those of a pinhole (SPEC 7): images, masks, depth and flow.
 
 mod bounds;
 mod lens;
@@ -9,16 +9,13 @@ use crate::scene::Intrinsics;
 
 /// Flow of at least this magnitude means unknown: Middlebury's mark in `.flo`.
 const UNKNOWN_FLOW: f32 = 1e9;
-/// What is written for it.
 const NO_FLOW: [f32; 2] = [1e10, 1e10];
-
 /// The channel of an image that is alpha, where it has so many.
 const ALPHA: usize = 3;
-
-/// What a neighbour counts for at least: less is rounding.
+/// Less weight of a neighbour is rounding.
 const LEAST_WEIGHT: f64 = 1e-6;
 
-/// Takes pictures of one lens to another of the same place and direction. All planes are row by row, top first.
+/// Resamples pictures of one lens for another of the same pose. All planes are row by row, top first.
 #[derive(Clone, Copy, Debug)]
 pub struct Undistortion {
     source: Lens,
@@ -36,23 +33,19 @@ impl Undistortion {
     pub fn source_of(&self, at: [f64; 2]) -> Option<[f64; 2]> {
         let Intrinsics { fx, fy, cx, cy, .. } = self.target.intrinsics;
         let [x, y] = self.source.pixel([(at[0] - cx) / fx, (at[1] - cy) / fy], self.reach)?;
-        let inside = x >= 0.0
-            && x <= f64::from(self.source.intrinsics.width)
-            && y >= 0.0
-            && y <= f64::from(self.source.intrinsics.height);
-        inside.then_some([x, y])
+        let size = self.source.intrinsics.size();
+        ((0.0..=size.x).contains(&x) && (0.0..=size.y).contains(&y)).then_some([x, y])
     }
 
-    /// The place in the target, pixels, of a place in the source, which may lie beyond its borders; `None` where no pinhole
-    /// shows it.
+    /// The place in the target, pixels, of a place in the source, which may lie beyond its borders; `None` where no pinhole shows it.
     pub fn target_of(&self, at: [f64; 2]) -> Option<[f64; 2]> {
         let Intrinsics { fx, fy, cx, cy, .. } = self.target.intrinsics;
         let [x, y] = self.source.plane(at, self.reach)?;
         Some([x * fx + cx, y * fy + cy])
     }
 
-    /// An image of C channels, interpolated bilinearly between the stored values; 0 where the source shows nothing. A fourth
-    /// channel is alpha. What shows through has no colour, so colours count as far as they are opaque.
+    /// An image of C channels, interpolated bilinearly between the stored values; 0 where the source shows nothing. A fourth channel is
+    /// alpha, by which colours are weighted.
     pub fn image<const C: usize>(&self, pixels: &[[u8; C]]) -> Vec<[u8; C]> {
         let alpha = |at: usize| pixels[at].get(ALPHA).map_or(1.0, |alpha| f64::from(*alpha));
         self.each(|place| {
@@ -76,14 +69,14 @@ impl Undistortion {
         self.each(|at| pixels[self.nearest(at)]).into_iter().map(Option::unwrap_or_default).collect()
     }
 
-    /// Depth along the optical axis, which a lens leaves as it is: the nearest pixel, because a mean across an edge is the
-    /// depth of nothing; NaN where the source shows nothing.
+    /// Depth along the optical axis: the nearest pixel, because a mean across an edge is the depth of nothing; NaN where the source shows
+    /// nothing.
     pub fn depth(&self, depth: &[f32]) -> Vec<f32> {
         self.each(|at| depth[self.nearest(at)]).into_iter().map(|z| z.unwrap_or(f32::NAN)).collect()
     }
 
-    /// Optical flow: both of its ends are undistorted, the start at the pixel, the end where the flow, interpolated
-    /// bilinearly, leads. Unknown (1e10) where one of the four neighbours is, or where an end is not seen by a pinhole.
+    /// Optical flow, interpolated bilinearly; both of its ends are undistorted. Unknown (1e10) where one of the four neighbours is, or where
+    /// a pinhole does not see an end.
     pub fn flow(&self, flow: &[[f32; 2]]) -> Vec<[f32; 2]> {
         let width = self.target.intrinsics.width;
         let moved = self.each(|[x, y]| {
@@ -102,35 +95,22 @@ impl Undistortion {
             self.target_of(end)
         });
         let starts = (0_u32..).map(|index| [f64::from(index % width) + 0.5, f64::from(index / width) + 0.5]);
-        moved
-            .into_iter()
-            .zip(starts)
-            .map(|(end, start)| {
-                end.flatten().map_or(NO_FLOW, |end| [(end[0] - start[0]) as f32, (end[1] - start[1]) as f32])
-            })
-            .collect()
+        let way = |end: [f64; 2], start: [f64; 2]| [(end[0] - start[0]) as f32, (end[1] - start[1]) as f32];
+        moved.into_iter().zip(starts).map(|(end, start)| end.flatten().map_or(NO_FLOW, |end| way(end, start))).collect()
     }
 
     /// 255 where the source shows a pixel of the target and 0 elsewhere; `None` when it shows them all.
     pub fn validity(&self) -> Option<Vec<u8>> {
-        let seen = self.each(|_| 255);
-        if seen.iter().all(Option::is_some) {
-            return None;
-        }
-        Some(seen.into_iter().map(Option::unwrap_or_default).collect())
+        let seen: Vec<u8> = self.each(|_| 255).into_iter().map(Option::unwrap_or_default).collect();
+        seen.contains(&0).then_some(seen)
     }
 
     /// A value for each pixel of the target from its place in the source.
     fn each<T>(&self, value: impl Fn([f64; 2]) -> T) -> Vec<Option<T>> {
-        let mut values =
-            Vec::with_capacity(self.target.intrinsics.width as usize * self.target.intrinsics.height as usize);
-        for row in 0..self.target.intrinsics.height {
-            for column in 0..self.target.intrinsics.width {
-                let at = self.source_of([f64::from(column) + 0.5, f64::from(row) + 0.5]);
-                values.push(at.map(&value));
-            }
-        }
-        values
+        let Intrinsics { width, height, .. } = self.target.intrinsics;
+        let pixels =
+            (0..height).flat_map(|row| (0..width).map(move |column| [column, row].map(|at| f64::from(at) + 0.5)));
+        pixels.map(|at| self.source_of(at).map(&value)).collect()
     }
 
     /// The four pixels around a place of the source and their weights; at the border a pixel comes twice.

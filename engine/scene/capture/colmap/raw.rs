@@ -3,20 +3,18 @@
 use std::path::{Path, PathBuf};
 
 use crate::scene::Intrinsics;
-use crate::scene::capture::header::MAX_SIDE;
+use crate::scene::capture::MAX_SIDE;
 use crate::scene::undistort::{Distortion, Lens};
 
 pub(super) const DAMAGED: &str = "the model is damaged: copy or export it again";
 
 pub(super) const STEMS: [&str; 3] = ["cameras", "images", "points3D"];
 
-/// The file of a model with this stem, and whether it is binary; binary goes first.
 pub(super) fn is_there(folder: &Path, stem: &str) -> Option<(PathBuf, bool)> {
     let file = |ending: &str| folder.join(format!("{stem}.{ending}"));
     [(file("bin"), true), (file("txt"), false)].into_iter().find(|(file, _)| file.is_file())
 }
 
-/// A camera model as the files spell it: number, name, number of parameters.
 pub(super) struct ModelKind {
     pub id: i32,
     pub name: &'static str,
@@ -83,27 +81,30 @@ impl RawCamera {
             [fx, fy, cx, cy] => (fx, fy, cx, cy),
             _ => (0.0, 0.0, 0.0, 0.0),
         };
-        let radial = |k: &[f64]| std::array::from_fn(|index| k.get(index).copied().unwrap_or(0.0));
-        let angular = |k: &[f64]| std::array::from_fn(|index| k.get(index).copied().unwrap_or(0.0));
         let distortion = match (name, more) {
             ("SIMPLE_PINHOLE" | "PINHOLE", []) => Distortion::None,
-            ("SIMPLE_RADIAL" | "RADIAL", k) => Distortion::brown(radial(k), [0.0; 2]),
-            ("OPENCV", &[k1, k2, p1, p2]) => Distortion::brown(radial(&[k1, k2]), [p1, p2]),
+            ("SIMPLE_RADIAL" | "RADIAL", k) => Distortion::brown(padded(k), [0.0; 2]),
+            ("OPENCV", &[k1, k2, p1, p2]) => Distortion::brown(padded(&[k1, k2]), [p1, p2]),
             ("FULL_OPENCV", &[k1, k2, p1, p2, k3, k4, k5, k6]) => Distortion::brown([k1, k2, k3, k4, k5, k6], [p1, p2]),
             ("OPENCV_FISHEYE" | "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" | "SIMPLE_FISHEYE" | "FISHEYE", k) => {
-                Distortion::Fisheye(angular(k))
+                Distortion::Fisheye(padded(k))
             }
-            ("SIMPLE_DIVISION" | "DIVISION", &[k]) => Distortion::division(k),
-            ("EUCM", &[alpha, beta]) => Distortion::unified(alpha, beta),
-            ("FOV", &[omega]) => Distortion::field_of_view(omega),
+            ("SIMPLE_DIVISION" | "DIVISION", &[k]) => Distortion::Division(k),
+            ("EUCM", &[alpha, beta]) => Distortion::Unified { alpha, beta },
+            ("FOV", &[omega]) => Distortion::FieldOfView(omega),
             _ => {
                 let remedy = "undistort the images with `colmap image_undistorter`";
                 return Err((format!("has the model {name}, which is not undistorted here"), remedy));
             }
         };
-        let lens = Lens { intrinsics: Intrinsics { width, height, fx, fy, cx, cy }, distortion };
+        let intrinsics = Intrinsics { width, height, fx, fy, cx, cy };
+        let lens = Lens { intrinsics, distortion: distortion.simplified() };
         lens.fault().map_or(Ok(lens), |reason| Err((reason, DAMAGED)))
     }
+}
+
+fn padded<const N: usize>(k: &[f64]) -> [f64; N] {
+    std::array::from_fn(|index| k.get(index).copied().unwrap_or(0.0))
 }
 
 pub(super) struct RawImage {
@@ -113,7 +114,6 @@ pub(super) struct RawImage {
     pub quaternion: [f64; 4],
     pub translation: [f64; 3],
     pub camera_id: u32,
-    /// As it is written, in whatever encoding.
     pub name: Vec<u8>,
 }
 
