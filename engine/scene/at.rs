@@ -1,11 +1,10 @@
 //! A dynamic scene at one time, as a static one.
 
-use super::splats::Splats;
+use super::Splats;
 
 impl Splats {
-    /// The scene at normalised time `time` (SPEC 2) as static Gaussians: centres moved, opacities multiplied by the
-    /// temporal factor. What is less opaque than `min_opacity` then is left out; with the alpha_min of a rendering, that
-    /// changes no picture. Rows keep their order and are numbered anew.
+    /// The scene at normalised time `time` (SPEC 2) as static Gaussians, without those less opaque than `min_opacity` then: with the
+    /// alpha_min of a rendering, that changes no picture. Rows keep their order and are numbered anew.
     pub fn at(&self, time: f64, min_opacity: f32) -> Splats {
         let mut order: Vec<usize> = (0..self.len()).collect();
         order.sort_by_key(|&i| self.source_row[i]);

@@ -1,13 +1,9 @@
-//! The scene that the project ships: the corner of a room with still, moving and fading things, made by rules.
+//! The scene that the project ships: the corner of a room with still, moving and fading things.
 //!
-//! Its files must be the same bytes on every machine. IEEE 754 fixes +, -, *, / and sqrt, but leaves sin, cos, exp and
-//! ln to each platform's library; so angles advance by rotation with literal constants and logarithms are summed here.
+//! Its files must be the same bytes on every machine. IEEE 754 fixes +, -, *, / and sqrt, but not sin, cos, exp and ln: angles advance by
+//! rotation with literal constants, and logarithms are summed here.
 
-use super::intrinsics::Intrinsics;
-use super::pose::{Pose, rotation_of_rows};
-use super::splats::dc_of_color;
-use super::splats::{Motion, Splats};
-use super::view::{FlowModel, View};
+use super::{Intrinsics, Motion, Pose, Splats, View, dc_of_color, rotation_of_rows};
 use crate::random::Random;
 use glam::DVec3;
 
@@ -19,19 +15,16 @@ const SH_C1: f64 = 0.488_602_511_902_919_9;
 const STD_PER_SPACING: f64 = 0.6;
 /// Standard deviation along the normal over the tangential one: flat, yet not degenerate.
 const FLATNESS: f64 = 0.15;
-/// The floor, in world coordinates with y down.
 const FLOOR_Y: f64 = 1.0;
-/// Direction to the light.
 const LIGHT: DVec3 = DVec3::new(0.48, -0.8, -0.36);
 const N_VIEWS: u32 = 8;
 /// Centre and radius of the still sphere, centre and half side of the box.
 const SPHERE: (Vec3, f64) = ([-0.75, FLOOR_Y - 0.5, 0.55], 0.5);
 const BOX: (Vec3, f64) = ([0.85, FLOOR_Y - 0.38, 0.75], 0.38);
 
-/// A dynamic scene of about 5,300 Gaussians of degree 1 and eight views of it (320 x 240, on an arc, at eight times).
-///
-/// Floor, walls, a sphere and a box are static; a ball crosses the floor; a ring fades in and out at half time. Units:
-/// the room is 4 wide, x right, y down, z away from the cameras.
+/// A dynamic scene of about 5,300 Gaussians of degree 1 and eight views of it (320 x 240, on an arc, at eight times). Floor, walls, a
+/// sphere and a box are static; a ball crosses the floor; a ring fades in and out at half time. The room is 4 units wide, x right, y down, z
+/// away from the cameras.
 pub fn demo() -> (Splats, Vec<View>) {
     let mut scene = Builder { splats: Splats::new(1), noise: Random::new(0x69_76_76), motion: None };
     scene.floor();
@@ -55,11 +48,10 @@ pub fn demo() -> (Splats, Vec<View>) {
     (scene.splats, views())
 }
 
-/// Surfaces as flat oriented Gaussians.
 struct Builder {
     splats: Splats,
     noise: Random,
-    /// Of the Gaussians that are added; `None` while the static ones are.
+    /// Of the next Gaussians; `None` of static ones.
     motion: Option<Motion>,
 }
 
@@ -102,12 +94,10 @@ impl Builder {
             let y = FLOOR_Y - (f64::from(row) + 0.5) * spacing;
             let dado = row < 5;
             let stripe = column % 6 < 3;
-            let back = if dado {
-                [0.42, 0.55, 0.5]
-            } else if stripe {
-                [0.9, 0.84, 0.7]
-            } else {
-                [0.83, 0.74, 0.58]
+            let back = match (dado, stripe) {
+                (true, _) => [0.42, 0.55, 0.5],
+                (_, true) => [0.9, 0.84, 0.7],
+                _ => [0.83, 0.74, 0.58],
             };
             self.surface([along, y, 2.0], [0.0, 0.0, -1.0], spacing, back);
             let brick = (column + if row % 4 < 2 { 0 } else { 2 }) % 4 == 0 || row % 2 == 0;
@@ -133,7 +123,6 @@ impl Builder {
         }
     }
 
-    /// The five sides of the box that can be seen.
     fn cube(&mut self) {
         let (center, half) = BOX;
         let n = 9;
@@ -155,7 +144,6 @@ impl Builder {
         }
     }
 
-    /// A torus in the plane of x and y.
     fn ring(&mut self, center: Vec3, radius: f64, tube: f64) {
         // cos and sin of 2 pi / 36 and 2 pi / 10.
         const AROUND: [f64; 2] = [0.984_807_753_012_208, 0.173_648_177_666_930_36];
@@ -191,11 +179,9 @@ fn views() -> Vec<View> {
             intrinsics: Intrinsics { width: 320, height: 240, fx: 300.0, fy: 300.0, cx: 160.0, cy: 120.0 },
             pose: pose(center.into(), target.into()),
             time: f64::from(index) / f64::from(N_VIEWS),
-            time_offset: 0.0,
             flow_dt: 1.0 / 30.0,
             background: [0.55, 0.74, 0.95],
-            flow_model: FlowModel::Velocity,
-            next_pose: None,
+            ..View::default()
         });
         turn = advance(turn, STEP);
     }
@@ -211,7 +197,7 @@ fn pose(center: DVec3, target: DVec3) -> Pose {
     Pose::at(center, rotation_of_rows([right, forward.cross(right), forward]))
 }
 
-/// Darkening of the floor under a thing, from 0.45 below it to 1 away from it.
+/// Brightness of the floor near a thing: 0.45 below it to 1 away from it.
 fn contact(x: f64, z: f64, (center, radius): (Vec3, f64)) -> f64 {
     // The shadow leans away from the light.
     let (dx, dz) = (x - center[0] + 0.3 * radius, z - center[2] - 0.25 * radius);

@@ -1,4 +1,4 @@
-//! What a pinhole makes of a direction.
+//! The pinhole camera.
 
 use glam::{DVec2, DVec3};
 
@@ -24,25 +24,21 @@ pub struct Intrinsics {
 const MOST_SHOWN: f64 = 1.35;
 
 impl Intrinsics {
-    /// Focal lengths in x and y.
     #[doc(hidden)]
     pub fn focal(&self) -> DVec2 {
         DVec2::new(self.fx, self.fy)
     }
 
-    /// The principal point.
     #[doc(hidden)]
     pub fn principal(&self) -> DVec2 {
         DVec2::new(self.cx, self.cy)
     }
 
-    /// Width and height.
     #[doc(hidden)]
     pub fn size(&self) -> DVec2 {
         DVec2::new(self.width.into(), self.height.into())
     }
 
-    /// Pixels in all.
     #[doc(hidden)]
     pub fn n_pixels(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)
@@ -64,22 +60,20 @@ impl Intrinsics {
         at.cmpge(DVec2::ZERO).all() && at.cmplt(self.size()).all()
     }
 
-    /// Intrinsics of the same picture at another size: pixel edges stay in place, each axis scales by the ratio of
-    /// the sizes.
+    /// Intrinsics of the same picture at another size: each axis scales by the ratio of the sizes.
     pub fn scaled(&self, width: u32, height: u32) -> Self {
         let (x, y) = (f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
         Intrinsics { width, height, fx: self.fx * x, fy: self.fy * y, cx: self.cx * x, cy: self.cy * y }
     }
 
-    /// Intrinsics of pictures whose pixels are the means of `factor` x `factor` of these; a remainder at the right and
-    /// the bottom is cut off.
+    /// Intrinsics of pictures whose pixels are the means of `factor` x `factor` of these, without a remainder at the right and the bottom.
     pub fn reduced(&self, factor: u32) -> Self {
         let [fx, fy, cx, cy] = [self.fx, self.fy, self.cx, self.cy].map(|pixels| pixels / f64::from(factor));
         Intrinsics { width: self.width / factor, height: self.height / factor, fx, fy, cx, cy }
     }
 
-    /// Intrinsics of a picture of another shape: it shows all that this one does, or, where the shapes differ much, most of it. Where
-    /// one direction would show more than 1.35 times as much as before, the other is cropped.
+    /// Intrinsics of a picture of another shape that shows all that this one does; but where one direction would show more than 1.35 times
+    /// as much as before, the other is cropped.
     #[doc(hidden)]
     pub fn fitted(&self, [width, height]: [u32; 2]) -> Self {
         let [w, h, old_w, old_h] = [width, height, self.width, self.height].map(f64::from);

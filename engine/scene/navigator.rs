@@ -1,4 +1,4 @@
-//! A camera that a person moves: it turns about a point before it or about itself. The laws are those of the browser player.
+//! A camera that a person moves, as in the browser player: it turns about a point before it or about itself.
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -6,24 +6,20 @@ use super::orbit::{Orbit, upright};
 use super::{Pose, Splats, View};
 use crate::report::statistics::median_high;
 
-/// Radians.
 const TURN_PER_PIXEL: f64 = 0.005;
-/// Radians per second.
 const KEY_TURN: f64 = 1.2;
-/// Parts of the distance of what is looked at per second: as a rule, and when it is fast.
+/// Parts of the distance of what it looks at per second, slow and fast.
 const KEY_SHIFT: [f64; 2] = [0.5, 1.6];
 /// Sine of the steepest angle to the horizon.
 const STEEPEST: f64 = 0.995;
-/// Part of the scene's size in front of which its middle is too near to be what is looked at.
+/// Part of the scene's size below which its middle is too near to be what it looks at.
 const TOO_NEAR: f64 = 0.05;
-
-/// Gaussians at most that it is asked where the scene is.
+/// Gaussians at most whose places give the scene's extent.
 const MOST_PLACES: usize = 100_000;
 
 /// A camera on its way.
 #[derive(Clone, Debug)]
 pub struct Navigator {
-    /// What is kept of it: focal lengths, shape, background.
     view: View,
     /// World to camera: rows right, down, forward.
     rotation: DMat3,
@@ -31,24 +27,22 @@ pub struct Navigator {
     up: DVec3,
     middle: DVec3,
     radius: f64,
-    /// Distance of what is looked at, units of the scene.
+    /// Distance of what it looks at, scene units.
     pub reach: f64,
-    /// Whether it turns about itself instead of what is looked at.
+    /// It turns about itself instead of what it looks at.
     pub is_flying: bool,
 }
 
 /// Where keys push: shifts right, down and forward, and turns right and down, each from -1 to 1.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Push {
-    /// Right, down, forward.
     pub shift: DVec3,
-    /// Right, down.
     pub turn: DVec2,
-    /// Whether shifts are about three times as fast.
+    /// Shifts are about three times as fast.
     pub is_fast: bool,
 }
 
-/// Middle and size of where Gaussians are: medians, so that a few that are far off, as a backdrop is, change little.
+/// Middle and size of where Gaussians are: medians, which a backdrop hardly changes.
 fn extent(splats: &Splats) -> (DVec3, f64) {
     let each = splats.position.len().div_ceil(MOST_PLACES).max(1);
     let places: Vec<DVec3> =
@@ -60,8 +54,8 @@ fn extent(splats: &Splats) -> (DVec3, f64) {
 }
 
 impl Navigator {
-    /// For `views` of `splats`: upright as they are on average, at the first of them, or where it sees all of the scene. What it looks
-    /// at is as far as the middle of what the views look at, or of the scene where they do not look at one place.
+    /// For `views` of `splats`: upright as they are on average, at the first of them, or where it sees all of the scene. It looks at the
+    /// middle of what the views look at, or of the scene where they do not look at one place.
     pub fn new(views: &[View], splats: &Splats) -> Self {
         let (center, radius) = extent(splats);
         let middle = Orbit::new(views).map_or(center, |orbit| orbit.middle);
@@ -86,39 +80,37 @@ impl Navigator {
         self.reach = if depth > TOO_NEAR * self.radius { depth } else { self.radius };
     }
 
-    /// Where it is, world.
     pub fn center(&self) -> DVec3 {
         self.center
     }
 
-    /// Where it looks, a unit vector of the world.
+    /// A unit vector of the world, as [`Navigator::above`].
     pub fn forward(&self) -> DVec3 {
         self.rotation.row(2)
     }
 
-    /// What is above it, a unit vector of the world.
     pub fn above(&self) -> DVec3 {
         -self.rotation.row(1)
     }
 
-    /// What it sees in a picture of this size, pixels, as [`View::fitted`] has it.
+    /// In a picture of this size, see [`View::fitted`].
     pub fn view(&self, size: [u32; 2]) -> View {
         View { pose: Pose::at(self.center, self.rotation), ..self.view.fitted(size) }
     }
 
-    /// Turns as a pointer says that was dragged by so many pixels: what is under it follows it.
+    /// Turns so that the scene follows a pointer that was dragged by so many pixels.
     pub fn drag(&mut self, by: DVec2) {
         let angle = if self.is_flying { TURN_PER_PIXEL } else { -TURN_PER_PIXEL };
         self.turn(angle * self.sideways() * by.x, angle * by.y, self.is_flying);
     }
 
-    /// Shifts so that what is looked at follows a pointer that was dragged by so many pixels of a picture of this size.
+    /// Shifts so that what it looks at follows a pointer that was dragged by so many pixels of a picture of this size.
     pub fn pan(&mut self, by: DVec2, size: [u32; 2]) {
         let focal = self.view.intrinsics.fitted(size).focal();
         self.shift((-by / focal).extend(0.0) * self.reach);
     }
 
-    /// Comes closer to what is looked at: to so many times its distance. In flight that moves on as well.
+    /// Moves to `factor` times the distance of what it looks at; in flight, that moves on too.
     pub fn approach(&mut self, factor: f64) {
         let reach = (self.reach * factor).max(1e-4);
         self.shift(DVec3::Z * (self.reach - reach));

@@ -5,8 +5,7 @@ use glam::{DMat3, DVec3};
 use super::view::View;
 use crate::report::statistics::median_high;
 
-/// Least eigenvalue of the axes' system, by its largest, at which the point that is nearest to them is well defined: axes that
-/// differ by a few degrees.
+/// Least eigenvalue of the axes' system over its largest at which the point nearest to them is well defined: a few degrees apart.
 const LEAST_SPREAD: f64 = 1e-3;
 
 /// The direction in which `views` are upright on average, world, of length 1; `None` where they have no common one.
@@ -16,25 +15,20 @@ pub fn upright(views: &[View]) -> Option<DVec3> {
     if sum.length() < 1e-6 { None } else { sum.try_normalize() }
 }
 
-/// A circle about the middle of what cameras look at.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Orbit {
-    /// What is looked at, world.
     pub middle: DVec3,
-    /// Upwards, of length 1.
     pub up: DVec3,
     /// From the middle to where the circle begins, at right angles to `up`, of length 1.
     pub ahead: DVec3,
-    /// Of the circle, scene units.
     pub radius: f64,
     /// Of the circle above the middle, along `up`; scene units.
     pub height: f64,
 }
 
 impl Orbit {
-    /// The circle of `views`: about the point nearest to all of their optical axes, upright as they are on average, as far from
-    /// there as their lenses in the median and as high. It begins beside the first view. None where the views do not look at
-    /// one place: fewer than two, side by side in parallel, or most of them away from it.
+    /// The circle of `views`: about the point nearest to all of their optical axes, upright as they are on average, as far and as high as
+    /// their lenses in the median. It begins beside the first view. `None` where the views do not look at one place.
     pub fn new(views: &[View]) -> Option<Orbit> {
         let poses = views.iter().map(|view| view.pose);
         let lenses: Vec<(DVec3, DVec3)> =

@@ -1,4 +1,4 @@
-//! Clips that may be longer than memory: their dynamic Gaussians in parts, by when they are there.
+//! Clips that may be longer than memory: their dynamic Gaussians in parts by time.
 
 use super::Splats;
 use crate::error::Result;
@@ -6,38 +6,26 @@ use std::collections::BTreeMap;
 use std::path::Path;
 use std::sync::Arc;
 
-/// A part of the dynamic Gaussians of a clip.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Part {
-    /// From when some of them may be there, normalised time; may be -infinity.
+    /// From when some of them may be there, normalised time, or -infinity.
     pub from: f64,
-    /// Up to when, this moment not included; may be infinity.
+    /// Up to when, not included, or infinity.
     pub to: f64,
-    /// How many they are.
     pub n: usize,
 }
 
-/// A clip of which what is there at a time can be read alone.
+/// A clip of which the Gaussians of a time can be read alone.
 pub trait Parts: Send {
-    /// What faults are told of.
+    /// The file that errors name.
     fn path(&self) -> &Path;
-
-    /// Degree of the spherical harmonics, 0 to 3, that all of [`Parts::still`] and [`Parts::part`] have.
+    /// Of all Gaussians, 0 to 3.
     fn sh_degree(&self) -> u32;
-
-    /// The parts. Each dynamic Gaussian is in one of them.
+    /// Each dynamic Gaussian is in one of them.
     fn parts(&self) -> &[Part];
-
     /// Reads the static Gaussians.
-    ///
-    /// # Errors
-    /// [`Error::Data`](crate::Error::Data) where they cannot be read.
     fn still(&mut self) -> Result<Splats>;
-
     /// Reads the Gaussians of a part, all of them dynamic.
-    ///
-    /// # Errors
-    /// As [`Parts::still`].
     fn part(&mut self, index: usize) -> Result<Splats>;
 }
 
@@ -76,18 +64,17 @@ impl<F: Fn(Splats) -> Splats + Send> Parts for Mapped<F> {
     }
 }
 
-/// Those parts of a clip that are needed about one time, in memory.
+/// The parts of a clip about one time, in memory.
 pub(crate) struct Resident {
     clip: Box<dyn Parts>,
-    /// Where the parts that are needed change, normalised time, ascending.
+    /// Begins and ends of parts, normalised time, ascending.
     borders: Vec<f64>,
     held: BTreeMap<usize, Arc<Splats>>,
-    /// The stretch between borders of which all parts are held: so many borders are at its begin or before it.
+    /// How many borders are at or before the time whose parts are all held.
     stretch: Option<usize>,
 }
 
 impl Resident {
-    /// Nothing is read yet.
     pub fn new(clip: Box<dyn Parts>) -> Self {
         let mut borders: Vec<f64> = clip.parts().iter().flat_map(|part| [part.from, part.to]).collect();
         borders.retain(|border| border.is_finite());
@@ -96,7 +83,6 @@ impl Resident {
         Resident { clip, borders, held: BTreeMap::new(), stretch: None }
     }
 
-    /// The clip.
     pub fn clip(&mut self) -> &mut dyn Parts {
         &mut *self.clip
     }
@@ -105,15 +91,11 @@ impl Resident {
         self.borders.partition_point(|border| *border <= time)
     }
 
-    /// Whether all parts that are there at `time` are held.
     pub fn holds(&self, time: f64) -> bool {
         self.stretch == Some(self.stretch_of(time))
     }
 
-    /// Holds the parts that are there at `time` and drops all others. Gives from when to when they are all that there is, and them.
-    ///
-    /// # Errors
-    /// As [`Parts::part`].
+    /// Holds the parts of `time` and drops all others. Gives from when to when they are all that there is, and them.
     pub fn reach(&mut self, time: f64) -> Result<([f64; 2], Vec<Arc<Splats>>)> {
         let at = self.stretch_of(time);
         let begin = at.checked_sub(1).map_or(f64::NEG_INFINITY, |before| self.borders[before]);

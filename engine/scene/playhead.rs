@@ -2,7 +2,6 @@
 
 use std::time::Instant;
 
-/// Where a clip is at any moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Playhead {
     length: f64,
@@ -14,7 +13,7 @@ pub struct Playhead {
 }
 
 impl Playhead {
-    /// At `time` of a clip of `length` seconds, from where it plays at its own speed or rests. What has no length rests.
+    /// At `time` of a clip of `length` seconds, from where it plays at its own speed or stands. A clip without length stands.
     pub fn new(length: f64, time: f64, is_playing: bool) -> Self {
         // Never NaN, of which there is no clamping.
         let (length, is_playing) = (length.max(0.0), is_playing && length > 0.0);
@@ -22,7 +21,7 @@ impl Playhead {
         Playhead { length, speed: 1.0, is_playing, version: 0, time, since: Instant::now() }
     }
 
-    /// Seconds of the clip; 0 of what does not change.
+    /// Seconds; 0 of what does not change.
     pub fn length(&self) -> f64 {
         self.length
     }
@@ -32,12 +31,11 @@ impl Playhead {
         self.speed
     }
 
-    /// Whether it does not rest.
     pub fn is_playing(&self) -> bool {
         self.is_playing
     }
 
-    /// Grows with every [`Playhead::set`]: where it is the same, nothing but time has passed.
+    /// Grows with every [`Playhead::set`].
     pub fn version(&self) -> u64 {
         self.version
     }
@@ -49,18 +47,16 @@ impl Playhead {
         if self.is_playing { time.rem_euclid(self.length) } else { time }
     }
 
-    /// Seconds of the clip just now.
     pub fn now(&self) -> f64 {
         self.at(Instant::now())
     }
 
-    /// Goes on from `time` at so many seconds of the clip per second, or rests there.
+    /// Continues from `time` at so many seconds of the clip per second, or stands there.
     pub fn set(&mut self, time: f64, is_playing: bool, speed: f64) {
         let version = self.version + 1;
         *self = Playhead { speed, version, ..Playhead::new(self.length, time, is_playing) };
     }
 
-    /// Goes on, or rests, at another time.
     pub fn seek(&mut self, time: f64) {
         self.set(time, self.is_playing, self.speed);
     }

@@ -5,12 +5,10 @@ use std::path::Path;
 use crate::error::{Error, Result};
 use crate::files::write_atomic;
 
-/// A triangulated point.
 #[derive(Clone, Debug, PartialEq)]
 pub struct SeenPoint {
     /// World, scene units.
     pub position: [f64; 3],
-    /// Red, green, blue.
     pub rgb: [u8; 3],
     /// Ids of COLMAP's cameras (`sparse/0`) that saw it.
     pub camera_ids: Vec<u32>,

@@ -2,7 +2,6 @@
 
 use glam::{DMat3, DQuat, DVec3, DVec4};
 
-/// Last row of the 4 x 4 matrix of a pose.
 const LAST_ROW: [f64; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// World to camera: `x_camera = rotation x_world + translation`; the camera's axes are x right, y down, z forward.
@@ -27,8 +26,8 @@ impl Pose {
         Pose { rotation, translation: -(rotation * center) }
     }
 
-    /// A camera at `eye` that looks at `target`, world, with the direction `up` upwards in the picture. Where `eye` is at `target` it looks along z;
-    /// where it looks along `up`, some direction is upwards.
+    /// A camera at `eye` that looks at `target`, world, with the direction `up` upwards in the picture. Where `eye` is at `target` it looks
+    /// along z; where it looks along `up`, some direction is upwards.
     pub fn look_at(eye: DVec3, target: DVec3, up: DVec3) -> Self {
         let forward = (target - eye).try_normalize().unwrap_or(DVec3::Z);
         let right = forward.cross(up).try_normalize().unwrap_or_else(|| forward.any_orthonormal_vector());
@@ -47,7 +46,7 @@ impl Pose {
         Pose { rotation: DMat3::from_quat(DQuat::from_xyzw(x, y, z, w)), translation }
     }
 
-    /// The pose with a learnt correction: turned about the world's axes by `turn`, radians, and shifted along them by `shift`, scene units:
+    /// The pose turned about the world's axes by `turn`, radians, and shifted along them by `shift`:
     /// `x_camera = R exp([turn]x) (x_world - center - shift)`.
     #[doc(hidden)]
     pub fn corrected(&self, turn: DVec3, shift: DVec3) -> Self {
@@ -66,8 +65,8 @@ impl Pose {
         self.rotation * world + self.translation
     }
 
-    /// Where the camera is, world: what `R x + t` puts at the origin, `-R^-1 t`. The transpose would do for a rotation that is exact;
-    /// one of six decimals it moves by a millionth of the way to the world's origin.
+    /// Where the camera is, world: `-R^-1 t`. The transpose would do for an exact rotation; of one with six decimals it would move the
+    /// centre by a millionth of the way to the world's origin.
     pub fn center(&self) -> DVec3 {
         -(self.rotation.inverse() * self.translation)
     }
@@ -89,14 +88,13 @@ impl Pose {
 }
 
 impl serde::Serialize for Pose {
-    /// As [`Pose::rows`].
     fn serialize<S: serde::Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
         self.rows().serialize(to)
     }
 }
 
 impl<'de> serde::Deserialize<'de> for Pose {
-    /// As [`Pose::rows`]; an error where the last one is not (0, 0, 0, 1). The rotation is not checked.
+    /// The rotation is not checked.
     fn deserialize<D: serde::Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
         let rows = <[[f64; 4]; 4]>::deserialize(from)?;
         if rows[3] != LAST_ROW {
@@ -107,7 +105,6 @@ impl<'de> serde::Deserialize<'de> for Pose {
     }
 }
 
-/// The rotation whose rows these are.
 pub(crate) fn rotation_of_rows([x, y, z]: [DVec3; 3]) -> DMat3 {
     DMat3::from_cols(x, y, z).transpose()
 }

@@ -1,7 +1,6 @@
-//! Where a world's origin is and how long its unit: the frame that training computes in, and the way back.
+//! The frame that training computes in, and the way back.
 
-use super::pose::Pose;
-use super::splats::Splats;
+use super::{Pose, Splats};
 use glam::DVec3;
 
 /// A shift and a uniform scale of the world, in f64: `x' = scale (x - origin)`.
@@ -14,7 +13,6 @@ pub struct Similarity {
 }
 
 impl Default for Similarity {
-    /// The identity.
     fn default() -> Self {
         Similarity { origin: [0.0; 3], scale: 1.0 }
     }
@@ -26,8 +24,7 @@ impl Similarity {
         Similarity { origin: self.origin.map(|x| -self.scale * x), scale: 1.0 / self.scale }
     }
 
-    /// True if single precision suffices for positions in the old world: its rounding there stays below 1e-4 new
-    /// units.
+    /// True if rounding positions of the old world to f32 stays below 1e-4 new units.
     #[doc(hidden)]
     pub fn is_exact_in_f32(&self) -> bool {
         let farthest = self.origin.iter().fold(0.0, |most: f64, x| most.max(x.abs()));
@@ -45,12 +42,12 @@ impl Similarity {
         std::array::from_fn(|k| self.scale * (at[k] - self.origin[k]))
     }
 
-    /// The pose in the new world; the camera's own axes scale with it, so pictures stay the same.
+    /// The pose in the new world, which shows the same picture.
     pub fn pose(&self, pose: &Pose) -> Pose {
         Pose { translation: self.scale * (pose.translation + pose.rotation * DVec3::from(self.origin)), ..*pose }
     }
 
-    /// The Gaussians in the new world: positions, log-scales and velocities change. Rounded to f32 once.
+    /// The Gaussians in the new world, rounded to f32 once.
     pub fn splats(&self, splats: &Splats) -> Splats {
         let mut moved = splats.clone();
         for position in &mut moved.position {

@@ -1,4 +1,4 @@
-//! Gaussians on the host, as parameter groups.
+//! Gaussians on the host.
 
 use std::borrow::Cow;
 use std::path::Path;
@@ -28,9 +28,7 @@ pub struct Motion {
     pub t_scale: f32,
 }
 
-/// A scene's Gaussians in raw parameters (SPEC 2), static ones first.
-///
-/// A static Gaussian has velocity 0 and tau = infinity; it carries no [`Motion`]. `motion[i]` belongs to Gaussian
+/// A scene's Gaussians in raw parameters (SPEC 2), static ones first. A static Gaussian has no [`Motion`]: `motion[i]` belongs to Gaussian
 /// `n_static + i`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Splats {
@@ -38,8 +36,7 @@ pub struct Splats {
     pub n_static: usize,
     /// Degree of the spherical harmonics, 0 to 3: the highest that a Gaussian may have.
     pub sh_degree: u32,
-    /// Degree of each Gaussian, falling within each population; the coefficients above it are 0. Empty where all have
-    /// `sh_degree`.
+    /// Degree of each Gaussian, falling within each population; coefficients above it are 0. Empty where all have `sh_degree`.
     pub degree: Vec<u8>,
     /// Centres at the temporal centre, world, scene units.
     pub position: Vec<[f32; 3]>,
@@ -53,10 +50,10 @@ pub struct Splats {
     pub sh: Vec<[f32; 3]>,
     /// Temporal parameters of the dynamic Gaussians.
     pub motion: Vec<Motion>,
-    /// Start (included) and end (excluded) of the time in which each dynamic Gaussian exists, normalised. Empty where all always
-    /// do, as after every training; the segments of a long clip replace each other so.
+    /// Start (included) and end (excluded) of the time in which each dynamic Gaussian exists, normalised. Empty where all always exist;
+    /// joined segments of a long clip replace each other by it.
     pub span: Vec<[f32; 2]>,
-    /// Row of the file that each Gaussian came from; the writer restores that order.
+    /// Row of the file that each Gaussian came from, for writers.
     pub source_row: Vec<u32>,
 }
 
@@ -66,7 +63,7 @@ impl Splats {
         Splats { sh_degree, ..Splats::default() }
     }
 
-    /// As many Gaussians of the same degrees, all of whose numbers are 0: moments, before a first step.
+    /// As many Gaussians of the same degrees, all of whose numbers are 0.
     #[must_use]
     pub(crate) fn zeros(&self) -> Self {
         let mut zeros = self.clone();
@@ -115,7 +112,7 @@ impl Splats {
         motion.map_or(1.0, |m| (-((time - f64::from(m.t_center)) / f64::from(m.t_scale).exp()).powi(2)).exp())
     }
 
-    /// The same Gaussians on another clock, on which time t is `scale t + shift`; what lasts one lasts `scale`.
+    /// The same Gaussians on another clock, on which time t is `scale t + shift`.
     #[must_use]
     pub fn on_clock(mut self, scale: f64, shift: f64) -> Self {
         for Motion { velocity, t_center, t_scale } in &mut self.motion {
@@ -135,8 +132,7 @@ impl Splats {
         (0..8).map(|k| self.weight_at(i, (f64::from(k) + 0.5) / 8.0)).sum::<f64>() / 8.0
     }
 
-    /// Checks that every array fits `len()`, `n_static` and `sh_degree`, and
-    /// that degrees are in order and at most `sh_degree`.
+    /// Checks that every array fits `len()`, `n_static` and `sh_degree`, and that degrees are in order and at most `sh_degree`.
     ///
     /// # Errors
     /// A sentence that names the array, its length and the one it should have.
@@ -176,18 +172,14 @@ impl Splats {
         Ok(())
     }
 
-    /// Gives each Gaussian the degree of its highest band with a coefficient that is not 0, and orders them by population
-    /// and falling degree, otherwise as they were. What is 0 needs neither memory nor time.
+    /// Gives each Gaussian the degree of its highest band that is not 0, and orders them by population and falling degree, otherwise as
+    /// they were.
     #[must_use]
     pub fn by_degree(self) -> Splats {
         let k = self.n_coefficients();
         let band = |c: usize| c.isqrt() as u8;
-        let degree: Vec<u8> = (0..self.len())
-            .map(|i| {
-                let last = self.sh[i * k..(i + 1) * k].iter().rposition(|coefficient| *coefficient != [0.0; 3]);
-                last.map_or(0, band)
-            })
-            .collect();
+        let last = |sh: &[[f32; 3]]| sh.iter().rposition(|coefficient| *coefficient != [0.0; 3]);
+        let degree: Vec<u8> = self.sh.chunks_exact(k).map(|sh| last(sh).map_or(0, band)).collect();
         let mut order: Vec<usize> = (0..self.len()).collect();
         order.sort_by_key(|&i| (i >= self.n_static, std::cmp::Reverse(degree[i])));
         Splats { degree, ..self }.in_order(&order)
@@ -214,7 +206,7 @@ impl Splats {
         }
     }
 
-    /// The Gaussians of which `keep` is true, by index; itself where all are.
+    /// The Gaussians of which `keep` is true, by index.
     pub(crate) fn kept(&self, keep: impl Fn(usize) -> bool) -> Cow<'_, Splats> {
         let kept: Vec<usize> = (0..self.len()).filter(|&i| keep(i)).collect();
         if kept.len() == self.len() {
@@ -223,21 +215,15 @@ impl Splats {
         Cow::Owned(self.in_order(&kept))
     }
 
-    /// Refuses Gaussians that are not always there, for `what`, which takes them for that.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming `path`, with `remedy`.
+    /// Refuses Gaussians that do not always exist, for the sake of `what`, which does not know spans.
     pub(crate) fn refuse_spans(&self, path: &Path, what: &str, remedy: &str) -> Result<()> {
         let n = self.span.iter().filter(|span| **span != ALWAYS).count();
         let reason = || format!("{n} Gaussians appear or disappear at once, which {what} cannot tell");
         if n == 0 { Ok(()) } else { Err(Error::data(path, "", reason(), remedy)) }
     }
 
-    /// The Gaussians in the order of their rows, for the writer of a format that holds static ones only; those with a
-    /// parameter that is not finite are left out.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming `path` when one is dynamic or the arrays disagree.
+    /// The Gaussians with finite parameters in the order of their rows, for a format of static ones. It fails when one is dynamic or the
+    /// arrays disagree.
     pub(crate) fn static_rows(&self, path: &Path) -> Result<Vec<usize>> {
         let remedy = "this is a fault of the program that made the scene";
         self.check().map_err(|reason| Error::data(path, "", reason, remedy))?;
@@ -250,8 +236,7 @@ impl Splats {
         Ok(rows)
     }
 
-    /// Appends the Gaussians of `other`, a scene of the same degree. Static ones come first: these have no dynamic ones, or the others
-    /// no static ones. These are all of the highest degree; so are the first of the others where theirs differ.
+    /// Appends a scene of the same degree, so that static Gaussians still come first. Those that are there have the highest degree.
     pub(crate) fn append(&mut self, mut other: Splats) {
         debug_assert!((self.motion.is_empty() || other.n_static == 0) && other.sh_degree == self.sh_degree);
         debug_assert!(self.degree.is_empty());

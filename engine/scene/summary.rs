@@ -1,8 +1,8 @@
-//! What a scene holds, in numbers.
+//! The contents of a scene in numbers.
 
 use serde::Serialize;
 
-use super::splats::Splats;
+use super::Splats;
 
 /// Bytes of a Gaussian on the device by group, as the renderer lays them out.
 const GEOMETRY_BYTES: u64 = 48;
@@ -13,81 +13,61 @@ const BAND_BYTES: [u64; 4] = [16, 48, 64, 96];
 /// What a scene holds (the output of `ivv inspect`).
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Summary {
-    /// Gaussians in all.
     pub n: usize,
-    /// Gaussians that neither move nor fade.
     pub n_static: usize,
-    /// Gaussians with temporal parameters.
     pub n_dynamic: usize,
     /// Gaussians with a parameter that is not finite; the renderer culls them.
     pub n_non_finite: usize,
-    /// Degree of the spherical harmonics, 0 to 3: the highest of any Gaussian.
+    /// The highest degree of any Gaussian, 0 to 3.
     pub sh_degree: u32,
-    /// Static Gaussians by SH degree, 0 to 3.
     pub static_by_degree: [usize; 4],
-    /// Dynamic Gaussians by SH degree, 0 to 3.
     pub dynamic_by_degree: [usize; 4],
-    /// Bytes of the numbers that are modelled, 4 each: 14 of a static Gaussian of degree 0 (SPEC 2), 5 more of a dynamic
-    /// one, 9, 15 and 21 of the bands above.
+    /// 4 for each number that is modelled: 14 of a static Gaussian of degree 0 (SPEC 2), 5 more of a dynamic one, 9, 15 and 21 of the
+    /// bands above.
     pub parameter_bytes: u64,
-    /// Bytes of a row in this project's PLY.
+    /// Of this project's PLY.
     pub ply_bytes_per_gaussian: u64,
-    /// Bytes of all rows in this project's PLY, without the header.
+    /// Without the header.
     pub ply_bytes: u64,
-    /// Bytes on the device.
     pub device: DeviceBytes,
-    /// Box around the positions that are finite; none when there is no such position.
+    /// Around the positions that are finite; none when there is no such position.
     pub bounds: Option<Bounds>,
-    /// Base opacity, sigmoid of the logit, in [0, 1].
+    /// Base opacity, sigmoid of the logit.
     pub opacity: Option<Quantiles>,
     /// Standard deviations along all axes, scene units.
     pub scale: Option<Quantiles>,
-    /// Times of peak visibility of the dynamic Gaussians, normalised: (first, last).
+    /// First and last time of peak visibility of the dynamic Gaussians, normalised.
     pub time_range: Option<[f32; 2]>,
 }
 
 /// Bytes on the device, by parameter group.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct DeviceBytes {
-    /// Position, rotation, scale and opacity: three vectors of four floats.
     pub geometry: u64,
-    /// Velocity, time of peak visibility and tau of the dynamic Gaussians.
     pub motion: u64,
-    /// Spherical harmonics, by band up to the scene's degree.
+    /// By band up to the scene's degree.
     pub sh_bands: Vec<u64>,
-    /// Sum of the above.
     pub total: u64,
 }
 
-/// A box around positions, world, scene units. Each axis on its own.
+/// [`Quantiles`] of positions by axis, scene units.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Bounds {
-    /// Smallest coordinates.
     pub min: [f32; 3],
-    /// Coordinates below which 1 % of the Gaussians lie.
     pub p01: [f32; 3],
-    /// Coordinates below which 99 % of the Gaussians lie.
     pub p99: [f32; 3],
-    /// Largest coordinates.
     pub max: [f32; 3],
 }
 
 /// Quantiles of the finite values of a quantity (nearest rank).
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Quantiles {
-    /// Smallest.
     pub min: f32,
-    /// 1 %.
     pub p01: f32,
-    /// A quarter.
     pub p25: f32,
-    /// The median.
     pub p50: f32,
-    /// Three quarters.
     pub p75: f32,
-    /// 99 %.
     pub p99: f32,
-    /// Largest.
     pub max: f32,
 }
 
@@ -103,7 +83,6 @@ impl Quantiles {
 }
 
 impl Splats {
-    /// Counts, sizes and distributions of the scene.
     #[doc(hidden)]
     pub fn summary(&self) -> Summary {
         let (n, n_dynamic) = (self.len() as u64, self.motion.len() as u64);
@@ -141,15 +120,11 @@ impl Splats {
         let finite = || self.position.iter().filter(|p| p.iter().all(|v| v.is_finite()));
         let [x, y, z] = [0, 1, 2].map(|axis: usize| Quantiles::of(finite().map(|p| p[axis])));
         let axes = [x?, y?, z?];
-        Some(Bounds {
-            min: axes.map(|q| q.min),
-            p01: axes.map(|q| q.p01),
-            p99: axes.map(|q| q.p99),
-            max: axes.map(|q| q.max),
-        })
+        let each = |of: fn(Quantiles) -> f32| axes.map(of);
+        Some(Bounds { min: each(|q| q.min), p01: each(|q| q.p01), p99: each(|q| q.p99), max: each(|q| q.max) })
     }
 
-    /// Whether every parameter of Gaussian `i` is finite; a tau of +infinity counts as finite.
+    /// True if every parameter of Gaussian `i` is finite; a tau of +infinity counts as finite.
     pub(crate) fn is_finite(&self, i: usize) -> bool {
         let k = self.n_coefficients();
         let motion = i.checked_sub(self.n_static).map(|dynamic| &self.motion[dynamic]);

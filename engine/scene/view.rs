@@ -8,11 +8,10 @@ use super::intrinsics::Intrinsics;
 use super::pose::Pose;
 use crate::error::{Error, Result};
 use crate::files::{read_bytes, write_atomic};
-use glam::{DVec2, DVec3};
+use glam::DVec3;
 
-/// A pinhole camera at one time, unchecked until [`read_views`] has seen it. Double precision on the host; narrowed once when it
-/// goes to the device.
-#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+/// A pinhole camera at one time. Double precision on the host, narrowed once for the device.
+#[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct View {
     /// Names the output files.
     pub name: String,
@@ -42,37 +41,32 @@ pub struct View {
     pub next_pose: Option<Pose>,
 }
 
-/// A bound of a view's frustum: the cone about its corners.
+/// The cone about the corners of a view's frustum, scene units.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Cone {
-    /// Where the lens is, scene units.
     pub tip: [f32; 3],
     /// Tangent of the angle between the axis and the cone's side.
     pub reach: f32,
-    /// The optical axis, of length 1.
+    /// Of length 1.
     pub axis: [f32; 3],
-    /// 0.
     pub unused: f32,
 }
 
-/// The space before a lens in which no Gaussian may be, over the surface that the lens and its neighbours stand on: where `s` is below
-/// `radius` squared and the height `z - slope . o - curvature s / 2` below `depth`, with `o` from the lens, `z` along the axis, and `s` the
-/// square of the distance from it.
+/// The space before a lens in which no Gaussian may be, over the surface that the lens and its neighbours stand on, scene units: where `s`
+/// is below `radius` squared and the height `z - slope . o - curvature s / 2` below `depth`, with `o` from the lens, `z` along the axis, and
+/// `s` the square of the distance from it.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
 pub struct Clearing {
-    /// Where the lens is, scene units.
     pub place: [f32; 3],
-    /// Distance from the axis up to which it reaches, scene units.
     pub radius: f32,
     /// The optical axis, of length 1.
     pub axis: [f32; 3],
-    /// Curvature of the surface at the lens, 1 / scene units. It is positive if the neighbours stand before the lens.
+    /// Of the surface at the lens; positive if the neighbours stand before the lens.
     pub curvature: f32,
-    /// Gradient of the surface's height over the plane through the lens; at right angles to the axis.
+    /// Gradient of the surface's height, at right angles to the axis.
     pub slope: [f32; 3],
-    /// Height up to which no Gaussian may be, scene units.
     pub depth: f32,
 }
 
@@ -83,8 +77,8 @@ pub enum FlowModel {
     /// flow_dt J0 (R v): the projected velocity. Of the scene alone, to first order (paper).
     #[default]
     Velocity,
-    /// pi'(mu(t' + flow_dt)) - pi(mu(t')): where the centre goes in the picture, by its own motion and the camera's; as
-    /// `Velocity` for a centre that is not before the camera one frame on.
+    /// pi'(mu(t' + flow_dt)) - pi(mu(t')): the way of the centre in the picture, by its own motion and the camera's. As `Velocity` for a
+    /// centre that is behind the camera one frame later.
     Displacement,
 }
 
@@ -100,14 +94,14 @@ fn one() -> f64 {
 
 /// Largest width or height of a view, pixels.
 const MAX_SIDE: u32 = 1 << 16;
-/// Longest name of a view, bytes; with a suffix it must still fit a file name on every common file system.
+/// With a suffix, a name must fit every common file system.
 const MAX_NAME_BYTES: usize = 200;
 /// Largest deviation of R R^T from the identity, entry by entry.
 const ROTATION_TOLERANCE: f64 = 1e-3;
 const POSE_REMEDY: &str =
     "give the rows of a rotation and translation from world to camera (x right, y down, z forward)";
 
-/// The cameras file as a whole; a view stays untyped until its index is known for error messages.
+/// A cameras file. Views stay untyped until an error message can have their index.
 #[derive(serde::Deserialize)]
 struct Document {
     views: Vec<serde_json::Value>,
@@ -117,14 +111,13 @@ struct Document {
 /// `background` may be absent (0, 0, 1, black). Other fields are ignored.
 ///
 /// # Errors
-/// [`Error::Data`] naming the view and the field when the file cannot be read or parsed, when it has no view, when a
-/// name is empty, used twice or unfit as a file name, a size is not in 1..=65536, a focal length is not positive, a
-/// number is not finite, or `world_to_camera` is no rotation and translation.
+/// [`Error::Data`] naming the view and the field when the file cannot be read or a field is not as [`View`] says: names must be unique and
+/// fit for files, sizes 1 to 65,536, focal lengths positive, numbers finite, poses rotations and translations.
 pub fn read_views(path: &Path) -> Result<Vec<View>> {
     parse_views(path, &read_bytes(path)?)
 }
 
-/// As [`read_views`], of a text that is in memory; `path` is what its faults are told of.
+/// As [`read_views`], of a text in memory; errors name `path`.
 pub(crate) fn parse_views(path: &Path, text: &[u8]) -> Result<Vec<View>> {
     let remedy = "write {\"views\": [{\"name\": ..., \"width\": ..., ...}]}";
     let parsed = serde_json::from_slice::<Document>(text);
@@ -141,7 +134,7 @@ pub(crate) fn parse_views(path: &Path, text: &[u8]) -> Result<Vec<View>> {
     Ok(views)
 }
 
-/// A [`Pose`] has no last row: that of a file is checked before.
+/// Checks what a [`Pose`] does not keep.
 fn check_last_rows(path: &Path, place: &str, view: &serde_json::Value) -> Result<()> {
     for field in ["world_to_camera", "next_world_to_camera"] {
         let last = view.get(field).and_then(|rows| <[f64; 4]>::deserialize(rows.get(3)?).ok());
@@ -187,70 +180,51 @@ fn check_views(path: &Path, views: &[View]) -> Result<()> {
     Ok(())
 }
 
-/// A fault of a view: field, reason, remedy.
+/// Field, reason, remedy.
 pub(super) type Fault = (&'static str, String, &'static str);
 
-/// Normalised time of photographs: far from every clip, so that nothing that moves is alive.
+/// Normalised time of photographs, at which no dynamic Gaussian is alive.
 pub(super) const PHOTO_TIME: f64 = 1e6;
 
 impl View {
-    /// Whether it is that of a photograph, which shows no moment of the clip.
     #[doc(hidden)]
     pub fn is_photo(&self) -> bool {
         self.time == PHOTO_TIME
     }
 
-    /// A view from `eye` to `target`, world, with the direction `up` upwards in the picture: so many pixels (width, height), square
-    /// ones, and so many degrees from its lower border to its upper one. At time 0, over black. Where `eye` is at `target` it looks
-    /// along z; where it looks along `up`, some direction is upwards.
+    /// A view as [`Pose::look_at`] has it, of (width, height) square pixels and `fov` degrees from the lower border to the upper one. At
+    /// time 0, over black.
     pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], (width, height): (u32, u32), fov: f64) -> View {
         let [eye, target, up] = [eye, target, up].map(DVec3::from);
         let f = f64::from(height) / (2.0 * (fov.to_radians() / 2.0).tan());
+        let [cx, cy] = [width, height].map(|side| f64::from(side) / 2.0);
+        let intrinsics = Intrinsics { width, height, fx: f, fy: f, cx, cy };
         View {
             name: "view".to_owned(),
-            intrinsics: Intrinsics {
-                width,
-                height,
-                fx: f,
-                fy: f,
-                cx: f64::from(width) / 2.0,
-                cy: f64::from(height) / 2.0,
-            },
+            intrinsics,
             pose: Pose::look_at(eye, target, up),
-            time: 0.0,
-            time_offset: 0.0,
             flow_dt: 1.0,
-            background: [0.0; 3],
-            flow_model: FlowModel::default(),
-            next_pose: None,
+            ..View::default()
         }
     }
 
-    /// The view in smaller pictures, see [`Intrinsics::reduced`].
+    /// With [`Intrinsics::reduced`].
     pub fn reduced(&self, factor: u32) -> View {
         View { intrinsics: self.intrinsics.reduced(factor), ..self.clone() }
     }
 
-    /// The view as a picture of another shape has it, pixels, see [`Intrinsics::fitted`].
     #[doc(hidden)]
     pub fn fitted(&self, size: [u32; 2]) -> View {
         View { intrinsics: self.intrinsics.fitted(size), ..self.clone() }
     }
 
-    /// The cone of what it sees, relative to `origin`.
     #[doc(hidden)]
     pub fn cone(&self, origin: [f64; 3]) -> Cone {
         let Intrinsics { fx, fy, cx, cy, .. } = self.intrinsics;
-        let DVec2 { x: width, y: height } = self.intrinsics.size();
-        let x = cx.max(width - cx) / fx;
-        let y = cy.max(height - cy) / fy;
-        let pose = &self.pose;
-        Cone {
-            tip: (pose.center() - DVec3::from(origin)).as_vec3().to_array(),
-            reach: x.hypot(y) as f32,
-            axis: pose.forward().as_vec3().to_array(),
-            unused: 0.0,
-        }
+        let size = self.intrinsics.size();
+        let reach = (cx.max(size.x - cx) / fx).hypot(cy.max(size.y - cy) / fy) as f32;
+        let tip = (self.pose.center() - DVec3::from(origin)).as_vec3().to_array();
+        Cone { tip, reach, axis: self.pose.forward().as_vec3().to_array(), unused: 0.0 }
     }
 
     pub(super) fn check(&self) -> Option<Fault> {
