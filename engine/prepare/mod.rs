@@ -174,9 +174,7 @@ impl Preparation {
         if self.faults.n() == 0 {
             return self.photos.as_mut()?.faulty();
         }
-        let mut report = Report::new(&self.settings.source, self.source.format);
-        report.set_faults(std::mem::take(&mut self.faults));
-        Some(report)
+        Some(Report::of_faults(&self.settings.source, self.source.format, std::mem::take(&mut self.faults)))
     }
 }
 

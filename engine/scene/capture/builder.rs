@@ -1,21 +1,17 @@
-//! Cameras as every format reads them, checked against their images.
+//! A capture as its format gives it, and its checks against the images.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
-use super::frames::Frames;
-use super::header::{has_alpha, is_turned, read_size};
-use super::opened::Capture;
-use super::picture::MAX_PIXELS;
-use super::points::FramePoints;
-use super::report::{Faults, Report, camera_place};
-use super::settings::{Alpha, CaptureSettings};
+use super::{
+    Alpha, Camera, Capture, CaptureSettings, Faults, FramePoints, Frames, MAX_COORDINATE, MAX_PIXELS, Point, Report,
+    Shot, camera_place, has_alpha, is_turned, read_size,
+};
 use crate::error::Error;
 use crate::parallel::{in_parallel, threads};
 use crate::scene::prior::{depth_size, flow_size};
 use crate::scene::undistort::{Distortion, Lens};
-use crate::scene::{Intrinsics, Similarity};
+use crate::scene::{Intrinsics, Pose, Similarity};
 
 pub(super) const MAX_FRAMES: u32 = 1 << 20;
 /// Frames per second of a clip: from pictures hours apart to the fastest cameras.
@@ -23,16 +19,14 @@ pub(crate) const RATES: std::ops::RangeInclusive<f64> = 1e-4..=1e5;
 
 type ReadSize = fn(&Path) -> Result<(u32, u32), Error>;
 
-/// A capture as its format gives it, until [`CaptureBuilder::finish`] has checked it.
 #[derive(Default)]
 pub(crate) struct CaptureBuilder {
     pub fps: f64,
     pub n_frames: u32,
     pub reference_frame: u32,
-    /// Names are unique, shots have different frames.
     pub cameras: Vec<Camera>,
     pub points: Vec<Point>,
-    /// Notes of lenses by camera; nothing where a camera is not named.
+    /// By name of the camera; a pinhole where it is absent.
     pub distorted: BTreeMap<String, Distortion>,
     pub frame_points: Option<FramePoints>,
     pub true_offsets: BTreeMap<String, f64>,
@@ -42,64 +36,84 @@ pub(crate) struct CaptureBuilder {
     /// The capture below the named folder that was read in its place.
     pub inside: Option<PathBuf>,
     pub calibration: PathBuf,
-    /// COLMAP's model, and the names of the cameras of its images, by their ids: who saw its points.
+    /// COLMAP's model, and the names of the cameras by the ids of its images.
     pub model: Option<(PathBuf, HashMap<u32, String>)>,
-    /// How the format writes a pose, for faults; nothing where that is as [`View`](crate::scene::View) has it.
+    /// How the format writes a pose, for faults; `None` where it is as [`View`](crate::scene::View) has it.
     pub pose_remedy: Option<&'static str>,
     /// Where images may be that are not where the files say.
     pub elsewhere: Vec<PathBuf>,
 }
 
 impl CaptureBuilder {
+    pub fn still(settings: &CaptureSettings, calibration: PathBuf) -> Self {
+        CaptureBuilder { fps: settings.fps, n_frames: 1, calibration, ..CaptureBuilder::default() }
+    }
+
+    /// Adds a camera of one image; each `test_every`-th is kept for testing.
+    pub fn add_still(&mut self, name: String, lens: Lens, pose: Pose, image: PathBuf, settings: &CaptureSettings) {
+        let is_test = settings.test_every > 0 && self.cameras.len().is_multiple_of(settings.test_every);
+        let shots = vec![Shot { image, ..Shot::default() }];
+        let Lens { intrinsics, distortion } = lens;
+        self.distorted.insert(name.clone(), distortion);
+        self.cameras.push(Camera { name, intrinsics, world_to_camera: pose, is_test, is_photo: false, shots });
+    }
+
     /// Checks what no format checks: poses, sizes, images, names of test cameras.
     pub fn finish(
         mut self,
         path: &Path,
+        format: &str,
         settings: &CaptureSettings,
-        faults: &mut Faults,
-        report: &mut Report,
-    ) -> Capture {
-        let inside = self.inside.take();
-        let path = inside.as_deref().unwrap_or(path);
-        report.path = path.to_owned();
-        self.cut(path, settings.frames, faults);
-        let mut photo_points = Vec::new();
+        mut faults: Faults,
+    ) -> (Capture, Report) {
+        let path = self.inside.take().unwrap_or_else(|| path.to_owned());
+        self.cut(&path, settings.frames, &mut faults);
+        let (mut n_photos, mut photo_points) = (0, Vec::new());
         if let Some(photos) = self.photos.take() {
-            report.n_photos = photos.cameras.len();
+            n_photos = photos.cameras.len();
             self.distorted.extend(photos.distorted);
             self.cameras.extend(photos.cameras);
             photo_points = photos.points;
         }
         self.cameras.iter_mut().for_each(|camera| camera.shots.sort_by_key(|shot| shot.frame));
-        self.check_clip(faults);
-        self.check_missing(path, settings, faults);
-        self.check_images(settings, faults, report);
-        self.check_cameras(settings, faults);
-        self.choose_test_cameras(settings, faults);
-        self.check_lenses(path, faults);
+        self.check_clip(&mut faults);
+        self.check_missing(&path, settings, &mut faults);
+        let n_alphas = self.check_images(settings, &mut faults);
+        self.check_cameras(settings, &mut faults);
+        self.choose_test_cameras(settings, &mut faults);
+        self.check_lenses(&path, &mut faults);
         // An empty capture whose reason is known needs no second fault.
         if self.cameras.iter().all(|camera| camera.is_test || camera.shots.is_empty()) && faults.n() == 0 {
-            faults.add(path, "", "has no image to train on", "add images, or choose other test cameras");
+            faults.add(&path, "", "has no image to train on", "add images, or choose other test cameras");
         }
-        report.n_frames = self.n_frames;
-        report.fps = self.fps;
-        report.n_cameras = self.cameras.len() - report.n_photos;
-        report.n_test_cameras = self.cameras.iter().filter(|camera| camera.is_test).count();
-        report.n_points = self.points.len();
-        report.has_frame_points = self.frame_points.is_some();
-        report.n_sounds = self.n_sounds;
-        for camera in &self.cameras {
-            report.n_images += camera.shots.len();
-            report.n_masks += camera.shots.iter().filter(|shot| shot.mask.is_some()).count();
-            report.n_foregrounds += camera.shots.iter().filter(|shot| shot.foreground.is_some()).count();
-            report.n_flows += camera.shots.iter().filter(|shot| shot.flow.is_some()).count();
-            report.n_depths += camera.shots.iter().filter(|shot| shot.depth.is_some()).count();
-            report.bytes_decoded += 4 * camera.intrinsics.n_pixels() * camera.shots.len() as u64;
-        }
-        self.foretell(faults);
-        report.notes.clone_from(&self.notes);
-        Capture {
-            path: path.to_owned(),
+        self.foretell(&faults);
+        let shots = || self.cameras.iter().flat_map(|camera| &camera.shots);
+        let n_with = |file: fn(&Shot) -> &Option<PathBuf>| shots().filter(|shot| file(shot).is_some()).count();
+        let decoded = |camera: &Camera| 4 * camera.intrinsics.n_pixels() * camera.shots.len() as u64;
+        let report = Report {
+            path: path.clone(),
+            format: format.to_owned(),
+            n_frames: self.n_frames,
+            fps: self.fps,
+            n_cameras: self.cameras.len() - n_photos,
+            n_test_cameras: self.cameras.iter().filter(|camera| camera.is_test).count(),
+            n_photos,
+            n_images: shots().count(),
+            n_masks: n_with(|shot| &shot.mask),
+            n_foregrounds: n_with(|shot| &shot.foreground),
+            n_alphas,
+            n_flows: n_with(|shot| &shot.flow),
+            n_depths: n_with(|shot| &shot.depth),
+            n_sounds: self.n_sounds,
+            n_points: self.points.len(),
+            has_frame_points: self.frame_points.is_some(),
+            bytes_decoded: self.cameras.iter().map(decoded).sum(),
+            notes: self.notes.clone(),
+            n_faults: faults.n(),
+            faults: faults.kept,
+        };
+        let capture = Capture {
+            path,
             fps: self.fps,
             n_frames: self.n_frames,
             reference_frame: self.reference_frame,
@@ -114,10 +128,11 @@ impl CaptureBuilder {
             notes: self.notes,
             settings: settings.clone(),
             moved: Similarity::default(),
-        }
+        };
+        (capture, report)
     }
 
-    /// Leaves the frames that are used, counted from 0.
+    /// Drops the frames that are not used, and counts the others from 0.
     pub fn cut(&mut self, path: &Path, frames: Frames, faults: &mut Faults) {
         let (n, n_used) = (self.n_frames, frames.of(self.n_frames).len() as u32);
         if n_used == n || n > MAX_FRAMES {
@@ -133,12 +148,11 @@ impl CaptureBuilder {
             _ => format!("only {n_used} of {n} frames are used: {frames}"),
         });
         for camera in &mut self.cameras {
-            camera.shots = std::mem::take(&mut camera.shots)
-                .into_iter()
-                .filter_map(|shot| Some(Shot { frame: frames.index(shot.frame, n)?, ..shot }))
-                // Nothing is left that the flow of the last frame leads to.
-                .map(|shot| Shot { flow: shot.flow.filter(|_| frames.every == 1 && shot.frame + 1 < n_used), ..shot })
-                .collect();
+            let shots = std::mem::take(&mut camera.shots).into_iter();
+            let used = shots.filter_map(|shot| Some(Shot { frame: frames.index(shot.frame, n)?, ..shot }));
+            // The flow of the last frame leads nowhere.
+            let flow = |shot: &Shot| frames.every == 1 && shot.frame + 1 < n_used;
+            camera.shots = used.map(|shot| Shot { flow: shot.flow.clone().filter(|_| flow(&shot)), ..shot }).collect();
         }
         if let Some(points) = &mut self.frame_points {
             points.frames = frames;
@@ -193,7 +207,7 @@ impl CaptureBuilder {
         }
     }
 
-    fn check_images(&mut self, settings: &CaptureSettings, faults: &mut Faults, report: &mut Report) {
+    fn check_images(&mut self, settings: &CaptureSettings, faults: &mut Faults) -> usize {
         if settings.rescale {
             self.cameras.iter_mut().for_each(rescale);
         }
@@ -203,12 +217,11 @@ impl CaptureBuilder {
             self.notes.push(format!("{size} in all cameras: the calibration is scaled to them"));
         }
         self.check_sizes(faults);
-        self.note_alpha(settings, report);
+        self.note_alpha(settings)
     }
 
     /// Compares the size of every image, mask and prior with its camera's, with all cores: network disks answer slowly.
     fn check_sizes(&mut self, faults: &mut Faults) {
-        let mut n_turned = 0_usize;
         let of_picture: ReadSize = |file| read_size(file).map_err(Error::from);
         let mut files: Vec<(&Camera, &PathBuf, ReadSize)> = Vec::new();
         for camera in &self.cameras {
@@ -219,10 +232,10 @@ impl CaptureBuilder {
             }
         }
         let read = |index: usize| {
-            let (_, file, size): &(&Camera, &PathBuf, ReadSize) = &files[index];
+            let (_, file, size) = files[index];
             Ok(size(file))
         };
-        // What is wrong with a file is told below; the work itself has no fault.
+        let mut n_turned = 0_usize;
         let sizes = in_parallel(files.len(), threads(), read, |_| {}).unwrap_or_default();
         for ((camera, file, _), size) in files.iter().zip(sizes) {
             let calibrated = (camera.intrinsics.width, camera.intrinsics.height);
@@ -244,21 +257,21 @@ impl CaptureBuilder {
         }
     }
 
-    /// Counts the images that have an alpha channel, takes it as their foreground mask where that is asked for, and says so.
-    fn note_alpha(&mut self, settings: &CaptureSettings, report: &mut Report) {
+    /// Counts the images that have an alpha channel, and takes it as their foreground mask where that is asked for.
+    fn note_alpha(&mut self, settings: &CaptureSettings) -> usize {
+        let mut n = 0;
         for camera in &mut self.cameras {
             // Images of a camera are of one kind.
             if !camera.shots.first().is_some_and(|shot| has_alpha(&shot.image)) {
                 continue;
             }
-            report.n_alphas += camera.shots.len();
+            n += camera.shots.len();
             if settings.alpha == Alpha::Mask {
                 for shot in camera.shots.iter_mut().filter(|shot| shot.foreground.is_none()) {
                     shot.foreground = has_alpha(&shot.image).then(|| shot.image.clone());
                 }
             }
         }
-        let n = report.n_alphas;
         match (n, settings.alpha) {
             (0, Alpha::Background) => {}
             (0, Alpha::Mask) => self.notes.push("--alpha mask changes nothing: no image has an alpha channel".to_owned()),
@@ -268,6 +281,7 @@ impl CaptureBuilder {
                  mask too)"
             )),
         }
+        n
     }
 
     fn check_cameras(&self, settings: &CaptureSettings, faults: &mut Faults) {
@@ -311,7 +325,7 @@ impl CaptureBuilder {
     }
 }
 
-/// Notes a fault for each name that none of the cameras has.
+/// Adds a fault for each name that no camera has.
 pub(crate) fn check_names<'a>(
     place: &str,
     names: impl IntoIterator<Item = &'a String>,
@@ -326,7 +340,7 @@ pub(crate) fn check_names<'a>(
     }
 }
 
-/// The one factor, other than 1, by which all cameras' images differ from their calibration: as a word, `1/4` or a number.
+/// The one factor, other than 1, by which the images of all cameras differ from their calibration, as a word: `1/4` or a number.
 fn common_factor(cameras: &[Camera]) -> Option<String> {
     let (mut low, mut high) = (0.0_f64, f64::INFINITY);
     for camera in cameras {

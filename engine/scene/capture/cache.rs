@@ -5,27 +5,21 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::opened::Capture;
-use super::picture::{Picture, Source, decode_or_fault, pixel_bytes};
-use super::priors::PriorPlan;
-use super::report::Fault;
+use super::{Capture, Fault, Picture, PriorPlan, Source, decode_or_fault, pixel_bytes};
 use crate::error::Result;
 use crate::parallel::memory;
 
 /// Bytes of a pixel while its image is being decoded: the result and what the decoder gives; with priors.
 const DECODING_BYTES: [u64; 2] = [8, 32];
-/// Images that each thread may decode ahead by making others leave: no more, because an image just handed back is often the best to leave.
+/// Images that each thread may decode ahead in the place of others: no more, because an image just handed out is often the best to drop.
 const AHEAD: usize = 3;
 const NEVER: usize = usize::MAX;
 
-/// An image of the order of a [`FrameCache`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Asked {
-    /// Index of its camera.
     pub camera: usize,
-    /// Its frame.
     pub frame: u32,
-    /// Pixels along each side that become one, see [`Picture::reduced`]; at most the image's shorter side is taken.
+    /// Pixels along each side that become one, at most the image's shorter side, see [`Picture::reduced`].
     pub reduction: u32,
 }
 
@@ -35,25 +29,21 @@ impl From<(usize, u32)> for Asked {
     }
 }
 
-/// Counts of a [`FrameCache`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct CacheStats {
-    /// Images decoded.
     pub n_decoded: u64,
-    /// Positions of the order for which no image had to be decoded again.
+    /// Positions of the order whose image did not have to be decoded.
     pub n_hits: u64,
     /// Most bytes held at once: decoded images, and more for each one being decoded.
     pub peak_bytes: u64,
-    /// How long [`FrameCache::next_picture`] has waited in all.
     pub waited: Duration,
-    /// How long the threads have decoded, summed over them.
+    /// Summed over the threads.
     pub decoding: Duration,
 }
 
-/// Decodes the images of a capture ahead of their use, in the order of their use, on threads of its own.
-///
-/// At most `budget_bytes` are held, or one image when the budget is smaller; images that the consumer still holds come on top. The one
-/// needed last (Belady) leaves first. Pictures and errors come out in the order that was asked for, the same for any budget and threads.
+/// Decodes the images of a capture ahead of their use, in the order of their use, on threads of its own. It holds at most `budget_bytes`,
+/// or one image, beside those that the consumer holds, and drops first what is needed last (Belady). Pictures and errors come out in the
+/// order that was asked for.
 pub struct FrameCache {
     shared: Arc<Shared>,
     threads: Vec<JoinHandle<()>>,
@@ -62,15 +52,13 @@ pub struct FrameCache {
 struct Shared {
     sources: Vec<Source>,
     order: Vec<u32>,
-    /// For each position of the order, the next position of the same image, or [`NEVER`].
+    /// By position of the order, the next position of the same image, or [`NEVER`].
     next_use: Vec<usize>,
     budget: u64,
     /// How far ahead of the consumer images are decoded in the place of others.
     ahead: usize,
     state: Mutex<State>,
-    /// A decoded image, for the consumer.
     ready: Condvar,
-    /// Room or the end, for the threads.
     work: Condvar,
 }
 
@@ -93,10 +81,7 @@ enum Slot {
 }
 
 impl FrameCache {
-    /// Begins to decode the images of `order` with the priors that `plan` names, on `n_threads` threads (at least one).
-    ///
-    /// # Errors
-    /// `Error::Data` when the capture has no such image.
+    /// Begins to decode the images of `order` with the priors that `plan` names. It fails when the capture has no such image.
     pub fn new(
         capture: &Capture,
         order: impl IntoIterator<Item: Into<Asked>>,
@@ -141,11 +126,7 @@ impl FrameCache {
         Ok(FrameCache { shared, threads })
     }
 
-    /// The next picture of the order; waits for it when it is not decoded yet. `None` after the last.
-    ///
-    /// # Errors
-    /// `Error::Data` naming the image or mask that is missing, does not decode or has another size than its camera. The
-    /// next call continues with the next picture.
+    /// The next picture of the order, `None` after the last; waits until it is decoded. After an error the next call continues.
     pub fn next_picture(&mut self) -> Option<Result<Arc<Picture>>> {
         let shared = &*self.shared;
         let mut state = shared.lock();
@@ -172,7 +153,6 @@ impl FrameCache {
         Some(outcome.map_err(Into::into))
     }
 
-    /// Counts so far.
     pub fn stats(&self) -> CacheStats {
         self.shared.lock().stats
     }
@@ -183,7 +163,6 @@ impl Drop for FrameCache {
         self.shared.lock().closed = true;
         self.shared.work.notify_all();
         for thread in self.threads.drain(..) {
-            // A thread that panicked has reported it; there is nothing to save here.
             let _ = thread.join();
         }
     }
@@ -195,7 +174,6 @@ impl Shared {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Of an image whose sides are divided by so much.
     fn pixels(&self, index: u32, reduction: u32) -> u64 {
         let source = &self.sources[index as usize];
         u64::from(source.width / reduction) * u64::from(source.height / reduction)
@@ -231,7 +209,6 @@ impl Shared {
             state.bytes = state.bytes - self.decoding_bytes(index) + kept;
             state.slots.insert(index, Slot::Done(outcome));
             self.ready.notify_all();
-            // The bytes of decoding are free now, so another thread may have room.
             self.work.notify_all();
         }
     }
@@ -249,7 +226,7 @@ impl Shared {
                 if state.planned - state.consumed >= self.ahead {
                     return None;
                 }
-                // Images needed before this one are still to be handed out; those after it can be decoded again.
+                // Images needed after this one can be decoded again.
                 let (&need, &victim) = state.by_need.last_key_value().filter(|&(&need, _)| need > state.planned)?;
                 state.by_need.remove(&need);
                 state.remove(victim, self.decoded_bytes(victim));
@@ -265,12 +242,11 @@ impl Shared {
     }
 }
 
-/// Bytes of decoded images that a run keeps by default: a quarter of the [`memory`].
+/// Bytes of decoded images that a run keeps by default.
 pub fn share_of_memory() -> u64 {
     memory() / 4
 }
 
-/// Bytes of all training images of `capture`, decoded; each with priors of the depth and of the flow where that is asked for.
 pub fn decoded_bytes(capture: &Capture, has_depth: bool, has_flow: bool) -> u64 {
     let pixels = |(camera, _): (usize, u32)| capture.cameras[camera].intrinsics.n_pixels();
     pixel_bytes(has_depth, has_flow) * capture.training_frames().into_iter().map(pixels).sum::<u64>()

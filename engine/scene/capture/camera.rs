@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use crate::report::statistics::median_high;
 use crate::scene::view::PHOTO_TIME;
-use crate::scene::{FlowModel, Intrinsics, Pose, View};
+use crate::scene::{Intrinsics, Pose, View};
 use glam::DVec3;
 
 /// Largest magnitude of a coordinate, scene units; beyond it distances overflow single precision.
@@ -19,11 +19,9 @@ pub struct Shot {
     pub image: PathBuf,
     /// PNG of the camera's size; pixels of value 0 are to be ignored.
     pub mask: Option<PathBuf>,
-    /// PNG of the camera's size; pixels of at least 128 show something that moves. Only the first Gaussians use it. The image
-    /// itself where its alpha channel is meant ([`Alpha::Mask`](super::Alpha::Mask)).
+    /// PNG of the camera's size; pixels of at least 128 show something that moves. The image itself with [`Alpha::Mask`](super::Alpha::Mask).
     pub foreground: Option<PathBuf>,
-    /// PNG of the camera's size, of a test camera; pixels of at least 128 are seen by a training camera too (co-visibility,
-    /// Gao et al. 2022). Only scores use it.
+    /// PNG of a test camera's size; a training camera sees pixels of at least 128 too (co-visibility, Gao et al. 2022).
     pub covisible: Option<PathBuf>,
     /// Optical flow to the next frame, for [`read_flow`](crate::scene::prior::read_flow).
     pub flow: Option<PathBuf>,
@@ -34,7 +32,6 @@ pub struct Shot {
 }
 
 impl Shot {
-    /// The image, and the masks and priors of its size.
     #[doc(hidden)]
     pub fn pictures(&self) -> impl Iterator<Item = &PathBuf> {
         [Some(&self.image), self.mask.as_ref(), self.foreground.as_ref(), self.covisible.as_ref()].into_iter().flatten()
@@ -52,26 +49,23 @@ pub struct Camera {
     pub world_to_camera: Pose,
     /// Kept for testing: no image of it is trained on.
     pub is_test: bool,
-    /// A photograph of the static scene, taken at another time than the clip: its only shot is of frame 0, and shows nothing that
-    /// moves.
+    /// A photograph of the static scene, taken at another time than the clip; its only shot is of frame 0.
     pub is_photo: bool,
     /// By frame; a frame may be absent (every camera of a monocular clip has one).
     pub shots: Vec<Shot>,
 }
 
 impl Camera {
-    /// The shot of a frame.
+    /// The shot of a frame, if there is one.
     pub fn shot(&self, frame: u32) -> Option<&Shot> {
         self.shots.binary_search_by_key(&frame, |shot| shot.frame).ok().map(|index| &self.shots[index])
     }
 
-    /// True if its images are frames to train on: it is neither kept for testing nor a photograph.
     #[doc(hidden)]
     pub fn films(&self) -> bool {
         !self.is_test && !self.is_photo
     }
 
-    /// True if its shots have poses of their own.
     #[doc(hidden)]
     pub fn moves(&self) -> bool {
         self.shots.iter().any(|shot| shot.world_to_camera.is_some())
@@ -84,6 +78,11 @@ impl Camera {
         shot.and_then(|shot| shot.world_to_camera.as_ref()).unwrap_or(&self.world_to_camera)
     }
 
+    pub(super) fn poses_mut(&mut self) -> impl Iterator<Item = &mut Pose> {
+        let moving = self.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
+        moving.chain([&mut self.world_to_camera])
+    }
+
     pub(super) fn view(&self, frame: u32, n_frames: u32, pose: &Pose, background: [f32; 3]) -> View {
         let name = if n_frames == 1 { self.name.clone() } else { format!("{}_{frame:05}", self.name) };
         let n_frames = f64::from(n_frames.max(1));
@@ -93,11 +92,10 @@ impl Camera {
             intrinsics: self.intrinsics,
             pose: *pose,
             time: if self.is_photo { PHOTO_TIME } else { f64::from(frame) / n_frames },
-            time_offset: 0.0,
             flow_dt: 1.0 / n_frames,
             background,
-            flow_model: FlowModel::Velocity,
             next_pose: (next != pose).then_some(*next),
+            ..View::default()
         }
     }
 }
@@ -123,24 +121,29 @@ pub struct Point {
     pub color: [u8; 3],
 }
 
-/// Where the cameras are, those of photographs aside: a clip is as large with them as without.
+/// Where the cameras are, without those of photographs.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Extent {
     /// Mean of the training cameras' centres, world.
     pub center: [f64; 3],
-    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's extent). Where the points' median is more
-    /// than three times as far, it goes over to that distance, which it is from four times on and when the cameras coincide; else 1.
+    /// 1.1 times the largest distance of a training camera from `center`, scene units (3DGS's extent). Where the median distance of the
+    /// points is more than three times that, the radius goes over to it; from four times on, and where cameras coincide, it is the median.
     pub radius: f64,
 }
 
-/// How many times the reach of the lenses the points may be away, in the median, for the lenses to be the measure; and from how
-/// many times on that distance is.
+/// Median distance of the points over the radius of the cameras: up to the first the cameras are the measure, from the second the points.
 const MEASURED_BY: [f64; 2] = [3.0, 4.0];
 
-/// The line from `radius` where the median distance is the first of [`MEASURED_BY`] to that distance where it is the second.
+/// The line from `radius` at the first of [`MEASURED_BY`] to the median distance at the second.
 fn steep(median: f64, radius: f64) -> f64 {
     let [from, to] = MEASURED_BY;
     radius + (to - 1.0) / (to - from) * (median - from * radius)
+}
+
+/// Refuses a place that is not finite or too far away.
+pub(super) fn check_place(at: [f64; 3]) -> Result<(), String> {
+    let is_near = at.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE);
+    is_near.then_some(()).ok_or_else(|| format!("is at {at:?}, not finite or beyond {MAX_COORDINATE}"))
 }
 
 pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {

@@ -3,12 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::builder::{CaptureBuilder, MAX_FRAMES};
-use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
-use super::named::Named;
-use super::names::spelled;
-use super::report::Faults;
-use super::settings::CaptureSettings;
+use super::{Camera, CaptureBuilder, CaptureSettings, Faults, MAX_COORDINATE, MAX_FRAMES, Named, Point, Shot, spelled};
 use crate::error::{self, Error};
 use crate::files::npy::read_npz;
 use crate::files::read_json;
@@ -30,7 +25,6 @@ struct Meta {
 
 pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let path = named.folder.as_path();
-    let calibration = path.join("train_meta.json");
     let mut found = MetaReader { path, settings, cameras: BTreeMap::new(), n_listed: 0, n_respelled: 0 };
     for (name, is_test) in [("train_meta.json", false), ("test_meta.json", true)] {
         let file = path.join(name);
@@ -42,12 +36,10 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
         }
     }
     let mut builder =
-        CaptureBuilder { fps: settings.fps, n_frames: found.n_listed, calibration, ..CaptureBuilder::default() };
+        CaptureBuilder { n_frames: found.n_listed, ..CaptureBuilder::still(settings, path.join("train_meta.json")) };
     if found.n_respelled > 0 {
-        let n = found.n_respelled;
-        builder
-            .notes
-            .push(format!("names with backslashes, or that lead out of the capture: {n}; read below ims/ with /"));
+        let (n, names) = (found.n_respelled, "names with backslashes, or that lead out of the capture");
+        builder.notes.push(format!("{names}: {n}; read below ims/ with /"));
     }
     builder.pose_remedy = Some("give w2c from world to camera, the camera's axes x right, y down, z forward");
     builder.cameras = found.cameras.into_values().collect();
@@ -69,19 +61,20 @@ struct MetaReader<'a> {
 
 impl MetaReader<'_> {
     fn add(&mut self, file: &Path, meta: &Meta, is_test: bool, faults: &mut Faults) {
+        let differ = |what: &str, n: [usize; 4]| {
+            let [k, w2c, names, ids] = n;
+            format!("lists {k} {what} in k, {w2c} in w2c, {names} in fn, {ids} in cam_id")
+        };
         let n = [meta.k.len(), meta.w2c.len(), meta.names.len(), meta.cam_id.len()];
         if n.iter().any(|m| *m != n[0]) || n[0] > MAX_FRAMES as usize {
-            let reason = format!("lists {} frames in k, {} in w2c, {} in fn, {} in cam_id", n[0], n[1], n[2], n[3]);
-            faults.add(file, "", reason, REMEDY);
+            faults.add(file, "", differ("frames", n), REMEDY);
         }
         let n_frames = n.iter().min().map_or(0, |n| u32::try_from(*n).unwrap_or(MAX_FRAMES));
         self.n_listed = self.n_listed.max(n_frames);
         for t in 0..n_frames as usize {
             let n = [meta.k[t].len(), meta.w2c[t].len(), meta.names[t].len(), meta.cam_id[t].len()];
             if n.iter().any(|m| *m != n[0]) {
-                let reason =
-                    format!("lists {} cameras in k, {} in w2c, {} in fn, {} in cam_id", n[0], n[1], n[2], n[3]);
-                faults.add(file, format!("frame {t}"), reason, REMEDY);
+                faults.add(file, format!("frame {t}"), differ("cameras", n), REMEDY);
                 continue;
             }
             for c in 0..n[0] {
@@ -96,6 +89,7 @@ impl MetaReader<'_> {
         let spelled = spelled(&meta.names[t][c])?;
         self.n_respelled += usize::from(spelled.has_backslash || spelled.leads_out);
         let name = spelled.path;
+        let &Meta { w: width, h: height, .. } = meta;
         let (k, rows, id) = (meta.k[t][c], &meta.w2c[t][c], meta.cam_id[t][c]);
         if k[0][1] != 0.0 || k[1][0] != 0.0 || k[2] != [0.0, 0.0, 1.0] {
             return Err(format!("has the intrinsic matrix {k:?}, which is no pinhole without skew"));
@@ -115,14 +109,7 @@ impl MetaReader<'_> {
         };
         let new = Camera {
             name: id.to_string(),
-            intrinsics: Intrinsics {
-                width: meta.w,
-                height: meta.h,
-                fx: k[0][0],
-                fy: k[1][1],
-                cx: k[0][2],
-                cy: k[1][2],
-            },
+            intrinsics: Intrinsics { width, height, fx: k[0][0], fy: k[1][1], cx: k[0][2], cy: k[1][2] },
             world_to_camera: pose,
             is_test,
             ..Camera::default()

@@ -5,16 +5,10 @@ use std::ffi::{OsStr, OsString};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use super::builder::{CaptureBuilder, MAX_FRAMES, check_names};
-use super::camera::{Camera, Shot};
-use super::colmap::{Posed, read_model};
-use super::frames::Frames;
-use super::named::Named;
-use super::names::with_image_extension;
-use super::points::FramePoints;
-use super::report::{Faults, camera_place};
-use super::settings::CaptureSettings;
-use super::truth::read_true_offsets;
+use super::{
+    Camera, CaptureBuilder, CaptureSettings, Faults, FramePoints, Frames, MAX_FRAMES, Named, Posed, Shot, camera_place,
+    check_names, read_model, read_true_offsets, with_image_extension,
+};
 use crate::error::{self, Error};
 use crate::files::{cannot_read, read_text, write_atomic};
 use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
@@ -22,60 +16,49 @@ use crate::scene::undistort::{Distortion, Lens};
 
 const FILE: &str = "capture.toml";
 pub(crate) const PHOTOS: &str = "photos";
-/// The first file of `ivv prepare` in a capture folder; the manifest is its last.
+/// The first file that `ivv prepare` writes into a capture folder; the manifest is the last.
 pub(crate) const JOURNAL: &str = "prepare.json";
-/// Images of a camera that are named one by one when they are missing: no number in a file makes the list longer.
+/// Missing images of a camera that are listed at most, whatever number a file gives.
 const MAX_MISSING: u32 = 1000;
 
-/// `capture.toml`, the description of a capture folder.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Manifest {
-    /// Frames per second.
     pub fps: f64,
-    /// Frames of the clip; every camera has an image of each, but for those that are [`Manifest::absent`].
+    /// Frames of the clip. Every camera has an image of each that is not in [`Manifest::absent`].
     pub frames: u32,
     /// The frame of the static points (SPEC 5).
     #[serde(default)]
     pub reference_frame: u32,
-    /// Names of the cameras kept for testing.
     #[serde(default)]
     pub test_cameras: Vec<String>,
     /// `masks/<camera>/<frame:05>.png` exist, for all frames of every camera that has such a folder.
     #[serde(default)]
     pub masks: bool,
-    /// `foreground/<camera>/<frame:05>.png` exist, likewise: what moves is bright in them.
+    /// `foreground/`, likewise: moving things are bright.
     #[serde(default)]
     pub foreground: bool,
-    /// `covisible/<camera>/<frame:05>.png` exist, likewise: what training cameras see too is bright in those of test cameras.
+    /// `covisible/` of test cameras, likewise: what training cameras see too is bright.
     #[serde(default)]
     pub covisible: bool,
     /// `points/<frame:05>.ply` exist.
     #[serde(default)]
     pub points: bool,
-    /// `flow/` exists.
     #[serde(default)]
     pub flow: bool,
-    /// `depth/` exists.
     #[serde(default)]
     pub depth: bool,
-    /// `audio/` exists.
     #[serde(default)]
     pub audio: bool,
-    /// `photos/` is a capture folder of one frame in the same world: photographs of what rests, taken at another time.
+    /// `photos/` is a capture folder of one frame in the same world: the static scene at another time.
     #[serde(default)]
     pub photos: bool,
-    /// By camera, the frames of which it has no image: its video has lost them, or has fewer in a second.
+    /// By camera, the frames of which it has no image.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub absent: BTreeMap<String, BTreeSet<u32>>,
 }
 
 impl Manifest {
-    /// Reads `capture.toml` of a capture folder.
-    ///
-    /// # Errors
-    /// [`Error::Data`] with the line when the file cannot be read, is no TOML, lacks `fps` or `frames` or has a key that
-    /// is not one of the fields.
     pub fn read(capture: &Path) -> error::Result<Manifest> {
         let path = capture.join(FILE);
         let text = read_text(&path).map_err(|fault| match fault.kind() {
@@ -91,10 +74,6 @@ impl Manifest {
         })
     }
 
-    /// Writes `capture.toml` into a capture folder.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the file cannot be written.
     pub fn write(&self, capture: &Path) -> error::Result<()> {
         let text = toml::to_string(self).map_err(std::io::Error::other);
         write_atomic(&capture.join(FILE), |to| to.write_all(text?.as_bytes()))
@@ -117,9 +96,8 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     let manifest = faults.take(Manifest::read(path));
     let model = read_model(&path.join("sparse/0"), faults);
     let Some(manifest) = manifest else { return CaptureBuilder::default() };
-    // The builder refuses a clip that is longer; that its frames are not there needs no fault for each of them.
-    let is_possible = manifest.frames <= MAX_FRAMES;
-    let n_frames = if is_possible { settings.frames.end(manifest.frames) } else { 0 };
+    // The builder refuses a longer clip, whose missing frames need no fault each.
+    let n_frames = if manifest.frames <= MAX_FRAMES { settings.frames.end(manifest.frames) } else { 0 };
     let mut builder = CaptureBuilder {
         fps: manifest.fps,
         n_frames: manifest.frames,
@@ -157,25 +135,23 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
         }
     }
     for camera in &mut builder.cameras {
-        let file = |folder: &str, frame: u32| path.join(folder).join(&camera.name).join(format!("{frame:05}.png"));
         // A camera that has a folder of masks has one for every frame.
-        let has = |folder: &str| path.join(folder).join(&camera.name).is_dir();
-        let [has_masks, has_foreground, has_covisible] =
-            [("masks", manifest.masks), ("foreground", manifest.foreground), ("covisible", manifest.covisible)]
-                .map(|(folder, declared)| declared && has(folder));
+        let folder = |name: &str, declared: bool| {
+            Some(path.join(name).join(&camera.name)).filter(|folder| declared && folder.is_dir())
+        };
+        let masks = folder("masks", manifest.masks);
+        let foreground = folder("foreground", manifest.foreground);
+        let covisible = folder("covisible", manifest.covisible);
         for shot in &mut camera.shots {
-            shot.mask = has_masks.then(|| file("masks", shot.frame));
-            shot.foreground = has_foreground.then(|| file("foreground", shot.frame));
-            shot.covisible = has_covisible.then(|| file("covisible", shot.frame));
+            let file = |folder: &Option<PathBuf>| Some(folder.as_ref()?.join(format!("{:05}.png", shot.frame)));
+            (shot.mask, shot.foreground, shot.covisible) = (file(&masks), file(&foreground), file(&covisible));
         }
     }
     if manifest.flow {
-        let priors = Priors { folder: path.join("flow"), extensions: FLOW_EXTENSIONS };
-        priors.find(&mut builder.cameras, |shot| &mut shot.flow, faults);
+        find_priors(&path.join("flow"), FLOW_EXTENSIONS, &mut builder.cameras, |shot| &mut shot.flow, faults);
     }
     if manifest.depth {
-        let priors = Priors { folder: path.join("depth"), extensions: DEPTH_EXTENSIONS };
-        priors.find(&mut builder.cameras, |shot| &mut shot.depth, faults);
+        find_priors(&path.join("depth"), DEPTH_EXTENSIONS, &mut builder.cameras, |shot| &mut shot.depth, faults);
     }
     if manifest.points {
         builder.frame_points = frame_points(path, &model.file, ids, settings.frames, n_frames, faults);
@@ -219,7 +195,7 @@ fn camera_name(image: &Path) -> Option<String> {
     }
 }
 
-/// The points of the frames, with the camera that each CAMERA_ID of the model means.
+/// The points of the frames, and the camera of each CAMERA_ID of the model.
 fn frame_points(
     path: &Path,
     file: &Path,
@@ -242,13 +218,14 @@ fn frame_points(
         }
     }
     let points = FramePoints { folder, cameras, frames: Frames::default() };
-    // In a clip of millions of frames whose files are not there, those that are missing are counted and not looked for.
+    // In a clip of millions of frames whose files are not there, the missing ones are counted without a search.
     let n_listed = n_frames.min(n_files(&points.folder).saturating_add(MAX_MISSING));
     let (there, absent): (Vec<u32>, Vec<u32>) = used.of(n_listed).partition(|frame| points.has(*frame));
     if let Some(first) = absent.first() {
-        let more = used.of(n_frames).len() - there.len() - 1;
-        let reason =
-            if more > 0 { format!("is missing, as are those of {more} more frames") } else { "is missing".into() };
+        let reason = match used.of(n_frames).len() - there.len() - 1 {
+            0 => "is missing".to_owned(),
+            more => format!("is missing, as are those of {more} more frames"),
+        };
         let remedy = format!("triangulate every frame, or set points = false in {FILE}");
         faults.add(&points.path(*first), "", reason, remedy);
     }
@@ -262,56 +239,54 @@ fn n_files(folder: &Path) -> u32 {
     std::fs::read_dir(folder).map_or(0, |files| u32::try_from(files.count()).unwrap_or(u32::MAX))
 }
 
-/// Where estimates from the images are: `<folder>/<camera>/<frame:05>.<extension>`.
-struct Priors {
-    folder: PathBuf,
-    extensions: [&'static str; 4],
-}
-
-impl Priors {
-    /// Gives each shot its file. A camera without a folder has none; in a folder, a frame may be absent.
-    fn find(&self, cameras: &mut [Camera], of: impl Fn(&mut Shot) -> &mut Option<PathBuf>, faults: &mut Faults) {
-        if !self.folder.is_dir() {
-            return;
-        }
-        let mut n_folders = 0;
-        for camera in cameras {
-            let folder = self.folder.join(&camera.name);
-            let Ok(files) = std::fs::read_dir(&folder) else { continue };
-            n_folders += 1;
-            let names: HashSet<OsString> = files.flatten().map(|file| file.file_name()).collect();
-            let is_of = |name: &OsString, extension: &str| Path::new(name).extension().is_some_and(|e| e == extension);
-            let present = |extension: &&str| names.iter().any(|name| is_of(name, extension));
-            let present: Vec<&str> = self.extensions.into_iter().filter(present).collect();
-            let &[extension] = present.as_slice() else {
-                let (reason, remedy) = match present.as_slice() {
-                    [] => ("holds no file of a known kind", format!("give one of {}", self.extensions.join(", "))),
-                    several => ("holds files of several kinds", format!("keep one of {}", several.join(", "))),
-                };
-                faults.add(&folder, "", reason, remedy);
-                continue;
+/// Finds the priors `<folder>/<camera>/<frame:05>.<extension>` of the shots. A camera may have no folder, and a folder may lack frames.
+fn find_priors(
+    priors: &Path,
+    extensions: [&str; 4],
+    cameras: &mut [Camera],
+    of: impl Fn(&mut Shot) -> &mut Option<PathBuf>,
+    faults: &mut Faults,
+) {
+    if !priors.is_dir() {
+        return;
+    }
+    let mut n_folders = 0;
+    for camera in cameras {
+        let folder = priors.join(&camera.name);
+        let Ok(files) = std::fs::read_dir(&folder) else { continue };
+        n_folders += 1;
+        let names: HashSet<OsString> = files.flatten().map(|file| file.file_name()).collect();
+        let is_of = |name: &OsString, extension: &str| Path::new(name).extension().is_some_and(|e| e == extension);
+        let present = |extension: &&str| names.iter().any(|name| is_of(name, extension));
+        let present: Vec<&str> = extensions.into_iter().filter(present).collect();
+        let &[extension] = present.as_slice() else {
+            let (reason, remedy) = match present.as_slice() {
+                [] => ("holds no file of a known kind", format!("give one of {}", extensions.join(", "))),
+                several => ("holds files of several kinds", format!("keep one of {}", several.join(", "))),
             };
-            let mut n_found = 0;
-            for shot in &mut camera.shots {
-                let name = format!("{:05}.{extension}", shot.frame);
-                if names.contains(OsStr::new(&name)) {
-                    *of(shot) = Some(folder.join(name));
-                    n_found += 1;
-                }
-            }
-            if n_found == 0 {
-                let remedy = format!("name the files by their frames, 00000.{extension} the first");
-                faults.add(&folder, "", "holds no file of any frame of the clip", remedy);
+            faults.add(&folder, "", reason, remedy);
+            continue;
+        };
+        let mut n_found = 0;
+        for shot in &mut camera.shots {
+            let name = format!("{:05}.{extension}", shot.frame);
+            if names.contains(OsStr::new(&name)) {
+                *of(shot) = Some(folder.join(name));
+                n_found += 1;
             }
         }
-        if n_folders == 0 {
-            let remedy = format!("give each camera a folder there, or remove the declaration from {FILE}");
-            faults.add(&self.folder, "", "holds no folder of any camera", remedy);
+        if n_found == 0 {
+            let remedy = format!("name the files by their frames, 00000.{extension} the first");
+            faults.add(&folder, "", "holds no file of any frame of the clip", remedy);
         }
+    }
+    if n_folders == 0 {
+        let remedy = format!("give each camera a folder there, or remove the declaration from {FILE}");
+        faults.add(priors, "", "holds no folder of any camera", remedy);
     }
 }
 
-/// The images of the model by camera: `<camera>.<ext>`, or several `<camera>/<frame>.<ext>` of a camera that moves.
+/// The cameras of the model's images: `<camera>.<ext>`, or `<camera>/<frame>.<ext>` of a camera that moves.
 fn cameras(
     path: &Path,
     file: &Path,
@@ -332,8 +307,7 @@ fn cameras(
     }
     let mut cameras = Vec::new();
     for (name, posed) in by_name {
-        let poses = Poses { file, name: &name, posed: &posed };
-        let Some((lens, moving)) = poses.check(n_frames, faults) else { continue };
+        let Some((lens, moving)) = check_poses(file, &name, &posed, n_frames, faults) else { continue };
         let folder = path.join("images").join(&name);
         let n_files = n_files(&folder);
         let absent = absent.get(&name);
@@ -350,55 +324,50 @@ fn cameras(
             world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),
             ..Shot::default()
         });
-        let (shots, world_to_camera) = (shots.collect(), posed[0].1.pose);
-        let (intrinsics, is_test, is_photo) = (lens.intrinsics, false, false);
-        let camera = Camera { name, intrinsics, world_to_camera, is_test, is_photo, shots };
-        cameras.push((camera, lens.distortion));
+        let (shots, intrinsics, world_to_camera) = (shots.collect(), lens.intrinsics, posed[0].1.pose);
+        cameras.push((Camera { name, intrinsics, world_to_camera, shots, ..Camera::default() }, lens.distortion));
     }
     cameras
 }
 
-struct Poses<'a> {
-    file: &'a Path,
-    name: &'a str,
-    /// Names without folder and extension, and what the model says; at least one.
-    posed: &'a [(PathBuf, Posed)],
-}
-
-impl Poses<'_> {
-    /// The camera's intrinsics, and for a moving camera the index of each frame's pose.
-    fn check(&self, n_frames: u32, faults: &mut Faults) -> Option<(Lens, Option<BTreeMap<u32, usize>>)> {
-        let place = camera_place(self.name);
-        let mut fault = |reason: String, remedy: &str| faults.add(self.file, &place, reason, remedy);
-        let lens = self.posed.first()?.1.lens;
-        if self.posed.iter().any(|(_, posed)| posed.lens != lens) {
-            fault("changes its intrinsics".to_owned(), "make it a camera for each of them");
-            return None;
-        }
-        if self.posed.len() == 1 {
-            return Some((lens, None));
-        }
-        let mut frames = BTreeMap::new();
-        for (index, (stem, posed)) in self.posed.iter().enumerate() {
-            match stem.to_str().and_then(|stem| stem.parse().ok()) {
-                Some(frame) if frame < n_frames => {
-                    if frames.insert(frame, index).is_some() {
-                        fault(format!("has two poses at frame {frame}"), "keep one");
-                    }
-                }
-                // Frames beyond the first that are used.
-                Some(_) => {}
-                None => {
-                    let reason = format!("has several images and one named `{}`", posed.name.display());
-                    fault(reason, "name the images of a moving camera <camera>/<frame>.<ext>");
+/// The camera's lens, and for a moving camera the index of each frame's pose. `posed` has names without folder and extension.
+fn check_poses(
+    file: &Path,
+    name: &str,
+    posed: &[(PathBuf, Posed)],
+    n_frames: u32,
+    faults: &mut Faults,
+) -> Option<(Lens, Option<BTreeMap<u32, usize>>)> {
+    let place = camera_place(name);
+    let mut fault = |reason: String, remedy: &str| faults.add(file, &place, reason, remedy);
+    let lens = posed.first()?.1.lens;
+    if posed.iter().any(|(_, posed)| posed.lens != lens) {
+        fault("changes its intrinsics".to_owned(), "make it a camera for each of them");
+        return None;
+    }
+    if posed.len() == 1 {
+        return Some((lens, None));
+    }
+    let mut frames = BTreeMap::new();
+    for (index, (stem, posed)) in posed.iter().enumerate() {
+        match stem.to_str().and_then(|stem| stem.parse().ok()) {
+            Some(frame) if frame < n_frames => {
+                if frames.insert(frame, index).is_some() {
+                    fault(format!("has two poses at frame {frame}"), "keep one");
                 }
             }
+            // A frame behind the last that is used.
+            Some(_) => {}
+            None => {
+                let reason = format!("has several images and one named `{}`", posed.name.display());
+                fault(reason, "name the images of a moving camera <camera>/<frame>.<ext>");
+            }
         }
-        let absent: Vec<u32> = (0..n_frames).filter(|frame| !frames.contains_key(frame)).collect();
-        if let Some(first) = absent.first() {
-            let reason = format!("moves and has no pose at {} frames, the first is {first}", absent.len());
-            fault(reason, "add the poses, or keep one image of a camera that stands still");
-        }
-        Some((lens, Some(frames)))
     }
+    let absent: Vec<u32> = (0..n_frames).filter(|frame| !frames.contains_key(frame)).collect();
+    if let Some(first) = absent.first() {
+        let reason = format!("moves and has no pose at {} frames, the first is {first}", absent.len());
+        fault(reason, "add the poses, or keep one image of a camera that stands still");
+    }
+    Some((lens, Some(frames)))
 }

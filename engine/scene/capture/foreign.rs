@@ -4,11 +4,10 @@ use std::fs;
 use std::io::Read;
 use std::path::Path;
 
-use super::names::is_hidden;
+use super::is_hidden;
 use crate::files::open_file;
 
 const START: u64 = 4096;
-/// The remedy of every program that has poses.
 const EXPORT: &str = "export them as a COLMAP model or transforms.json";
 
 /// Programs whose poses are not read: by the ending of a file, and by what its first bytes hold, one of these.

@@ -1,11 +1,10 @@
-//! The frames of a clip that are used. As text `A:B:S`: every `S`-th frame from `A` up to, but not including, `B`; also `A:B`, `A:`,
-//! `:B`, and a number of first frames.
+//! The frames of a clip that are used.
 
 use std::fmt;
 use std::str::FromStr;
 
-/// Which frames of a clip are used; they are counted from 0 then. As text `A:B:S`: every `S`-th frame from `A` up to, but not
-/// including, `B`. `A:B`, `A:` and `:B` work too, and one number is the first so many frames.
+/// Frames of a clip. As text `A:B:S`: every `S`-th frame from `A` up to, but not including, `B`; also `A:B`, `A:` and `:B`, and a number
+/// of first frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(into = "Option<String>", try_from = "Option<Written>")]
 pub struct Frames {
@@ -43,13 +42,13 @@ impl Frames {
         (self.from..self.end(n).max(self.from)).step_by(self.every.max(1) as usize)
     }
 
-    /// The first frame of a clip of `n` that is behind all of them.
+    /// The frame of a clip of `n` where they end.
     #[doc(hidden)]
     pub fn end(&self, n: u32) -> u32 {
         self.to.map_or(n, |to| to.min(n))
     }
 
-    /// The number that a frame of the clip has among these; none if it is not used.
+    /// The number of a frame of the clip among these, if it is one.
     #[doc(hidden)]
     pub fn index(&self, frame: u32, n: u32) -> Option<u32> {
         let past = frame.checked_sub(self.from).filter(|_| frame < self.end(n))?;

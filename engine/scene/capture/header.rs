@@ -1,5 +1,5 @@
-//! Width and height from the first bytes of a PNG or JPEG, and from the last whether it is whole, since decoders make a picture of half
-//! a file too; and the decoders, with a limit of memory and guarded against panics.
+//! Sizes of PNGs and JPEGs from their headers, with a check that they are whole, since decoders make a picture of half a file too; and
+//! the decoders, with a limit of memory and guarded against panics.
 
 use std::fs::File;
 use std::io::{self, BufRead, BufReader, ErrorKind, Read, Seek, SeekFrom};
@@ -8,19 +8,19 @@ use std::path::Path;
 
 use image::{ImageDecoder, ImageFormat, ImageReader, Limits};
 
-use super::report::Fault;
+use super::Fault;
 use crate::files::open_file;
 
 pub(super) const MAX_SIDE: u32 = 1 << 16;
 /// Allocation of a decoder beyond its pixels, bytes.
-pub(in crate::internals::scene) const DECODER_SLACK: u64 = 64 << 20;
-pub(in crate::internals::scene) const BROKEN: &str = "make or copy the image again";
+pub(crate) const DECODER_SLACK: u64 = 64 << 20;
+pub(crate) const BROKEN: &str = "make or copy the image again";
 const PNG: [u8; 8] = *b"\x89PNG\r\n\x1a\n";
 const JPEG: [u8; 2] = [0xff, 0xd8];
-/// The end of the image; neither can stand in compressed data of a JPEG, and of a PNG only by chance.
+/// The end of an image. It cannot be in the compressed data of a JPEG, and only by chance in that of a PNG.
 const JPEG_END: &[u8] = &[0xff, 0xd9];
 const PNG_END: &[u8] = b"IEND";
-/// Bytes at the end of the file in which its image's end is looked for first; some programs append a little.
+/// Last bytes of a file that may hold the end of its image; some programs append a little.
 const TAIL_BYTES: u64 = 1024;
 
 pub(super) fn fault(path: &Path, reason: impl Into<String>, remedy: &str) -> Fault {
@@ -53,30 +53,27 @@ pub(crate) fn read_size(path: &Path) -> Result<(u32, u32), Fault> {
     } else {
         return Err(other_kind(path));
     };
-    if let Ok(Some(Err(unread))) = &size {
-        let remedy = "convert the image to PNG, as with `ffmpeg -i IN OUT.png`";
-        return Err(fault(path, format!("is {unread}, which is not read"), remedy));
-    }
-    let size = size.map(|size| size.and_then(Result::ok));
-    let Some((width, height)) = size.map_err(failed)?.filter(|(width, height)| *width > 0 && *height > 0) else {
-        return Err(fault(path, "has a broken header", BROKEN));
+    let size = match size.map_err(failed)? {
+        Some(Ok(size)) if size.0 > 0 && size.1 > 0 => size,
+        Some(Err(unread)) => {
+            let remedy = "convert the image to PNG, as with `ffmpeg -i IN OUT.png`";
+            return Err(fault(path, format!("is {unread}, which is not read"), remedy));
+        }
+        _ => return Err(fault(path, "has a broken header", BROKEN)),
     };
     let of_image = from.stream_position().map_err(failed)?;
     let mut tail = Vec::new();
     let from_tail = from.seek(SeekFrom::Start(n_bytes.saturating_sub(TAIL_BYTES)));
     from_tail.and_then(|_| from.by_ref().take(TAIL_BYTES).read_to_end(&mut tail)).map_err(failed)?;
-    if tail.windows(end.len()).any(|window| window == end) {
-        return Ok((width, height));
-    }
     // Telephones append a video to their photos.
-    if end == JPEG_END && from.seek(SeekFrom::Start(of_image)).and_then(|_| jpeg_ends(&mut from)).map_err(failed)? {
-        return Ok((width, height));
-    }
-    Err(fault(path, "is cut off: the end of the image is missing", BROKEN))
+    let is_whole = tail.windows(end.len()).any(|window| window == end)
+        || end == JPEG_END
+            && from.seek(SeekFrom::Start(of_image)).and_then(|_| jpeg_ends(&mut from)).map_err(failed)?;
+    if is_whole { Ok(size) } else { Err(fault(path, "is cut off: the end of the image is missing", BROKEN)) }
 }
 
-/// The fault of a picture of a kind that is not read, with what it is.
-pub(in crate::internals::scene) fn other_kind(path: &Path) -> Fault {
+/// The fault of a picture of a kind that is not read, named by its first bytes.
+fn other_kind(path: &Path) -> Fault {
     let mut start = [0; 12];
     let is_read = open_file(path).is_ok_and(|mut file| file.read_exact(&mut start).is_ok());
     let kind = match &start {
@@ -95,54 +92,18 @@ pub(in crate::internals::scene) fn other_kind(path: &Path) -> Fault {
     fault(path, format!("is {kind}, neither a PNG nor a JPEG"), remedy)
 }
 
-/// As [`read_size`], of a picture that is turned as its EXIF says if it fits its camera only then.
+/// As [`read_size`], of a picture that is turned as its EXIF says if it fits its calibration only then.
 pub(crate) fn size_for(path: &Path, calibrated: (u32, u32)) -> Result<(u32, u32), Fault> {
     let size = read_size(path)?;
     let fits = size != calibrated && (size.1, size.0) == calibrated && is_turned(path);
     Ok(if fits { calibrated } else { size })
 }
 
-/// True if a JPEG's EXIF says that its picture lies on its side: shown, its rows are columns.
+/// True if a picture's EXIF says that its rows are shown as columns.
 pub(super) fn is_turned(path: &Path) -> bool {
-    let turned = || {
-        let mut from = BufReader::new(open_file(path)?);
-        let start: [u8; 2] = read(&mut from)?;
-        Ok::<_, io::Error>(start == JPEG && exif_orientation(&mut from)?.is_some_and(|turn| (5..=8).contains(&turn)))
-    };
-    turned().unwrap_or(false)
-}
-
-/// After the start marker of a JPEG: the orientation of its EXIF, 1 to 8 (CIPA DC-008, 4.6.4).
-fn exif_orientation(from: &mut BufReader<File>) -> io::Result<Option<u16>> {
-    loop {
-        let [0xff, marker, a, b] = read(from)? else { return Ok(None) };
-        let Some(length) = u16::from_be_bytes([a, b]).checked_sub(2) else { return Ok(None) };
-        match marker {
-            0xe1 => {
-                let mut segment = vec![0; length.into()];
-                from.read_exact(&mut segment)?;
-                if let Some(tiff) = segment.strip_prefix(b"Exif\0\0") {
-                    return Ok(tiff_orientation(tiff));
-                }
-            }
-            // Other tables and texts before the image.
-            0xe0..=0xef | 0xfe | 0xdb | 0xc4 | 0xdd => from.seek_relative(length.into())?,
-            _ => return Ok(None),
-        }
-    }
-}
-
-/// The value of tag 0x0112 in the first directory.
-fn tiff_orientation(tiff: &[u8]) -> Option<u16> {
-    let is_little = tiff.starts_with(b"II");
-    let u16_at = |at: usize| {
-        let bytes = tiff.get(at..at.checked_add(2)?)?.try_into().ok()?;
-        Some(if is_little { u16::from_le_bytes(bytes) } else { u16::from_be_bytes(bytes) })
-    };
-    let (low, high) = if is_little { (u16_at(4)?, u16_at(6)?) } else { (u16_at(6)?, u16_at(4)?) };
-    let start = (usize::from(high) << 16) + usize::from(low);
-    let entries = (0..u16_at(start)?).map(|index| start + 2 + 12 * usize::from(index));
-    entries.into_iter().find(|at| u16_at(*at) == Some(0x0112)).and_then(|at| u16_at(at + 8))
+    use image::metadata::Orientation::{Rotate90, Rotate90FlipH, Rotate270, Rotate270FlipH};
+    let turn = guarded(path, || Ok(decoder_of(path, DECODER_SLACK)?.orientation()));
+    matches!(turn, Ok(Ok(Rotate90 | Rotate270 | Rotate90FlipH | Rotate270FlipH)))
 }
 
 /// True if the end of a JPEG comes after its frame header; that of a thumbnail comes before.
@@ -211,16 +172,12 @@ fn jpeg_size(from: &mut BufReader<File>) -> io::Result<Option<Result<(u32, u32),
 }
 
 /// Third-party decoders have panicked on damaged images before; here that is a fault of the image.
-pub(in crate::internals::scene) fn guarded<T>(
-    path: &Path,
-    work: impl FnOnce() -> Result<T, Fault>,
-) -> Result<T, Fault> {
-    let broken = |_| Err(fault(path, "its decoder gave up", BROKEN));
-    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(broken)
+pub(crate) fn guarded<T>(path: &Path, work: impl FnOnce() -> Result<T, Fault>) -> Result<T, Fault> {
+    catch_unwind(AssertUnwindSafe(work)).unwrap_or_else(|_| Err(fault(path, "its decoder gave up", BROKEN)))
 }
 
 /// The decoder of a PNG or JPEG, which allocates at most so many bytes.
-pub(in crate::internals::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
+pub(crate) fn decoder_of(path: &Path, max_bytes: u64) -> Result<impl ImageDecoder, Fault> {
     let failed = |cause: io::Error| unreadable(path, &cause);
     let mut file = BufReader::new(open_file(path).map_err(failed)?);
     let start = file.fill_buf().map_err(failed)?;
@@ -228,7 +185,6 @@ pub(in crate::internals::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Re
         Ok(format @ (ImageFormat::Png | ImageFormat::Jpeg)) => format,
         _ => return Err(other_kind(path)),
     };
-    // Looking at the start has not taken it.
     let mut reader = ImageReader::with_format(file, format);
     let mut limits = Limits::default();
     (limits.max_image_width, limits.max_image_height) = (Some(MAX_SIDE), Some(MAX_SIDE));
@@ -237,7 +193,7 @@ pub(in crate::internals::scene) fn decoder_of(path: &Path, max_bytes: u64) -> Re
     reader.into_decoder().map_err(|cause| fault(path, format!("has a broken header: {cause}"), BROKEN))
 }
 
-/// A side of a picture that a file gives as a number; none where it is no whole number of 1 to [`MAX_SIDE`].
+/// The side of a picture, if it is a whole number of 1 to [`MAX_SIDE`].
 pub(crate) fn whole_side(side: f64) -> Option<u32> {
     (side.fract() == 0.0 && (1.0..=f64::from(MAX_SIDE)).contains(&side)).then_some(side as u32)
 }

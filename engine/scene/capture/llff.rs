@@ -1,20 +1,13 @@
-//! LLFF's photographs: `poses_bounds.npy` with a row for each image of a folder `images`. Only their order tells which row is whose.
+//! LLFF's photographs: `poses_bounds.npy` with a row for each image of a folder `images`, in their order.
 
 use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
-use super::builder::CaptureBuilder;
-use super::camera::{Camera, Shot};
-use super::colmap::images_folder;
-use super::header::whole_side;
-use super::locate::images_of;
-use super::named::Named;
-use super::names::flat;
-use super::report::Faults;
-use super::settings::CaptureSettings;
+use super::{CaptureBuilder, CaptureSettings, Faults, Named, flat, images_folder, images_of, whole_side};
 use crate::error::{Error, Result};
 use crate::files::npy::read_npy;
 use crate::scene::pose::rotation_of_rows;
+use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose};
 use glam::DVec3;
 
@@ -32,12 +25,7 @@ pub(super) fn is_static(named: &Named) -> bool {
 pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let path = named.folder.as_path();
     let calibration = path.join("poses_bounds.npy");
-    let mut builder = CaptureBuilder {
-        fps: settings.fps,
-        n_frames: 1,
-        calibration: calibration.clone(),
-        ..CaptureBuilder::default()
-    };
+    let mut builder = CaptureBuilder::still(settings, calibration.clone());
     let Some(rows) = faults.take(read_rows(&calibration, REMEDY)) else { return builder };
     let images = images_folder(path, settings);
     let names = images_of(&images);
@@ -55,14 +43,10 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     let names = ordered(names, &rows, &mut builder.notes);
     for (index, (name, values)) in names.iter().zip(rows).enumerate() {
         match camera_of_row(&values) {
-            Ok((intrinsics, world_to_camera)) => builder.cameras.push(Camera {
-                name: flat(name),
-                intrinsics,
-                world_to_camera,
-                is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
-                shots: vec![Shot { image: images.join(name), ..Shot::default() }],
-                ..Camera::default()
-            }),
+            Ok((intrinsics, pose)) => {
+                let lens = Lens { intrinsics, distortion: Distortion::None };
+                builder.add_still(flat(name), lens, pose, images.join(name), settings);
+            }
             Err(reason) => faults.add(&calibration, format!("row {index}"), reason, REMEDY),
         }
     }
@@ -73,7 +57,6 @@ fn column(values: &[f64], k: usize) -> DVec3 {
     DVec3::new(values[k], values[5 + k], values[10 + k])
 }
 
-/// The rows of a `poses_bounds.npy`, one for each camera.
 pub(crate) fn read_rows(path: &Path, remedy: &str) -> Result<Vec<Vec<f64>>> {
     let array = read_npy(path)?;
     match array.shape.as_slice() {
@@ -85,7 +68,6 @@ pub(crate) fn read_rows(path: &Path, remedy: &str) -> Result<Vec<Vec<f64>>> {
     }
 }
 
-/// The camera of a row, or why it is none.
 pub(crate) fn camera_of_row(values: &[f64]) -> std::result::Result<(Intrinsics, Pose), String> {
     let [height, width, focal] = column(values, 4).to_array();
     let (Some(columns), Some(rows), true) =
@@ -99,12 +81,12 @@ pub(crate) fn camera_of_row(values: &[f64]) -> std::result::Result<(Intrinsics, 
     Ok((intrinsics, Pose::at(column(values, 3), rotation)))
 }
 
-/// The images in the order of the rows. Where numbers and text order differ, writers differ too: then neighbours should be near in space.
+/// The images in the order of the rows. Writers sort by number or as text; where these differ, neighbours should be near in space.
 fn ordered(by_number: Vec<PathBuf>, rows: &[Vec<f64>], notes: &mut Vec<String>) -> Vec<PathBuf> {
     let mut by_text = by_number.clone();
     by_text.sort();
     let Some(at) = by_number.iter().zip(&by_text).position(|(a, b)| a != b) else { return by_number };
-    // The way along the images by their numbers, for either order of the rows.
+    // Along the images by their numbers, for either order of the rows.
     let way = |order: &[PathBuf]| {
         let row = |name: &PathBuf| order.iter().position(|other| other == name).map(|row| column(&rows[row], 3));
         let places: Vec<DVec3> = by_number.iter().filter_map(row).collect();

@@ -5,11 +5,10 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use super::named::is_capture;
-use super::names::{Spelled, by_number, is_hidden, is_image, is_picture, with_image_extension};
+use super::{CaptureBuilder, Spelled, by_number, is_hidden, is_image, is_picture, with_image_extension};
 
 const MAX_DEPTH: usize = 4;
 const MAX_FILES: usize = 200_000;
-/// Most files of one name that are compared with it.
 const MAX_NAMESAKES: usize = 64;
 /// Parts that names of folders have in which pictures are no photographs.
 const NO_PHOTOS: [&str; 10] =
@@ -30,17 +29,6 @@ impl From<Spelled> for Wanted {
     }
 }
 
-#[derive(Debug, Default)]
-pub(super) struct Located {
-    /// Of each image: the file, and which reading of its name that is. Of one that was not found, where it should be.
-    pub files: Vec<(PathBuf, usize)>,
-    pub n_missing: usize,
-    /// Notes of names that do not say quite where their images are.
-    pub notes: Vec<String>,
-    /// Where images of the missing names lie, if several places fit, and no one more than the others.
-    pub elsewhere: Vec<PathBuf>,
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 enum Differs {
     No,
@@ -48,10 +36,9 @@ enum Differs {
     InEnding,
 }
 
-/// Which image, which reading of its name, and which file.
 type Vote = (usize, usize, usize);
 
-/// Images that lie elsewhere, all in the same manner: so many folders of their names are not there, and below this one they are.
+/// A way in which images lie elsewhere: so many folders of their names are not there, and they are below this one.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 struct Place {
     folder: PathBuf,
@@ -59,21 +46,20 @@ struct Place {
     differs: Differs,
 }
 
-/// Finds the images that `file` names, relative to `base`; missing ones below `root`, which every found file lies in.
-pub(super) fn locate(root: &Path, base: &Path, file: &str, wanted: &[Wanted]) -> Located {
-    let mut search = Search { root, base, file, wanted, found: vec![None; wanted.len()], taken: HashSet::new() };
-    let mut located = Located::default();
-    search.directly();
-    search.note_spelling(&mut located.notes);
-    if search.found.iter().any(Option::is_none) {
-        let files = listed(root, MAX_DEPTH);
-        search.elsewhere(&files, &mut located);
+impl CaptureBuilder {
+    /// Finds the images that `file` names, relative to `base`; missing ones below `root`, which every found file lies in. Gives for each
+    /// image its file and which reading of its name that is; for one that was not found, where it should be.
+    pub(super) fn locate(&mut self, root: &Path, base: &Path, file: &Path, wanted: &[Wanted]) -> Vec<(PathBuf, usize)> {
+        let file = &file.file_name().unwrap_or_default().to_string_lossy();
+        let mut search = Search { root, base, file, wanted, found: vec![None; wanted.len()], taken: HashSet::new() };
+        search.directly();
+        search.note_spelling(&mut self.notes);
+        if search.found.iter().any(Option::is_none) {
+            search.elsewhere(&listed(root, MAX_DEPTH), self);
+        }
+        let expected = |wanted: &Wanted| (with_ending(&base.join(&wanted.readings[0])), 0);
+        search.found.into_iter().zip(wanted).map(|(found, wanted)| found.unwrap_or_else(|| expected(wanted))).collect()
     }
-    let expected = |wanted: &Wanted| (with_ending(&base.join(&wanted.readings[0])), 0);
-    located.n_missing = search.found.iter().filter(|found| found.is_none()).count();
-    let files = search.found.into_iter().zip(wanted);
-    located.files = files.map(|(found, wanted)| found.unwrap_or_else(|| expected(wanted))).collect();
-    located
 }
 
 struct Search<'a> {
@@ -86,7 +72,6 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Finds what is where its name says, but for what leads out of the capture.
     fn directly(&mut self) {
         for (found, wanted) in self.found.iter_mut().zip(self.wanted) {
             let there = wanted.readings.iter().map(|name| with_ending(&self.base.join(name)));
@@ -109,9 +94,12 @@ impl Search<'_> {
     }
 
     /// Finds what lies elsewhere in `files`, place by place: first the place that explains most.
-    fn elsewhere(&mut self, files: &[PathBuf], located: &mut Located) {
-        let by_stem = by_stem(files);
-        let groups = self.folders_with_found();
+    fn elsewhere(&mut self, files: &[PathBuf], builder: &mut CaptureBuilder) {
+        let mut by_stem: HashMap<String, Vec<usize>> = HashMap::new();
+        files.iter().enumerate().for_each(|(at, file)| by_stem.entry(stem(file)).or_default().push(at));
+        // Folders of names of which some were found: the others of these are no pictures that were moved.
+        let found = self.wanted.iter().zip(&self.found).filter(|(_, found)| found.is_some());
+        let groups: HashSet<&Path> = found.filter_map(|(wanted, _)| wanted.readings[0].parent()).collect();
         for _ in 0..8 {
             let mut votes: HashMap<Place, Vec<Vote>> = HashMap::new();
             for (index, wanted) in self.wanted.iter().enumerate().filter(|(index, _)| self.found[*index].is_none()) {
@@ -122,9 +110,9 @@ impl Search<'_> {
                     }
                 }
             }
-            let Some((place, of)) = best(votes, &mut located.elsewhere) else { break };
+            let Some((place, of)) = best(votes, &mut builder.elsewhere) else { break };
             let first = self.wanted[of[0].0].readings[of[0].1].clone();
-            located.notes.push(self.note(&place, &first, &files[of[0].2], of.len()));
+            builder.notes.push(self.note(&place, &first, &files[of[0].2], of.len()));
             for (index, reading, at) in of {
                 let path = self.root.join(&files[at]);
                 self.taken.insert(path.clone());
@@ -133,13 +121,7 @@ impl Search<'_> {
         }
     }
 
-    /// Folders of names of which some were found: the others of these are no pictures that were moved.
-    fn folders_with_found(&self) -> HashSet<PathBuf> {
-        let found = self.wanted.iter().zip(&self.found).filter(|(_, found)| found.is_some());
-        found.filter_map(|(wanted, _)| Some(wanted.readings[0].parent()?.to_owned())).collect()
-    }
-
-    /// The files that a name may mean, and how; only those in the named folder where found images do not tell it apart.
+    /// The files that a name may mean, and how; unless it is apart from names that were found, only those in the folder that it names.
     fn places(
         &self,
         name: &Path,
@@ -147,30 +129,25 @@ impl Search<'_> {
         files: &[PathBuf],
         by_stem: &HashMap<String, Vec<usize>>,
     ) -> Vec<(Place, usize)> {
-        let namesakes = by_stem.get(&stem(name)).map_or(&[] as &[usize], Vec::as_slice);
         let said = self.base.strip_prefix(self.root).ok().map(|base| lower(&base.join(name)));
-        let parts: Vec<String> = name.iter().map(|part| part.to_string_lossy().to_lowercase()).collect();
+        let (lower_name, n_parts) = (lower(name), name.iter().count());
         let mut places = Vec::new();
-        for &at in namesakes.iter().take(MAX_NAMESAKES) {
-            let file = &files[at];
-            if self.taken.contains(&self.root.join(file)) {
+        for &at in by_stem.get(&stem(name)).into_iter().flatten().take(MAX_NAMESAKES) {
+            let (file, lower_file) = (&files[at], lower(&files[at]));
+            let same_folder = said.as_ref().is_some_and(|said| lower_file.parent() == said.parent());
+            if self.taken.contains(&self.root.join(file)) || !(is_apart || same_folder) {
                 continue;
             }
-            let same_folder = said.as_ref().is_some_and(|said| lower(file).parent() == said.parent());
-            if !(is_apart || same_folder) {
-                continue;
-            }
-            let folders: Vec<String> = file.iter().map(|part| part.to_string_lossy().to_lowercase()).collect();
-            let pairs = parts.iter().rev().zip(folders.iter().rev()).skip(1);
+            let pairs = lower_name.iter().rev().zip(lower_file.iter().rev()).skip(1);
             let n_same = pairs.take_while(|(a, b)| a == b).count();
-            let folder: PathBuf = file.iter().take(folders.len() - 1 - n_same).collect();
+            let folder: PathBuf = file.iter().take(file.iter().count() - 1 - n_same).collect();
             if is_odd(&folder) {
                 continue;
             }
-            let end = |path: &'_ Path| path.iter().rev().take(n_same + 1).map(ToOwned::to_owned).collect::<Vec<_>>();
-            let differs = if end(file) == end(name) {
+            let is_same = file.iter().rev().zip(name.iter().rev()).take(n_same + 1).all(|(a, b)| a == b);
+            let differs = if is_same {
                 Differs::No
-            } else if lower(file).file_name() == lower(name).file_name() {
+            } else if lower_file.file_name() == lower_name.file_name() {
                 Differs::InCase
             } else if !is_picture(name) {
                 // A name without an ending has none to differ in.
@@ -178,7 +155,7 @@ impl Search<'_> {
             } else {
                 Differs::InEnding
             };
-            places.push((Place { folder, n_dropped: parts.len() - 1 - n_same, differs }, at));
+            places.push((Place { folder, n_dropped: n_parts - 1 - n_same, differs }, at));
         }
         places
     }
@@ -232,17 +209,16 @@ fn best(votes: HashMap<Place, Vec<Vote>>, elsewhere: &mut Vec<PathBuf>) -> Optio
     if rivals.is_empty() {
         return Some(first);
     }
-    *elsewhere = std::iter::once(first.0.folder).chain(rivals).collect();
+    elsewhere.extend([first.0.folder].into_iter().chain(rivals));
     None
 }
 
-/// True if the pictures of a folder are masks, depths and the like.
 fn is_odd(folder: &Path) -> bool {
     let folder = folder.to_string_lossy().to_lowercase();
     NO_PHOTOS.iter().any(|part| folder.contains(part))
 }
 
-/// The path, with the ending of an image that exists where it has none.
+/// The path; without an ending, with that of an image that exists.
 fn with_ending(path: &Path) -> PathBuf {
     if is_picture(path) { path.to_owned() } else { with_image_extension(path) }
 }
@@ -257,15 +233,7 @@ fn stem(name: &Path) -> String {
     stem.unwrap_or_default().to_string_lossy().to_lowercase()
 }
 
-fn by_stem(files: &[PathBuf]) -> HashMap<String, Vec<usize>> {
-    let mut by_stem: HashMap<String, Vec<usize>> = HashMap::new();
-    for (index, file) in files.iter().enumerate() {
-        by_stem.entry(stem(file)).or_default().push(index);
-    }
-    by_stem
-}
-
-/// The pictures below a folder, relative to it, outer ones first, without those of captures inside it.
+/// The pictures below a folder, relative to it, outer ones first, without those of captures in it.
 pub(super) fn listed(root: &Path, depth: usize) -> Vec<PathBuf> {
     let (mut files, mut folders) = (Vec::new(), vec![(PathBuf::new(), 0)]);
     let mut n_seen = 0;
@@ -276,7 +244,6 @@ pub(super) fn listed(root: &Path, depth: usize) -> Vec<PathBuf> {
         if n_seen > MAX_FILES {
             break;
         }
-        // Links are followed: images often are one.
         for entry in entries.into_iter().filter(|entry| !is_hidden(&entry.path())) {
             let (name, path) = (folder.join(entry.file_name()), entry.path());
             if is_picture(&path) && path.is_file() {

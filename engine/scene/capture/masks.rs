@@ -3,9 +3,7 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::builder::CaptureBuilder;
-use super::header::read_size;
-use super::locate::listed;
+use super::{CaptureBuilder, listed, read_size};
 
 const FOLDERS: [&str; 2] = ["masks", "mask"];
 
@@ -39,13 +37,11 @@ pub(super) fn find(folder: &Path, images: &Path, builder: &mut CaptureBuilder) {
     }
     let name = masks.file_name().unwrap_or_default().to_string_lossy();
     if n > 0 {
-        builder
-            .notes
-            .push(format!("images that have a mask in {name}: {n} of {n_images}; what is black there is left out"));
+        let of = format!("{n} of {n_images}");
+        builder.notes.push(format!("images that have a mask in {name}: {of}; what is black there is left out"));
     }
     if n_unfit > 0 {
-        builder
-            .notes
-            .push(format!("masks in {name} that are not of the size of their images: {n_unfit}; they are not used"));
+        let unfit = format!("masks in {name} that are not of the size of their images");
+        builder.notes.push(format!("{unfit}: {n_unfit}; they are not used"));
     }
 }

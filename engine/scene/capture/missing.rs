@@ -2,22 +2,17 @@
 
 use std::path::{Path, PathBuf};
 
-use super::builder::{CaptureBuilder, check_names};
-use super::camera::Camera;
-use super::locate::listed;
-use super::report::Faults;
-use super::settings::CaptureSettings;
+use super::{Camera, CaptureBuilder, CaptureSettings, Faults, check_names, listed};
 use crate::scene::Pose;
 use glam::{DMat3, DVec3};
 
 impl CaptureBuilder {
-    /// True if images are listed, and none of them is there.
     pub(super) fn has_no_image(&self) -> bool {
         let mut shots = self.cameras.iter().flat_map(|camera| &camera.shots).peekable();
         shots.peek().is_some() && shots.all(|shot| !shot.image.exists())
     }
 
-    /// Leaves out the images that are not there: with a note where that is asked for, with faults otherwise.
+    /// Leaves out the images that are not there, with faults or, where that is asked for, a note.
     pub fn check_missing(&mut self, path: &Path, settings: &CaptureSettings, faults: &mut Faults) {
         let path = if path.is_file() { path.parent().unwrap_or(path) } else { path };
         let mut missing: Vec<PathBuf> = Vec::new();
@@ -40,16 +35,12 @@ impl CaptureBuilder {
             self.cameras.retain(|camera| !camera.shots.is_empty());
             return;
         }
-        let remedy = match self.elsewhere_words(path) {
-            Some(words) => words,
-            None => {
-                format!("add the images, or leave out those that are missing with --skip-missing: {n} of {n_images}")
-            }
-        };
+        let remedy = self.elsewhere_words(path).unwrap_or_else(|| {
+            format!("add the images, or leave out those that are missing with --skip-missing: {n} of {n_images}")
+        });
         missing.iter().for_each(|image| faults.add(image, "", "is missing", &remedy));
     }
 
-    /// One fault for all images, with what is there instead.
     fn none_is_there(&self, path: &Path, n: usize, first: &Path, faults: &mut Faults) {
         let at = first.strip_prefix(path).unwrap_or(first).display();
         let found = match listed(path, 2).first() {
@@ -63,17 +54,12 @@ impl CaptureBuilder {
     }
 
     fn elsewhere_words(&self, path: &Path) -> Option<String> {
-        let named = |folder: &PathBuf| match folder.as_os_str().is_empty() {
-            true => ".".to_owned(),
-            false => folder.display().to_string(),
-        };
+        let named =
+            |folder: &PathBuf| if folder.as_os_str().is_empty() { ".".into() } else { folder.display().to_string() };
         let folders: Vec<String> = self.elsewhere.iter().take(5).map(named).collect();
         let first = folders.first()?;
-        let some = folders.join(" and in ");
-        Some(format!(
-            "images of these names lie in {some}: choose one, as with `ivv check {} --images {first}`",
-            path.display()
-        ))
+        let (some, path) = (folders.join(" and in "), path.display());
+        Some(format!("images of these names lie in {some}: choose one, as with `ivv check {path} --images {first}`"))
     }
 
     pub fn exclude(&mut self, names: &[String], faults: &mut Faults) {
@@ -89,40 +75,31 @@ impl CaptureBuilder {
 
     /// Where all cameras mirror, the world is left-handed: its x is turned around, for cameras and points alike.
     pub(super) fn unmirror(&mut self) {
-        let poses = |builder: &Self| {
-            let own = |camera: &Camera| {
-                let moving: Vec<Pose> = camera.shots.iter().filter_map(|shot| shot.world_to_camera).collect();
-                if moving.is_empty() { vec![camera.world_to_camera] } else { moving }
-            };
-            builder.cameras.iter().flat_map(own).collect::<Vec<Pose>>()
+        let own = |camera: &Camera| {
+            let moving: Vec<Pose> = camera.shots.iter().filter_map(|shot| shot.world_to_camera).collect();
+            if moving.is_empty() { vec![camera.world_to_camera] } else { moving }
         };
-        let mirrors = |pose: &Pose| pose.rotation.determinant() < 0.0;
-        let all = poses(self);
-        if all.is_empty() || !all.iter().all(mirrors) {
+        let all: Vec<Pose> = self.cameras.iter().flat_map(own).collect();
+        if all.is_empty() || !all.iter().all(|pose| pose.rotation.determinant() < 0.0) {
             return;
         }
         let turned = DMat3::from_diagonal(DVec3::new(-1.0, 1.0, 1.0));
-        for camera in &mut self.cameras {
-            let moving = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
-            moving.chain([&mut camera.world_to_camera]).for_each(|pose| pose.rotation *= turned);
-        }
+        self.cameras.iter_mut().flat_map(Camera::poses_mut).for_each(|pose| pose.rotation *= turned);
         self.points.iter_mut().for_each(|point| point.position[0] = -point.position[0]);
         let n = all.len();
         self.notes.push(format!("all {n} poses mirror, as in a left-handed world: the world's x is turned around"));
     }
 
-    /// Says what will be missed later: nothing of it is a fault.
     pub(super) fn foretell(&mut self, faults: &Faults) {
         if faults.n() > 0 {
             return;
         }
         if !self.cameras.iter().any(|camera| camera.is_test) {
             let note = "no camera is kept for testing, so nothing will be scored: choose some with --test-cameras";
-            self.notes.push(note.to_owned());
+            self.notes.push(note.into());
         }
         if self.points.is_empty() && self.frame_points.is_none() {
-            let note = "there are no points: the first Gaussians will be where images agree, or at random";
-            self.notes.push(note.to_owned());
+            self.notes.push("there are no points: the first Gaussians will be where images agree, or at random".into());
         }
         let of = |camera: &Camera| (camera.intrinsics.width, camera.intrinsics.height);
         let mut sizes: Vec<(u32, u32)> = self.cameras.iter().map(of).collect();

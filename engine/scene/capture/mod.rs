@@ -29,7 +29,6 @@ mod truth;
 pub use cache::{Asked, CacheStats, FrameCache, decoded_bytes, share_of_memory};
 pub use camera::{Calibration, Camera, Extent, Point, Shot};
 pub use folder::Manifest;
-pub(crate) use folder::{JOURNAL, PHOTOS, is_unfinished};
 pub use frames::Frames;
 pub use opened::{Capture, TRAINING_RADIUS};
 pub use picture::{Picture, pixel_bytes};
@@ -38,13 +37,9 @@ pub use priors::{PriorPlan, half_bits, half_value};
 pub use report::{Fault, Report};
 pub use settings::{Alpha, CaptureSettings};
 
-use std::path::{Path, PathBuf};
-
-use self::named::Named;
-use crate::error::Error;
-
 pub(crate) use builder::{CaptureBuilder, RATES, check_names};
 pub(crate) use colmap::{Posed, chosen_model, images_folder, read_images, seen_points, tracks};
+pub(crate) use folder::{JOURNAL, PHOTOS, is_unfinished};
 pub(crate) use foreign::unread_poses;
 pub(crate) use header::{has_alpha, read_size, size_for, whole_side};
 pub(crate) use llff::{camera_of_row, read_rows};
@@ -54,7 +49,21 @@ pub(crate) use points::FramePoints;
 pub(crate) use report::{Faults, camera_place};
 pub(crate) use truth::write_true_offsets;
 
-use crate::error::Result;
+// Names that the readers share.
+use builder::MAX_FRAMES;
+use camera::{MAX_COORDINATE, check_place, extent};
+use colmap::read_model;
+use header::{BROKEN, DECODER_SLACK, MAX_SIDE, decoder_of, fault, guarded, is_turned};
+use locate::{Wanted, images_of, listed};
+use named::Named;
+use names::{Spelled, flat, is_picture, spelled, with_image_extension};
+use picture::{MAX_PIXELS, Source, decode_or_fault};
+use points::read_cloud;
+use priors::{PriorSource, is_prior};
+use truth::read_true_offsets;
+
+use crate::error::{Error, Result};
+use std::path::{Path, PathBuf};
 
 impl Capture {
     /// Opens a capture with the default settings.
@@ -71,10 +80,7 @@ impl Capture {
     /// [`Error::Data`](crate::Error::Data) with the first fault and the number of the others.
     pub fn open_with(path: &Path, settings: &CaptureSettings) -> Result<Capture> {
         let (capture, report) = read(path, settings);
-        match report.first_error() {
-            Some(error) => Err(error),
-            None => Ok(capture),
-        }
+        report.first_error().map_or(Ok(capture), Err)
     }
 }
 
@@ -91,7 +97,7 @@ pub fn check_capture(path: &Path, settings: &CaptureSettings) -> Report {
 type Recogniser = fn(&Named) -> bool;
 type Reader = fn(&Named, &CaptureSettings, &mut Faults) -> CaptureBuilder;
 
-/// Every format: its name, how a folder is recognised, how it is read. The first that fits is taken.
+/// Of every format: its name, how a folder is recognised, how it is read. The first that fits is taken.
 const FORMATS: [(&str, Recogniser, Reader); 7] = [
     (OWN, |named| named.folder.join("capture.toml").is_file(), folder::read),
     (OWN, |named| folder::is_unfinished(&named.folder), folder::unfinished),
@@ -101,10 +107,8 @@ const FORMATS: [(&str, Recogniser, Reader); 7] = [
     ("LLFF", llff::is_static, llff::read),
     ("OpenSfM", opensfm::is_reconstruction, opensfm::read),
 ];
-/// The format of the project's own captures.
 const OWN: &str = "ivv capture folder";
 
-/// True if a path, or the only capture below it, is in one of the [`FORMATS`].
 pub(crate) fn is_capture(path: &Path) -> bool {
     let named = Named::of(path);
     FORMATS.into_iter().any(|(_, is, _)| is(&named)) || only_below(&named).is_ok()
@@ -124,7 +128,7 @@ pub(crate) fn check_asked(path: &Path, format: &str, settings: &CaptureSettings)
     Ok(())
 }
 
-/// A capture as one of the [`FORMATS`] describes it, before it is compared with the images; `None` where none fits.
+/// A capture as its format describes it, before it is compared with the images; `None` where no format fits.
 pub(crate) fn describe(
     path: &Path,
     settings: &CaptureSettings,
@@ -138,6 +142,7 @@ pub(crate) fn describe(
     }
     // Where nothing is recognised, or no image is there, the capture that is meant may lie below: an undistorted copy, say.
     let Ok(inside) = only_below(&named) else { return found };
+    let relative = |path: &Path| path.strip_prefix(&named.folder).unwrap_or(path).display().to_string();
     let mut own = Faults::default();
     let below = Named { folder: inside.clone(), ..Named::default() };
     let Some((format, mut builder)) = described(&below, settings, &mut own) else { return found };
@@ -148,14 +153,12 @@ pub(crate) fn describe(
         let mut of_beside = Faults::default();
         let found = described(&beside, settings, &mut of_beside);
         if let Some((format, mut builder)) = found.filter(|(_, builder)| !builder.has_no_image()) {
-            let at =
-                builder.calibration.strip_prefix(&named.folder).unwrap_or(&builder.calibration).display().to_string();
-            builder.notes.insert(0, format!("{at} is read, with the images that lie beside"));
+            let note = format!("{} is read, with the images that lie beside", relative(&builder.calibration));
+            builder.notes.insert(0, note);
             faults.append(of_beside);
             return Some((format, builder));
         }
     }
-    let relative = |path: &Path| path.strip_prefix(&named.folder).unwrap_or(path).display().to_string();
     let note = match &found {
         Some(_) if builder.has_no_image() => return found,
         Some((_, without)) => format!(
@@ -197,7 +200,7 @@ fn only_below(named: &Named) -> std::result::Result<PathBuf, Vec<PathBuf>> {
     }
 }
 
-/// The report of a path that is no capture: a fault, and notes of what is there.
+/// Adds the fault of a path that is no capture; gives notes of what is there.
 fn unknown(path: &Path, faults: &mut Faults) -> Vec<String> {
     let below = only_below(&Named::of(path)).err().unwrap_or_default();
     let reason = match (path.is_dir(), path.exists()) {
@@ -223,8 +226,5 @@ fn read(path: &Path, settings: &CaptureSettings) -> (Capture, Report) {
         let notes = unknown(path, &mut faults);
         ("", CaptureBuilder { notes, ..CaptureBuilder::default() })
     });
-    let mut report = Report::new(path, format);
-    let capture = builder.finish(path, settings, &mut faults, &mut report);
-    report.set_faults(faults);
-    (capture, report)
+    builder.finish(path, format, settings, faults)
 }

@@ -1,9 +1,9 @@
-//! A capture by its folder, a file in it, or the folder of its model; and the files by which a folder is known for one.
+//! Paths that name a capture (its folder, a file in it, the folder of its model), and the files by which a capture is recognised.
 
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::names::{by_number, is_hidden};
+use super::{by_number, is_hidden};
 
 const FILES: [&str; 7] = [
     "capture.toml",
@@ -14,9 +14,7 @@ const FILES: [&str; 7] = [
     "reconstruction.json",
     "opensfm/reconstruction.json",
 ];
-/// Folders of images beside the poses of LLFF.
 const IMAGES: [&str; 4] = ["images", "images_2", "images_4", "images_8"];
-/// Endings of videos, for telling a recording from a capture.
 const VIDEOS: [&str; 5] = ["mp4", "mov", "mkv", "avi", "webm"];
 const MAX_DEPTH: usize = 2;
 const MAX_FOLDERS: usize = 2000;
@@ -24,9 +22,9 @@ const MAX_FOLDERS: usize = 2000;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Named {
     pub folder: PathBuf,
-    /// The file of cameras, where one was named.
+    /// The file of cameras, if one was named.
     pub file: Option<PathBuf>,
-    /// COLMAP's model, where one was named.
+    /// COLMAP's model, if one was named.
     pub model: Option<PathBuf>,
 }
 
@@ -73,7 +71,7 @@ fn extension(path: &Path) -> Option<String> {
     path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase)
 }
 
-/// True if a folder, or one of its folders, holds videos: then it may be a recording, for which no capture inside it stands.
+/// True if a folder, or one of its folders, holds videos: it may be a recording, which no capture inside it replaces.
 pub(super) fn has_videos(path: &Path) -> bool {
     let is_video = |path: &Path| extension(path).is_some_and(|e| VIDEOS.contains(&e.as_str())) && !is_hidden(path);
     let entries = |path: &Path| fs::read_dir(path).into_iter().flatten().flatten().map(|entry| entry.path());
@@ -81,7 +79,7 @@ pub(super) fn has_videos(path: &Path) -> bool {
     holds(path) || entries(path).take(MAX_FOLDERS).any(|entry| entry.is_dir() && holds(&entry))
 }
 
-/// The captures one or two folders below a folder that is none. Inside a capture nothing is looked for.
+/// The outermost captures one or two folders below.
 pub(super) fn captures_below(path: &Path) -> Vec<PathBuf> {
     let (mut found, mut level) = (Vec::new(), vec![path.to_owned()]);
     let mut n_seen = 0;
@@ -121,7 +119,6 @@ pub(super) fn models(sparse: &Path) -> Vec<PathBuf> {
     models
 }
 
-/// True if a folder itself looks like a capture, of whatever format.
 pub(super) fn is_capture(folder: &Path) -> bool {
     let sparse = folder.join("sparse");
     let is_llff = || folder.join("poses_bounds.npy").is_file() && IMAGES.iter().any(|name| folder.join(name).is_dir());

@@ -1,34 +1,23 @@
-//! Names that come from a capture's files: an attacker may have written them, so none may lead out of the capture.
+//! Names in a capture's files. An attacker may have written them: none may lead out of the capture.
 
-use std::path::{Component, Path, PathBuf};
+use std::path::{Path, PathBuf};
 
 const MAX_BYTES: usize = 4096;
-/// Extensions of images, as they are tried.
 const EXTENSIONS: [&str; 3] = ["png", "jpg", "jpeg"];
 
-/// The relative path that `name` spells, without `.` components; or why it is refused.
-pub(crate) fn relative(name: &str) -> Result<PathBuf, String> {
+/// Refuses a name that is not plainly one of a file below its folder.
+pub(crate) fn relative(name: &str) -> Result<(), String> {
+    let spelled = spelled(name)?;
     let refuse = |why: &str| Err(refused(name, why));
-    if name.len() > MAX_BYTES {
-        return refuse(&format!("has {} bytes, at most {MAX_BYTES} are allowed", name.len()));
+    if spelled.has_backslash {
+        refuse("has a backslash")
+    } else if name.split('/').any(|part| part == "..") {
+        refuse("has `..`, which leads out of the capture")
+    } else if spelled.leads_out {
+        refuse("is absolute, or begins with a drive")
+    } else {
+        Ok(())
     }
-    if name.contains('\\') || name.chars().any(char::is_control) {
-        return refuse("has a backslash or a control character");
-    }
-    // A drive (`C:x`) is an absolute path on Windows only; a capture must mean the same everywhere.
-    if name.as_bytes().get(1) == Some(&b':') {
-        return refuse("begins with a drive");
-    }
-    let mut path = PathBuf::new();
-    for component in Path::new(name).components() {
-        match component {
-            Component::Normal(part) => path.push(part),
-            Component::CurDir => {}
-            Component::ParentDir => return refuse("has `..`, which leads out of the capture"),
-            Component::RootDir | Component::Prefix(_) => return refuse("is absolute"),
-        }
-    }
-    if path.as_os_str().is_empty() { refuse("is empty") } else { Ok(path) }
 }
 
 fn refused(name: &str, why: &str) -> String {
@@ -85,7 +74,7 @@ pub(crate) fn by_number(name: &str) -> (Vec<(String, usize, String)>, String) {
     (parts, name.to_owned())
 }
 
-/// A name for output files from a relative path: without the extension of an image, `_` for the separators.
+/// A relative path as a name for files: without the extension of an image, with `_` for the separators.
 pub(super) fn flat(path: &Path) -> String {
     let path = if is_image(path) { path.with_extension("") } else { path.to_owned() };
     let parts: Vec<_> = path.iter().map(|part| part.to_string_lossy().into_owned()).collect();
@@ -108,21 +97,21 @@ pub(crate) fn is_hidden(path: &Path) -> bool {
     path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
 }
 
-/// True if the path ends in that of a picture of any kind, and is not hidden; those that are not read are told with what they are.
+/// As [`is_image`], or an image of a kind that is not read.
 pub(super) fn is_picture(path: &Path) -> bool {
     const OTHERS: [&str; 12] =
         ["tif", "tiff", "webp", "heic", "heif", "avif", "bmp", "exr", "gif", "jxl", "dng", "ppm"];
-    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
-    is_image(path) || !is_hidden(path) && extension.is_some_and(|e| OTHERS.contains(&e.as_str()))
+    is_image(path) || ends_in(path, &OTHERS)
 }
 
-/// True if the path ends in the extension of an image, and is not hidden.
+/// True for an image that is read, by its extension, and is not hidden.
 pub(crate) fn is_image(path: &Path) -> bool {
-    if is_hidden(path) {
-        return false;
-    }
-    let extension = path.extension().map(|e| e.to_ascii_lowercase());
-    extension.and_then(|e| e.into_string().ok()).is_some_and(|e| EXTENSIONS.contains(&e.as_str()))
+    ends_in(path, &EXTENSIONS)
+}
+
+fn ends_in(path: &Path, extensions: &[&str]) -> bool {
+    let extension = path.extension().and_then(|e| e.to_str()).map(str::to_ascii_lowercase);
+    !is_hidden(path) && extension.is_some_and(|e| extensions.contains(&e.as_str()))
 }
 
 #[cfg(test)]

@@ -1,20 +1,19 @@
-//! A capture that has been read: its views, its pictures, its points.
+//! A capture that has been read.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use super::camera::{Calibration, Camera, Extent, Point, Shot, extent};
-use super::header::has_alpha;
-use super::picture::{self, Picture};
-use super::points::{FramePoint, FramePoints};
-use super::priors::{PriorPlan, PriorSource};
-use super::settings::CaptureSettings;
+use super::picture;
+use super::{
+    Calibration, Camera, CaptureSettings, Extent, FramePoint, FramePoints, Picture, Point, PriorPlan, PriorSource,
+    Shot, extent, has_alpha,
+};
 use crate::error::{Error, Result};
 use crate::scene::{Similarity, View};
 use glam::DVec3;
 
-/// [`Extent::radius`] in the frame that training computes in: the geometric middle of SPEC 1's 1 to 10. Rates and limits
-/// in scene units, as those of velocities and the near plane, mean the same in every capture.
+/// [`Extent::radius`] in the frame that training computes in, the geometric middle of SPEC 1's 1 to 10, so that rates and limits in scene
+/// units mean the same in every capture.
 pub const TRAINING_RADIUS: f64 = 3.0;
 
 /// A capture that has been read and has no fault.
@@ -36,20 +35,17 @@ pub struct Capture {
     pub photo_points: Vec<Point>,
     /// Colour behind images that have an alpha channel, and of the views.
     pub background: [f32; 3],
-    /// By camera, the delay of its pictures, frames, where `truth.json` of the folder knows it (`time_offsets_frames`). Training
-    /// does not use it; reports compare it with the learnt delays.
+    /// By camera, the delay of its pictures in frames, where `truth.json` has it (`time_offsets_frames`). Only reports use it.
     pub true_offsets: BTreeMap<String, f64>,
-    /// Views from which the scene will be seen besides its cameras'; training keeps the space before them clear. Empty unless
-    /// set.
+    /// Views besides the cameras' before which training keeps the space clear. Empty unless set.
     pub viewpoints: Vec<View>,
-    /// Corrections of poses and times that an earlier run learnt, by name of the camera. Empty unless
-    /// set.
+    /// Corrections of poses and times that an earlier run learnt, by name of the camera. Empty unless set.
     pub calibration: BTreeMap<String, Calibration>,
-    /// The reader's notes on everything that it dropped, guessed or converted: a sentence each.
+    /// Sentences on everything that the reader dropped, guessed or converted.
     pub notes: Vec<String>,
     pub(super) frame_points: Option<FramePoints>,
     pub(super) settings: CaptureSettings,
-    /// From the world of the files to this one's.
+    /// From the world of the files to this one.
     pub(super) moved: Similarity,
 }
 
@@ -59,8 +55,8 @@ impl Capture {
         &self.settings
     }
 
-    /// The view of a camera at a frame: time is `frame / n_frames`, `flow_dt` is `1 / n_frames`. The view is named after
-    /// the camera, and the frame when there are several.
+    /// The view of a camera at a frame: time is `frame / n_frames`, `flow_dt` is `1 / n_frames`. Its name is the camera's, with the frame
+    /// when there are several.
     ///
     /// # Errors
     /// [`Error::Data`] when there is no such camera or frame. The frame need not have an image.
@@ -81,14 +77,13 @@ impl Capture {
         self
     }
 
-    /// True if there are photographs of the static scene.
     #[doc(hidden)]
     pub fn has_photos(&self) -> bool {
         self.cameras.iter().any(|camera| camera.is_photo && !camera.shots.is_empty())
     }
 
-    /// True for a clip of several training cameras: of one alone, the scene's own times and colours absorb its errors. One
-    /// that moved may be listed as a camera for each of its images, which has no other image to compare with.
+    /// True for a clip of several training cameras: the scene's own times and colours absorb the errors of one alone. A camera of one
+    /// image does not count, since a moving one may be listed as a camera for each image.
     #[doc(hidden)]
     pub fn is_rig_clip(&self) -> bool {
         let tells = |camera: &&Camera| camera.films() && camera.shots.len() > 1;
@@ -105,9 +100,8 @@ impl Capture {
         self.frames(true)
     }
 
-    /// A view of every pose of every training camera (one of a fixed camera, one for each image of a camera that moves),
-    /// and [`Capture::viewpoints`]. None of a photograph: there may be many, and nobody watches the clip from there. None of a test
-    /// camera: training must not know where it will be tested.
+    /// [`Capture::viewpoints`] and a view of every pose of every training camera: not of photographs, from where nobody watches, nor of
+    /// test cameras, of which training must not know.
     #[doc(hidden)]
     pub fn lens_views(&self) -> Vec<View> {
         let mut views = self.viewpoints.clone();
@@ -118,7 +112,7 @@ impl Capture {
         views
     }
 
-    /// Decodes one image with its mask. [`FrameCache`](super::FrameCache) does so ahead of time.
+    /// Decodes one image with its mask.
     ///
     /// # Errors
     /// [`Error::Data`] when there is no such image, when it does not decode or is of another size than its camera.
@@ -127,9 +121,6 @@ impl Capture {
     }
 
     /// As [`Capture::picture`], with the priors that `plan` names.
-    ///
-    /// # Errors
-    /// As [`Capture::picture`], for the priors too.
     #[doc(hidden)]
     pub fn picture_with(&self, camera: usize, frame: u32, plan: &PriorPlan) -> Result<Picture> {
         picture::decode(&self.source(camera, frame, plan)?)
@@ -144,9 +135,6 @@ impl Capture {
     }
 
     /// By pixel, row by row, true where the image is at least half opaque; `None` when it has no alpha channel.
-    ///
-    /// # Errors
-    /// As [`Capture::picture`].
     #[doc(hidden)]
     pub fn opaque(&self, camera: usize, frame: u32) -> Result<Option<Vec<bool>>> {
         self.bright(camera, frame, |shot| Some(&shot.image).filter(|image| has_alpha(image)))
@@ -171,7 +159,7 @@ impl Capture {
         self.frame_points.is_some()
     }
 
-    /// The points that were triangulated from the images of a frame, in this capture's world.
+    /// The points that were triangulated from the images of a frame.
     ///
     /// # Errors
     /// [`Error::Data`] when the capture has no such points or no such frame, or when the file is damaged.
@@ -187,7 +175,7 @@ impl Capture {
         Ok(points)
     }
 
-    /// Where the training cameras are; of all cameras when every one is a test camera.
+    /// Where the training cameras are, or all cameras when every one is a test camera.
     pub fn extent(&self) -> Extent {
         extent(&self.cameras, &self.points)
     }
@@ -201,11 +189,7 @@ impl Capture {
 
     /// The capture in another frame of reference: cameras and points change, pictures stay the same.
     pub fn transformed(mut self, to: &Similarity) -> Capture {
-        for camera in &mut self.cameras {
-            camera.world_to_camera = to.pose(&camera.world_to_camera);
-            let poses = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
-            poses.for_each(|pose| *pose = to.pose(pose));
-        }
+        self.cameras.iter_mut().flat_map(Camera::poses_mut).for_each(|pose| *pose = to.pose(pose));
         self.viewpoints.iter_mut().for_each(|view| view.pose = to.pose(&view.pose));
         let points = self.points.iter_mut().chain(&mut self.photo_points);
         points.for_each(|point| point.position = to.point(point.position));
@@ -222,16 +206,13 @@ impl Capture {
             let (turn, shift) = (DVec3::from(*turn), DVec3::from(*shift));
             // A pose that is right keeps its bits.
             if turn != DVec3::ZERO || shift != DVec3::ZERO {
-                camera.world_to_camera = camera.world_to_camera.corrected(turn, shift);
-                let poses = camera.shots.iter_mut().filter_map(|shot| shot.world_to_camera.as_mut());
-                poses.for_each(|pose| *pose = pose.corrected(turn, shift));
+                camera.poses_mut().for_each(|pose| *pose = pose.corrected(turn, shift));
             }
         }
         self.calibration = by.clone();
         self
     }
 
-    /// Delay of the pictures of a camera, frames.
     fn offset(&self, camera: usize) -> f64 {
         self.calibration.get(&self.cameras[camera].name).map_or(0.0, |known| known.offset * self.fps)
     }

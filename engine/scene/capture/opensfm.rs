@@ -3,14 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::builder::CaptureBuilder;
-use super::camera::{Camera, MAX_COORDINATE, Point, Shot};
-use super::header::whole_side;
-use super::locate::{Wanted, locate};
-use super::named::Named;
-use super::names::{flat, spelled};
-use super::report::Faults;
-use super::settings::CaptureSettings;
+use super::{CaptureBuilder, CaptureSettings, Faults, Named, Point, Wanted, check_place, flat, spelled, whole_side};
 use crate::files::read_json;
 use crate::scene::undistort::{Distortion, Lens};
 use crate::scene::{Intrinsics, Pose};
@@ -19,7 +12,6 @@ use glam::{DMat3, DQuat, DVec3};
 const FILE: &str = "reconstruction.json";
 const REMEDY: &str = "correct the file, or export the reconstruction again";
 
-/// One of the parts that could not be joined.
 #[derive(serde::Deserialize)]
 struct Reconstruction {
     cameras: BTreeMap<String, Projection>,
@@ -71,64 +63,47 @@ fn file(folder: &Path) -> Option<std::path::PathBuf> {
 
 pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let path = named.folder.as_path();
-    let calibration = file(path).unwrap_or_else(|| path.join(FILE));
-    let mut builder = CaptureBuilder {
-        fps: settings.fps,
-        n_frames: 1,
-        calibration: calibration.clone(),
-        ..CaptureBuilder::default()
-    };
-    let Some(mut parts) =
-        faults.take(read_json::<Vec<Reconstruction>>(&calibration, "reconstruction of OpenSfM", REMEDY))
-    else {
-        return builder;
-    };
+    let file = file(path).unwrap_or_else(|| path.join(FILE));
+    let mut builder = CaptureBuilder::still(settings, file.clone());
+    let parts = faults.take(read_json::<Vec<Reconstruction>>(&file, "reconstruction of OpenSfM", REMEDY));
+    let Some(mut parts) = parts else { return builder };
     let sizes: Vec<String> = parts.iter().map(|part| part.shots.len().to_string()).collect();
     // The first of those that are as large.
     let largest = (0..parts.len()).max_by_key(|at| (parts[*at].shots.len(), std::cmp::Reverse(*at)));
     let Some(part) = largest.map(|at| parts.swap_remove(at)).filter(|part| !part.shots.is_empty()) else {
-        faults.add(&calibration, "", "holds no shot", "reconstruct again");
+        faults.add(&file, "", "holds no shot", "reconstruct again");
         return builder;
     };
     if sizes.len() > 1 {
         let (n, listed) = (sizes.len(), sizes.join(", "));
         builder.notes.push(format!("the reconstruction has {n} parts, of {listed} images: the largest is taken"));
     }
-    let (mut names, mut wanted) = (Vec::new(), Vec::new());
+    let (mut shots, mut wanted) = (Vec::new(), Vec::new());
     for (name, shot) in &part.shots {
         match spelled(name).and_then(|spelled| Ok((spelled, part.lens(shot)?))) {
             Ok((spelled, lens)) => {
-                names.push((flat(&spelled.path), lens, shot));
+                shots.push((flat(&spelled.path), lens, shot));
                 wanted.push(Wanted::from(spelled));
             }
-            Err(reason) => faults.add(&calibration, format!("shot `{}`", name.escape_debug()), reason, REMEDY),
+            Err(reason) => faults.add(&file, format!("shot `{}`", name.escape_debug()), reason, REMEDY),
         }
     }
     let images = path.join(&settings.images);
     let root = if settings.asked_images().is_some() { &images } else { path };
-    let located = locate(root, &images, FILE, &wanted);
-    builder.notes.extend(located.notes);
-    builder.elsewhere = located.elsewhere;
-    for (index, ((name, lens, shot), (image, _))) in names.into_iter().zip(located.files).enumerate() {
+    let located = builder.locate(root, &images, &file, &wanted);
+    for ((name, lens, shot), (image, _)) in shots.into_iter().zip(located) {
         let rotation = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::from(shot.rotation)));
-        builder.distorted.insert(name.clone(), lens.distortion);
-        builder.cameras.push(Camera {
-            name,
-            intrinsics: lens.intrinsics,
-            world_to_camera: Pose { rotation, translation: DVec3::from(shot.translation) },
-            is_test: settings.test_every > 0 && index.is_multiple_of(settings.test_every),
-            shots: vec![Shot { image, ..Shot::default() }],
-            ..Camera::default()
-        });
+        let pose = Pose { rotation, translation: DVec3::from(shot.translation) };
+        builder.add_still(name, lens, pose, image, settings);
     }
     for (id, Track { color, coordinates }) in part.points {
-        if !coordinates.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
-            let reason = format!("is at {coordinates:?}, not finite or beyond {MAX_COORDINATE}");
-            faults.add(&calibration, format!("point `{}`", id.escape_debug()), reason, REMEDY);
-            continue;
+        match check_place(coordinates) {
+            Ok(()) => {
+                let color = color.map(|level| level.clamp(0.0, 255.0).round() as u8);
+                builder.points.push(Point { position: coordinates, color });
+            }
+            Err(reason) => faults.add(&file, format!("point `{}`", id.escape_debug()), reason, REMEDY),
         }
-        let color = color.map(|level| level.clamp(0.0, 255.0).round() as u8);
-        builder.points.push(Point { position: coordinates, color });
     }
     builder
 }
@@ -150,9 +125,10 @@ impl Reconstruction {
             kind => return Err(format!("has a {} lens, which is not undistorted here", kind.escape_debug())),
         };
         let side = width.max(height);
-        let [fx, fy] = [given.focal_x, given.focal_y].map(|focal| focal.or(given.focal));
-        let (Some(fx), Some(fy)) = (fx, fy) else { return Err("has a lens without focal length".to_owned()) };
-        let (fx, fy) = (fx * side, fy * side);
+        let [Some(fx), Some(fy)] = [given.focal_x, given.focal_y].map(|focal| Some(focal.or(given.focal)? * side))
+        else {
+            return Err("has a lens without focal length".to_owned());
+        };
         let (cx, cy) = (width / 2.0 + c_x * side, height / 2.0 + c_y * side);
         let intrinsics = Intrinsics { width: columns, height: rows, fx, fy, cx, cy };
         Ok(Lens { intrinsics, distortion })

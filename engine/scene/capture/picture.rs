@@ -1,13 +1,13 @@
-//! Decoded images of a capture, as the device takes them.
+//! Decoded images of a capture.
 
 use std::path::{Path, PathBuf};
 
-use image::{DynamicImage, ImageDecoder};
+use image::{DynamicImage, ImageDecoder, metadata::Orientation};
 
-use super::header::{BROKEN, fault, is_turned, read_size};
-use super::header::{DECODER_SLACK, decoder_of, guarded};
-use super::priors::{PriorSource, half_bits, half_value, is_prior};
-use super::report::Fault;
+use super::{
+    BROKEN, DECODER_SLACK, Fault, PriorSource, decoder_of, fault, guarded, half_bits, half_value, is_prior, is_turned,
+    read_size,
+};
 use crate::error;
 
 /// Most pixels of an image: 1 GiB when decoded.
@@ -20,17 +20,17 @@ pub struct Picture {
     pub width: u32,
     /// Pixels.
     pub height: u32,
-    /// Row by row, top first: red in the lowest 8 bits, green, blue; the highest 8 bits are 255, or 0 where the mask excludes the pixel.
+    /// Row by row, top first: red in the lowest 8 bits, green, blue; then 255, or 0 where the mask excludes the pixel.
     pub pixels: Vec<u32>,
-    /// Priors of the depth, by pixel: [halves](super::half_bits), of which those that are not finite are none; may be empty.
+    /// Depth priors by pixel, as [halves](super::half_bits), not finite where there is none; may be empty.
     pub depth: Vec<u16>,
-    /// Priors of the flow, by pixel: halves of columns and rows, in pixels, likewise; may be empty.
+    /// Flow priors by pixel, columns and rows in pixels, likewise.
     pub flow: Vec<[u16; 2]>,
-    /// Pixels that count.
+    /// Pixels that the mask does not exclude.
     pub n_visible: u32,
-    /// Pixels that count and have a prior of depth.
+    /// Of these, pixels that have a depth prior.
     pub n_depth: u32,
-    /// Pixels that count and have a prior of flow.
+    /// Of these, pixels that have a flow prior.
     pub n_flow: u32,
 }
 
@@ -38,26 +38,23 @@ fn counts(word: u32) -> bool {
     word >> 24 != 0
 }
 
-/// Bytes of a pixel of a [`Picture`], with priors of the depth and of the flow where there are some.
+/// Bytes of a pixel of a [`Picture`].
 pub fn pixel_bytes(has_depth: bool, has_flow: bool) -> u64 {
     let with = |has: bool, bytes: usize| if has { bytes } else { 0 };
     (size_of::<u32>() + with(has_depth, size_of::<u16>()) + with(has_flow, size_of::<[u16; 2]>())) as u64
 }
 
 impl Picture {
-    /// A picture of these `pixels`, without priors.
     pub fn new(width: u32, height: u32, pixels: Vec<u32>) -> Picture {
         let n_visible = pixels.iter().filter(|word| counts(**word)).count() as u32;
         Picture { width, height, pixels, n_visible, ..Picture::default() }
     }
 
-    /// Bytes of its pixels with their priors.
     #[doc(hidden)]
     pub fn bytes(&self) -> usize {
         size_of_val(&self.pixels[..]) + size_of_val(&self.depth[..]) + size_of_val(&self.flow[..])
     }
 
-    /// The picture with priors: each by pixel, or empty.
     #[must_use]
     #[doc(hidden)]
     pub fn with_priors(self, depth: Vec<u16>, flow: Vec<[u16; 2]>) -> Picture {
@@ -69,16 +66,12 @@ impl Picture {
         Picture { depth, flow, n_depth, n_flow, ..self }
     }
 
-    /// The picture in means of `factor` x `factor` pixels that count, rounded to 8 bits; priors likewise, the flow in the new pixels. What
-    /// does not fill a pixel at the right and at the bottom is cut off.
+    /// The picture in means of those of `factor` x `factor` pixels that count, rounded to 8 bits; priors likewise, flow in the new pixels.
+    /// A remainder at the right and the bottom is cut off.
     #[doc(hidden)]
     pub fn reduced(&self, factor: u32) -> Picture {
         let (width, height) = (self.width / factor, self.height / factor);
-        let n_pixels = width as usize * height as usize;
-        let room = |is_empty: bool| if is_empty { 0 } else { n_pixels };
-        let mut pixels = Vec::with_capacity(n_pixels);
-        let mut depth = Vec::with_capacity(room(self.depth.is_empty()));
-        let mut flow = Vec::with_capacity(room(self.flow.is_empty()));
+        let (mut pixels, mut depth, mut flow) = (Vec::new(), Vec::new(), Vec::new());
         for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
             let rows = (0..factor).map(|row| {
                 let first = (factor * y + row) as usize * self.width as usize + (factor * x) as usize;
@@ -106,7 +99,7 @@ impl Picture {
     }
 }
 
-/// The mean of those of `priors` that are some; not a number without any.
+/// The mean of the priors that are some; NaN without any.
 fn mean<const N: usize>(priors: impl Iterator<Item = [u16; N]>) -> [f64; N] {
     let (mut sums, mut n) = ([0.0; N], 0.0);
     for prior in priors.filter(|prior| is_prior(prior)) {
@@ -128,17 +121,15 @@ pub(super) struct Source {
     pub reduction: u32,
 }
 
-/// Decodes an image and its mask, and reduces them.
 pub(super) fn decode(source: &Source) -> error::Result<Picture> {
     Ok(decode_or_fault(source)?)
 }
 
-/// As [`decode`], with an error that can be told more than once.
+/// As [`decode`], with an error that can be cloned.
 pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
-    let image = guarded(&source.image, || pixels_of(&source.image, source))?;
-    let mut pixels = pack(image, source.background);
+    let mut pixels = pack(pixels_of(&source.image, source.width, source.height)?, source.background);
     if let Some(mask) = &source.mask {
-        let mask = guarded(mask, || pixels_of(mask, source))?.into_luma8();
+        let mask = pixels_of(mask, source.width, source.height)?.into_luma8();
         for (pixel, weight) in pixels.iter_mut().zip(mask.as_raw()) {
             if *weight == 0 {
                 *pixel &= 0x00ff_ffff;
@@ -150,49 +141,39 @@ pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
     Ok(if source.reduction > 1 { whole.reduced(source.reduction) } else { whole })
 }
 
-/// True if each pixel of a mask for the image of `source` is at least 128; of the image itself, whether its alpha is.
+/// True where a mask for the image of `source` is at least 128; of the image itself, where its alpha is.
 pub(super) fn bright(path: &Path, source: &Source) -> error::Result<Vec<bool>> {
-    let mask = guarded(path, || pixels_of(path, source))?;
-    if path == source.image {
-        return Ok(alpha_of(mask).iter().map(|level| *level >= 128).collect());
-    }
-    Ok(mask.into_luma8().as_raw().iter().map(|level| *level >= 128).collect())
+    let mask = pixels_of(path, source.width, source.height)?;
+    let levels = if path == source.image { alpha_of(mask) } else { mask.into_luma8().into_raw() };
+    Ok(levels.iter().map(|level| *level >= 128).collect())
 }
 
 pub(crate) fn alpha_of(image: DynamicImage) -> Vec<u8> {
     image.into_rgba8().as_raw().as_chunks::<4>().0.iter().map(|pixel| pixel[3]).collect()
 }
 
-/// Decodes an image or a mask of a known size.
 pub(crate) fn decode_image(path: &Path, width: u32, height: u32) -> error::Result<DynamicImage> {
-    let (image, priors) = (path.to_owned(), PriorSource::default());
-    let source = Source { image, mask: None, width, height, background: [0.0; 3], priors, reduction: 1 };
-    Ok(guarded(path, || pixels_of(path, &source))?)
+    Ok(pixels_of(path, width, height)?)
 }
 
-fn pixels_of(path: &Path, source: &Source) -> Result<DynamicImage, Fault> {
-    let pixels = u64::from(source.width) * u64::from(source.height);
-    // Tells a file that is cut off, of which a decoder would make half a picture.
-    read_size(path)?;
-    // 16 bits for each of four channels is the most that a PNG has.
-    let decoder = decoder_of(path, 8 * pixels + DECODER_SLACK)?;
-    let (width, height) = decoder.dimensions();
-    if (height, width) == (source.width, source.height) && is_turned(path) {
-        return turned(path, decoder);
-    }
-    if (width, height) != (source.width, source.height) {
-        let reason = format!("is {width} x {height}, its camera is {} x {}", source.width, source.height);
-        return Err(fault(path, reason, "give an image of the size of the calibration"));
-    }
-    DynamicImage::from_decoder(decoder).map_err(|cause| fault(path, format!("does not decode: {cause}"), BROKEN))
-}
-
-fn turned(path: &Path, mut decoder: impl ImageDecoder) -> Result<DynamicImage, Fault> {
-    let broken = |cause| fault(path, format!("does not decode: {cause}"), BROKEN);
-    let turn = decoder.orientation().map_err(broken)?;
-    let mut image = DynamicImage::from_decoder(decoder).map_err(broken)?;
-    image.apply_orientation(turn);
-    Ok(image)
+fn pixels_of(path: &Path, width: u32, height: u32) -> Result<DynamicImage, Fault> {
+    guarded(path, || {
+        // Finds a file that is cut off, of which a decoder would make half a picture.
+        read_size(path)?;
+        // 16 bits for each of four channels is the most that a PNG has.
+        let mut decoder = decoder_of(path, 8 * u64::from(width) * u64::from(height) + DECODER_SLACK)?;
+        let found = decoder.dimensions();
+        let turns = found != (width, height) && found == (height, width) && is_turned(path);
+        if found != (width, height) && !turns {
+            let reason = format!("is {} x {}, its camera is {width} x {height}", found.0, found.1);
+            return Err(fault(path, reason, "give an image of the size of the calibration"));
+        }
+        let broken = |cause| fault(path, format!("does not decode: {cause}"), BROKEN);
+        let turn = if turns { decoder.orientation().map_err(broken)? } else { Orientation::NoTransforms };
+        let mut image = DynamicImage::from_decoder(decoder).map_err(broken)?;
+        image.apply_orientation(turn);
+        Ok(image)
+    })
 }
 
 /// Opaque pixels as they are; others over the background, in the stored values (SPEC 1: no gamma), rounded.

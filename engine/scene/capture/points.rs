@@ -3,13 +3,11 @@
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
-use super::camera::{MAX_COORDINATE, Point};
-use super::frames::Frames;
+use super::{Frames, Point, check_place};
 use crate::error::{Error, Result};
-use crate::files::ply_header::{Element, Scalar};
+use crate::files::ply_header::{Element, Header, Scalar};
 use crate::files::ply_rows::{Column, Rows};
 
-/// The list of the cameras that saw a point, as COLMAP's CAMERA_IDs.
 const SEEN_BY: &str = "camera_ids";
 const REMEDY: &str = "triangulate the frame again, or set points = false in capture.toml";
 
@@ -38,22 +36,35 @@ pub(crate) fn read_cloud(path: &Path) -> Result<Vec<Point>> {
         None => 128,
     };
     let mut points = Vec::new();
+    read_vertices(path, &header, &mut rows, "", "remove the point", |bytes, _| {
+        let position = position.map(|column| column.f64(bytes));
+        check_place(position)?;
+        points.push(Point { position, color: color.map(|column| level(column, bytes)) });
+        Ok(())
+    })?;
+    Ok(points)
+}
+
+/// Hands out every vertex with its items of a list. What is wrong with one becomes an error with its row.
+fn read_vertices(
+    path: &Path,
+    header: &Header,
+    rows: &mut Rows,
+    list: &str,
+    remedy: &str,
+    mut take: impl FnMut(&[u8], &[f64]) -> std::result::Result<(), String>,
+) -> Result<()> {
     for element in &header.elements {
         if element.name != "vertex" {
             rows.skip(element)?;
             continue;
         }
-        rows.read_with_list(element, "", |row, bytes, _| {
-            let position = position.map(|column| column.f64(bytes));
-            if !position.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
-                let reason = format!("is at {position:?}, not finite or beyond {MAX_COORDINATE}");
-                return Err(Error::data(path, format!("element `vertex`, row {row}"), reason, "remove the point"));
-            }
-            points.push(Point { position, color: color.map(|column| level(column, bytes)) });
-            Ok(())
+        rows.read_with_list(element, list, |row, bytes, items| {
+            let fault = |reason| Error::data(path, format!("element `vertex`, row {row}"), reason, remedy);
+            take(bytes, items).map_err(fault)
         })?;
     }
-    Ok(points)
+    Ok(())
 }
 
 /// The folder of the frames' points, and the cameras of their CAMERA_IDs.
@@ -70,32 +81,24 @@ impl FramePoints {
         self.path(frame).exists()
     }
 
-    /// Checks the header of a frame's file and that the file is no shorter than it says.
+    /// Checks the header of a frame's file, and the file's length.
     pub fn check(&self, frame: u32) -> Result<()> {
         let path = self.path(frame);
         let (header, _) = Rows::open(&path)?;
         Columns::find(&path, header.element("vertex")).map(|_| ())
     }
 
-    /// The points of a frame in the world of the file. `index` gives a camera's index by its name, or leaves it out.
+    /// The points of a frame in the world of the file, seen by those cameras that `index` knows by name.
     pub fn read(&self, frame: u32, index: impl Fn(&str) -> Option<usize>) -> Result<Vec<FramePoint>> {
         let known: HashMap<u32, Option<usize>> = self.cameras.iter().map(|(id, name)| (*id, index(name))).collect();
         let path = self.path(frame);
         let (header, mut rows) = Rows::open(&path)?;
         let columns = Columns::find(&path, header.element("vertex"))?;
         let mut points = Vec::new();
-        for element in &header.elements {
-            if element.name == "vertex" {
-                rows.read_with_list(element, SEEN_BY, |row, bytes, ids| {
-                    let point = columns.point(bytes, ids, &known);
-                    let fault = |reason| Error::data(&path, format!("element `vertex`, row {row}"), reason, REMEDY);
-                    points.push(point.map_err(fault)?);
-                    Ok(())
-                })?;
-            } else {
-                rows.skip(element)?;
-            }
-        }
+        read_vertices(&path, &header, &mut rows, SEEN_BY, REMEDY, |bytes, ids| {
+            points.push(columns.point(bytes, ids, &known)?);
+            Ok(())
+        })?;
         rows.finish()?;
         Ok(points)
     }
@@ -136,9 +139,7 @@ impl Columns {
         known: &HashMap<u32, Option<usize>>,
     ) -> std::result::Result<FramePoint, String> {
         let position = self.position.map(|column| column.f64(row));
-        if !position.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
-            return Err(format!("is at {position:?}, not finite or beyond {MAX_COORDINATE}"));
-        }
+        check_place(position)?;
         let mut seen_by = Vec::new();
         for &id in ids {
             let camera = known.get(&(id as u32)).filter(|_| f64::from(id as u32) == id);

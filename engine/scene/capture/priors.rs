@@ -1,18 +1,16 @@
-//! Priors of an image, as the device takes them.
+//! Priors of an image, as halves.
 
 use std::collections::HashMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use exr::prelude::f16;
 
-use super::report::Fault;
-use crate::error::{Error, Result};
+use super::Fault;
 use crate::scene::prior::{read_depth, read_flow};
 
 /// Which priors are decoded with the images of a capture.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct PriorPlan {
-    /// True if flow is.
     pub flow: bool,
     /// Images whose depth is, by (camera, frame): with (a, b) the prior p stands for a p + b, which is not below 0.
     pub depth: HashMap<(usize, u32), [f64; 2]>,
@@ -29,47 +27,30 @@ impl PriorSource {
         self.flow.is_none() && self.depth.is_none()
     }
 
-    /// Decodes the priors of an image: halves of depth and of flow, by pixel; empty where there are none.
-    pub fn decode(&self, width: u32, height: u32) -> std::result::Result<(Vec<u16>, Vec<[u16; 2]>), Fault> {
-        let flow = match &self.flow {
-            Some(path) => as_fault(path, read_flow(path, width, height))?,
-            None => Vec::new(),
-        };
-        let depth = match &self.depth {
-            Some((path, [a, b])) => {
-                let prior = as_fault(path, read_depth(path, width, height))?;
-                // Not `max`, which would make NaN a number.
-                let compared = |p: f32| {
-                    let d = (a * f64::from(p) + b) as f32;
-                    if d < 0.0 { 0.0 } else { d }
-                };
-                prior.into_iter().map(|p| half_bits(compared(p))).collect()
-            }
-            None => Vec::new(),
-        };
-        Ok((depth, flow.into_iter().map(|flow| flow.map(half_bits)).collect()))
+    /// Halves of depth and of flow, by pixel; empty where there are none.
+    pub fn decode(&self, width: u32, height: u32) -> Result<(Vec<u16>, Vec<[u16; 2]>), Fault> {
+        let mut flow = Vec::new();
+        if let Some(path) = &self.flow {
+            flow = read_flow(path, width, height)?.into_iter().map(|flow| flow.map(half_bits)).collect();
+        }
+        let mut depth = Vec::new();
+        if let Some((path, [a, b])) = &self.depth {
+            // Not `max`, which would make NaN a number.
+            let compared = |p: f32| {
+                let d = (a * f64::from(p) + b) as f32;
+                if d < 0.0 { 0.0 } else { d }
+            };
+            depth = read_depth(path, width, height)?.into_iter().map(|p| half_bits(compared(p))).collect();
+        }
+        Ok((depth, flow))
     }
 }
 
-/// An error of a reader as a fault, which can be reported more than once.
-fn as_fault<T>(path: &Path, outcome: Result<T>) -> std::result::Result<T, Fault> {
-    outcome.map_err(|error| match error {
-        Error::Data { file, place, reason, remedy } => Fault { file, place, reason, remedy },
-        other => Fault {
-            file: path.to_owned(),
-            place: String::new(),
-            reason: other.to_string(),
-            remedy: "this is no fault of the capture: try again".to_owned(),
-        },
-    })
-}
-
-/// A prior as the device takes it: the half nearest to `x`. Values that are not finite, or beyond a half's 65,504, are no prior.
+/// The half nearest to `x`. Values that are not finite, or beyond a half's 65,504, are no prior.
 pub fn half_bits(x: f32) -> u16 {
     f16::from_f32(x).to_bits()
 }
 
-/// The value of a half.
 pub fn half_value(bits: u16) -> f64 {
     f16::from_bits(bits).to_f64()
 }

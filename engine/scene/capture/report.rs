@@ -1,4 +1,4 @@
-//! The faults of a capture, all at once, and its contents.
+//! All faults of a capture, and its contents in numbers.
 
 use std::collections::HashMap;
 use std::fmt;
@@ -18,9 +18,9 @@ pub struct Fault {
     pub file: PathBuf,
     /// Where in it: a line, a byte offset, a camera, a frame; empty for the file as a whole.
     pub place: String,
-    /// The fault.
+    /// What is wrong.
     pub reason: String,
-    /// Its remedy.
+    /// What to do about it.
     pub remedy: String,
 }
 
@@ -36,9 +36,21 @@ impl From<Fault> for Error {
     }
 }
 
+impl From<Error> for Fault {
+    fn from(error: Error) -> Self {
+        match error {
+            Error::Data { file, place, reason, remedy } => Fault { file, place, reason, remedy },
+            other => {
+                let remedy = "this is no fault of the capture: try again".to_owned();
+                Fault { file: PathBuf::new(), place: String::new(), reason: other.to_string(), remedy }
+            }
+        }
+    }
+}
+
 #[derive(Debug, Default)]
 pub(crate) struct Faults {
-    kept: Vec<Fault>,
+    pub kept: Vec<Fault>,
     n: u64,
 }
 
@@ -62,17 +74,7 @@ impl Faults {
 
     /// The value, or `None` with its error noted.
     pub fn take<T>(&mut self, outcome: Result<T>) -> Option<T> {
-        match outcome {
-            Ok(value) => Some(value),
-            Err(Error::Data { file, place, reason, remedy }) => {
-                self.push(Fault { file, place, reason, remedy });
-                None
-            }
-            Err(other) => {
-                self.add(Path::new(""), "", other.to_string(), "this is no fault of the capture: try again");
-                None
-            }
-        }
+        outcome.map_err(|error| self.push(error.into())).ok()
     }
 
     pub fn first(&self) -> Option<Error> {
@@ -104,13 +106,13 @@ pub struct Report {
     pub n_cameras: usize,
     /// Cameras kept for testing.
     pub n_test_cameras: usize,
-    /// Photographs of what rests, which are no cameras of the clip.
+    /// Photographs of the static scene, which are no cameras of the clip.
     pub n_photos: usize,
     /// Images, with the photographs.
     pub n_images: usize,
     /// Images that have a mask.
     pub n_masks: usize,
-    /// Images of which it is known what moves in them.
+    /// Images that have a foreground mask.
     pub n_foregrounds: usize,
     /// Images that have an alpha channel.
     pub n_alphas: usize,
@@ -135,16 +137,11 @@ pub struct Report {
 }
 
 impl Report {
-    pub(crate) fn new(path: &Path, format: &str) -> Self {
-        Report { path: path.to_owned(), format: format.to_owned(), ..Report::default() }
+    pub(crate) fn of_faults(path: &Path, format: &str, Faults { kept, n }: Faults) -> Self {
+        Report { path: path.to_owned(), format: format.to_owned(), n_faults: n, faults: kept, ..Report::default() }
     }
 
-    pub(crate) fn set_faults(&mut self, faults: Faults) {
-        self.n_faults = faults.n;
-        self.faults = faults.kept;
-    }
-
-    /// The faults, those of one kind (equal but for numbers and files) together, in the order of the first.
+    /// The faults, those that are equal but for numbers and files together, in the order of the first.
     #[doc(hidden)]
     pub fn grouped(&self) -> Vec<Vec<&Fault>> {
         let mut groups: Vec<Vec<&Fault>> = Vec::new();
@@ -159,7 +156,7 @@ impl Report {
         groups
     }
 
-    /// The error of a capture with faults: the first of them, how many more there are, and where to see them all.
+    /// The first fault, with how many more there are and where to see them all.
     pub(crate) fn first_error(&self) -> Option<Error> {
         let mut first = self.faults.first()?.clone();
         if self.n_faults > 1 {
@@ -176,7 +173,7 @@ fn masked(text: &str) -> String {
     let mut is_number = false;
     for (at, c) in text.char_indices() {
         let before = text[..at].chars().next_back();
-        // A fraction, an exponent and its sign go on with the number; a word that ends in a digit, as a name does, is masked there too.
+        // A fraction, an exponent and its sign belong to the number.
         let goes_on = is_number && (c == '.' || c == 'e' || c == '-' && before == Some('e'));
         is_number = c.is_ascii_digit() || goes_on;
         if c.is_ascii_digit() && !masked.ends_with('#') {

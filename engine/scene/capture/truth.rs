@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use super::builder::check_names;
-use super::report::Faults;
+use super::{Faults, check_names};
 use crate::error::Result;
 use crate::files::{read_file, read_json, write_atomic};
 

@@ -7,10 +7,9 @@ use std::path::Path;
 use super::raw::{DAMAGED, MODELS, RawCamera, RawImage, RawPoint};
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, open_file};
-use crate::scene::capture::report::Faults;
+use crate::scene::capture::Faults;
 
 const MAX_NAME_BYTES: usize = 4096;
-/// Bytes of a 2D observation: x, y, id of its point.
 const OBSERVATION_BYTES: u64 = 24;
 /// Fewest bytes of a camera: id, model, width, height, two parameters.
 const CAMERA_BYTES: u64 = 24 + 2 * 8;
@@ -143,7 +142,6 @@ pub(super) fn cameras(path: &Path, faults: &mut Faults) -> Vec<RawCamera> {
     cameras
 }
 
-/// `images.bin`; the observations are skipped.
 pub(super) fn images(path: &Path, faults: &mut Faults) -> Vec<RawImage> {
     let mut images = Vec::new();
     records(path, faults, "images", IMAGE_BYTES, |reader, _| {

@@ -7,8 +7,7 @@ use super::raw::{STEMS, is_there};
 use super::text::images as images_in_text;
 use crate::error::{Error, Result};
 use crate::scene::capture::named::{is_model, models};
-use crate::scene::capture::report::Faults;
-use crate::scene::capture::settings::CaptureSettings;
+use crate::scene::capture::{CaptureSettings, Faults};
 
 fn n_images(folder: &Path) -> usize {
     match is_there(folder, STEMS[1]) {

@@ -99,7 +99,6 @@ impl Facing {
     }
 }
 
-/// True if a point of the camera's axes is seen in the picture or near it.
 fn shows(lens: &Lens, reach: f64, local: DVec3) -> bool {
     if local.z.is_nan() || local.z <= 0.0 {
         return false;

@@ -14,24 +14,18 @@ pub(super) use self::choice::model_folder;
 use self::facing::Facing;
 use self::raw::{DAMAGED, RawCamera, RawImage, RawPoint, STEMS, is_there};
 use crate::scene::Pose;
-use crate::scene::capture::builder::CaptureBuilder;
-use crate::scene::capture::camera::{Camera, MAX_COORDINATE, Point, Shot};
-use crate::scene::capture::locate::{Wanted, listed, locate};
-use crate::scene::capture::masks::find as find_masks;
-use crate::scene::capture::named::Named;
-use crate::scene::capture::names::{flat, spelled};
-use crate::scene::capture::points::read_cloud;
-use crate::scene::capture::report::Faults;
-use crate::scene::capture::settings::CaptureSettings;
+use crate::scene::capture::{
+    CaptureBuilder, CaptureSettings, Faults, MAX_COORDINATE, Named, Point, Wanted, check_place, flat, listed, masks,
+    read_cloud, spelled,
+};
 use crate::scene::undistort::Lens;
 use encoding_rs::{BIG5, EUC_KR, Encoding, GBK, SHIFT_JIS, WINDOWS_1251, WINDOWS_1252};
 use glam::{DVec3, DVec4};
 
 /// Largest deviation of a quaternion's length from 1 that is not worth a note; COLMAP writes all digits.
 const QUATERNION_TOLERANCE: f64 = 1e-3;
-/// Below this length a quaternion is no rotation.
 const SHORTEST_QUATERNION: f64 = 1e-6;
-/// In what COLMAP on Windows writes names of files that are not plain: its user's code page.
+/// Code pages in which COLMAP on Windows writes names that are not ASCII.
 const ENCODINGS: [&Encoding; 6] = [GBK, SHIFT_JIS, EUC_KR, BIG5, WINDOWS_1251, WINDOWS_1252];
 
 pub(crate) struct Posed {
@@ -52,7 +46,7 @@ pub(crate) struct Model {
     pub notes: Vec<String>,
 }
 
-/// Reads a model; `points3D` may be absent. What is faulty is left out.
+/// Reads a model, in which `points3D` may be absent, without its faulty parts.
 pub(super) fn read_model(folder: &Path, faults: &mut Faults) -> Model {
     read(folder, true, faults)
 }
@@ -113,14 +107,8 @@ fn check_cameras(file: &Path, raw: Vec<RawCamera>, faults: &mut Faults) -> HashM
             faults.add(file, place, "has the id of an earlier camera", DAMAGED);
             continue;
         }
-        let lens = match camera.lens() {
-            Ok(lens) => Some(lens),
-            Err((reason, remedy)) => {
-                faults.add(file, place, reason, remedy);
-                None
-            }
-        };
-        known.insert(camera.id, lens);
+        let lens = camera.lens().map_err(|(reason, remedy)| faults.add(file, place, reason, remedy));
+        known.insert(camera.id, lens.ok());
     }
     known
 }
@@ -158,9 +146,8 @@ fn check_images(raw: Vec<RawImage>, known: &HashMap<u32, Option<Lens>>, model: &
         }
     }
     if n_long > 0 {
-        model
-            .notes
-            .push(format!("quaternions that are not of length 1: {n_long} (up to {largest:.4}); they are normalised"));
+        let note = format!("quaternions that are not of length 1: {n_long} (up to {largest:.4}); they are normalised");
+        model.notes.push(note);
     }
 }
 
@@ -202,11 +189,11 @@ impl RawImage {
     }
 }
 
-/// Points as they come; a file of them can be far larger than what is kept.
+/// Points one by one: their file can be far larger than what is kept.
 struct CheckedPoints {
-    /// The file, and whether it is binary; nothing where the model has none.
+    /// The file, and if it is binary; `None` where the model has none.
     file: Option<(PathBuf, bool)>,
-    /// Of the images; nothing where they could not be read.
+    /// Ids of the images; `None` where they could not be read.
     images: Option<HashSet<u32>>,
     ids: HashSet<u64>,
     n_astray: usize,
@@ -217,7 +204,6 @@ impl CheckedPoints {
         CheckedPoints { file: is_there(folder, STEMS[2]), images, ids: HashSet::new(), n_astray: 0 }
     }
 
-    /// Hands out every good point with the images that saw it.
     fn read(&mut self, faults: &mut Faults, mut take: impl FnMut(Point, &[u32])) {
         let Some((file, is_binary)) = self.file.clone() else { return };
         let mut add = |point: RawPoint, faults: &mut Faults| {
@@ -234,8 +220,7 @@ impl CheckedPoints {
             faults.add(file, place(), "has the id of an earlier point", DAMAGED);
             return None;
         }
-        if !point.position.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE) {
-            let reason = format!("is at {:?}, not finite or beyond {MAX_COORDINATE}", point.position);
+        if let Err(reason) = check_place(point.position) {
             faults.add(file, place(), reason, DAMAGED);
             return None;
         }
@@ -282,7 +267,7 @@ pub(crate) fn tracks(folder: &Path) -> crate::Result<Vec<(Point, Vec<PathBuf>)>>
     Ok(seen_points(folder)?.into_iter().map(named).collect())
 }
 
-/// The folder of a plain COLMAP project's images: as asked for, or where absent the largest of its smaller copies.
+/// The folder of a plain COLMAP project's images: as asked for or, where that is absent, the largest of its smaller copies.
 pub(crate) fn images_folder(path: &Path, settings: &CaptureSettings) -> PathBuf {
     let images = path.join(&settings.images);
     let smaller = |n: u32| {
@@ -298,13 +283,11 @@ pub(crate) fn images_folder(path: &Path, settings: &CaptureSettings) -> PathBuf 
     }
 }
 
-/// A plain COLMAP project as a clip of one frame, every image a camera of its own.
+/// A plain COLMAP project as a clip of one frame, in which every image is a camera.
 pub(super) fn read_capture(named: &Named, settings: &CaptureSettings, faults: &mut Faults) -> CaptureBuilder {
     let path = named.folder.as_path();
-    let chosen = match &named.model {
-        Some(model) => Ok(Some((model.clone(), None))),
-        None => chosen_model(path, settings),
-    };
+    let given = named.model.clone().map(|model| Ok(Some((model, None))));
+    let chosen = given.unwrap_or_else(|| chosen_model(path, settings));
     let Some(Some((folder, note))) = faults.take(chosen) else { return CaptureBuilder::default() };
     let mut model = read_model(&folder, faults);
     if model.images.is_empty() && faults.n() == 0 {
@@ -312,14 +295,9 @@ pub(super) fn read_capture(named: &Named, settings: &CaptureSettings, faults: &m
     }
     model.images.sort_by(|a, b| a.name.cmp(&b.name));
     let images = images_folder(path, settings);
-    let mut builder = CaptureBuilder {
-        fps: settings.fps,
-        n_frames: 1,
-        points: std::mem::take(&mut model.points),
-        calibration: model.file.clone(),
-        notes: note.into_iter().chain(model.notes.clone()).collect(),
-        ..CaptureBuilder::default()
-    };
+    let mut builder = CaptureBuilder::still(settings, model.file.clone());
+    builder.points = std::mem::take(&mut model.points);
+    builder.notes = note.into_iter().chain(model.notes.drain(..)).collect();
     let asked = path.join(&settings.images);
     if let Some(n) = settings.downscale.filter(|_| !images.is_dir()) {
         let remedy = format!("make it with pictures of 1/{n} of the size, or choose another --downscale");
@@ -334,7 +312,6 @@ pub(super) fn read_capture(named: &Named, settings: &CaptureSettings, faults: &m
     builder
 }
 
-/// Gives the builder a camera for each image of the model, with the file of the image.
 fn add_cameras(
     named: &Named,
     settings: &CaptureSettings,
@@ -347,25 +324,20 @@ fn add_cameras(
     let is_asked = settings.asked_images().is_some() || settings.downscale.is_some();
     let root = if is_asked { images } else { &named.folder };
     let wanted: Vec<Wanted> = model.images.iter().map(|posed| posed.wanted.clone()).collect();
-    let file = model.file.file_name().unwrap_or_default().to_string_lossy();
-    let located = locate(root, images, &file, &wanted);
-    builder.notes.extend(located.notes);
-    builder.elsewhere = located.elsewhere;
+    let files = builder.locate(root, images, &model.file, &wanted);
     let mut ids = HashMap::new();
-    for (index, (posed, (image, reading))) in model.images.iter().zip(&located.files).enumerate() {
+    for (posed, (image, reading)) in model.images.iter().zip(&files) {
         let name = flat(&posed.wanted.readings[*reading]);
         ids.insert(posed.id, name.clone());
-        builder.distorted.insert(name.clone(), posed.lens.distortion);
-        let is_test = settings.test_every > 0 && index.is_multiple_of(settings.test_every);
-        builder.cameras.push(Camera { is_test, ..posed.camera(name, image) });
+        builder.add_still(name, posed.lens, posed.pose, image.clone(), settings);
     }
     builder.model = Some((folder.to_owned(), ids));
-    note_encodings(&model.images, &located.files, &mut builder.notes);
-    let used: HashSet<&Path> = located.files.iter().map(|(file, _)| file.as_path()).collect();
+    note_encodings(&model.images, &files, &mut builder.notes);
+    let used: HashSet<&Path> = files.iter().map(|(file, _)| file.as_path()).collect();
     let there = listed(images, 3);
     let mut unused = there.iter().filter(|name| !used.contains(images.join(name).as_path()));
     let n = unused.clone().count();
-    if let Some(first) = unused.next().filter(|_| n < there.len() && located.n_missing < located.files.len()) {
+    if let Some(first) = unused.next().filter(|_| n < there.len() && files.iter().any(|(file, _)| file.exists())) {
         let folder = images.strip_prefix(&named.folder).unwrap_or(images).display();
         builder.notes.push(format!(
             "pictures in {folder} without a camera: {n} of {}, as {}",
@@ -373,28 +345,19 @@ fn add_cameras(
             first.display()
         ));
     }
-    find_masks(&named.folder, images, builder);
+    masks::find(&named.folder, images, builder);
 }
 
 fn note_encodings(images: &[Posed], files: &[(PathBuf, usize)], notes: &mut Vec<String>) {
     let odd = || images.iter().zip(files).filter(|(posed, _)| posed.wanted.readings.len() > 1);
     let n = odd().count();
-    if let Some((_, (file, _))) = odd().find(|(_, (file, _))| file.exists()) {
-        notes.push(format!(
-            "names that are not UTF-8: {n}; they are those of files that are there, as {}",
-            file.display()
-        ));
+    let found = if let Some((_, (file, _))) = odd().find(|(_, (file, _))| file.exists()) {
+        format!("they are those of files that are there, as {}", file.display())
     } else if let Some((posed, _)) = odd().next() {
         let readings: Vec<String> = posed.wanted.readings.iter().map(|path| path.display().to_string()).collect();
-        notes
-            .push(format!("names that are not UTF-8: {n}; no file has one of their readings: {}", readings.join(", ")));
-    }
-}
-
-impl Posed {
-    fn camera(&self, name: String, image: &Path) -> Camera {
-        let shot = Shot { frame: 0, image: image.to_owned(), ..Shot::default() };
-        let intrinsics = self.lens.intrinsics;
-        Camera { name, intrinsics, world_to_camera: self.pose, is_test: false, is_photo: false, shots: vec![shot] }
-    }
+        format!("no file has one of their readings: {}", readings.join(", "))
+    } else {
+        return;
+    };
+    notes.push(format!("names that are not UTF-8: {n}; {found}"));
 }

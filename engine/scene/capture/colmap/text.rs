@@ -8,7 +8,7 @@ use std::str::{FromStr, SplitAsciiWhitespace};
 use super::raw::{MODELS, RawCamera, RawImage, RawPoint};
 use crate::error::{self, Error};
 use crate::files::{cannot_read, open_file};
-use crate::scene::capture::report::Faults;
+use crate::scene::capture::Faults;
 
 const REMEDY: &str = "correct this line, or export the model again";
 /// Longest line: the observations of an image of 10,000 features have 400 kB.

@@ -7,12 +7,12 @@ use super::REMEDY;
 use crate::error;
 use crate::files::{parse_json, read_bytes};
 use crate::scene::Intrinsics;
-use crate::scene::capture::header::{MAX_SIDE, whole_side};
+use crate::scene::capture::{MAX_SIDE, whole_side};
 use crate::scene::undistort::{Distortion, Lens};
 use serde_json::Value;
 
 const MATRICES: [&str; 5] = ["K", "k", "intrinsic", "intrinsics", "intrinsic_matrix"];
-/// Guesses for unknown keys, in lower case and without `_`: keys of ours, and those of others.
+/// Our keys, and spellings of others for them, in lower case and without `_`.
 const MEANT: [(&str, &[&str]); 8] = [
     ("fl_x", &["f1x", "flx", "fx", "focalx", "focallengthx", "focal", "f", "focallength"]),
     ("fl_y", &["f1y", "fly", "fy", "focaly", "focallengthy"]),
@@ -24,30 +24,41 @@ const MEANT: [(&str, &[&str]); 8] = [
     ("camera_angle_y", &["cameraangley", "fovy", "angley", "vfov"]),
 ];
 
-/// Intrinsics; each may stand in the file, in a frame, or nowhere.
-#[derive(Clone, Debug, Default, PartialEq, serde::Deserialize)]
-#[serde(default)]
-pub(super) struct GivenLens {
-    pub camera_model: Option<String>,
-    pub w: Option<f64>,
-    pub h: Option<f64>,
-    fl_x: Option<f64>,
-    fl_y: Option<f64>,
-    cx: Option<f64>,
-    cy: Option<f64>,
-    camera_angle_x: Option<f64>,
-    camera_angle_y: Option<f64>,
-    k1: Option<f64>,
-    k2: Option<f64>,
-    k3: Option<f64>,
-    k4: Option<f64>,
-    p1: Option<f64>,
-    p2: Option<f64>,
-    /// instant-ngp's key instead of a model.
-    is_fisheye: Option<bool>,
-    #[serde(flatten)]
-    others: BTreeMap<String, Value>,
+macro_rules! given_lens {
+    ($($number:ident)*) => {
+        /// A lens. Each part may be in the file, in a frame, or nowhere.
+        #[derive(Clone, Debug, Default, PartialEq, serde::Deserialize)]
+        #[serde(default)]
+        pub(super) struct GivenLens {
+            camera_model: Option<String>,
+            /// instant-ngp's key instead of a model.
+            is_fisheye: Option<bool>,
+            $(pub $number: Option<f64>,)*
+            #[serde(flatten)]
+            others: BTreeMap<String, Value>,
+        }
+
+        impl GivenLens {
+            /// What is given here, else in `file`; no other keys.
+            fn or(&self, file: &GivenLens) -> GivenLens {
+                GivenLens {
+                    camera_model: self.camera_model.clone().or_else(|| file.camera_model.clone()),
+                    is_fisheye: self.is_fisheye.or(file.is_fisheye),
+                    $($number: self.$number.or(file.$number),)*
+                    others: BTreeMap::new(),
+                }
+            }
+
+            /// Names of the numbers that are given here and in `file` with other values.
+            fn differing(&self, file: &GivenLens) -> impl Iterator<Item = &'static str> + use<> {
+                let pairs = [$((stringify!($number), self.$number.zip(file.$number)),)*];
+                pairs.into_iter().filter(|(_, pair)| pair.is_some_and(|(a, b)| a != b)).map(|(name, _)| name)
+            }
+        }
+    };
 }
+
+given_lens!(w h fl_x fl_y cx cy camera_angle_x camera_angle_y k1 k2 k3 k4 p1 p2);
 
 #[derive(serde::Deserialize)]
 pub(super) struct Document {
@@ -84,15 +95,14 @@ impl Document {
         Ok(Document { frames, test_filenames: None, ply_file_path: None, lens: GivenLens::default() })
     }
 
-    /// A note on keys that are not read, though they may have been meant to be.
+    /// Notes on keys that are not read though they may be meant, and on numbers that contradict each other.
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         let lenses = || self.frames.iter().map(|frame| &frame.lens);
         let unread: BTreeSet<&str> = lenses().chain([&self.lens]).flat_map(GivenLens::unread).collect();
         for key in unread {
             let plain: String = key.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase();
-            let meant = MEANT.iter().find(|(_, spelled)| spelled.contains(&plain.as_str()));
-            if let Some((meant, _)) = meant {
+            if let Some((meant, _)) = MEANT.iter().find(|(_, spelled)| spelled.contains(&plain.as_str())) {
                 notes.push(format!("`{}` is not read: `{meant}` may be meant", key.escape_debug()));
             }
         }
@@ -107,7 +117,6 @@ impl Document {
     }
 }
 
-/// Why a frame has no camera.
 pub(super) struct Unfit {
     pub reason: String,
     pub remedy: &'static str,
@@ -118,42 +127,16 @@ pub(super) fn unfit(reason: String) -> Unfit {
     Unfit { reason, remedy: REMEDY, needs_size: false }
 }
 
+/// The numbers of an array, or of an array of rows.
 pub(super) fn numbers(value: &Value) -> Option<Vec<f64>> {
-    let row = |row: &Value| row.as_array().map_or_else(|| row.as_f64().map(|v| vec![v]), |_| flat(row));
+    let row = |row: &Value| match row {
+        Value::Array(row) => row.iter().map(Value::as_f64).collect(),
+        number => number.as_f64().map(|number| vec![number]),
+    };
     value.as_array()?.iter().map(row).collect::<Option<Vec<_>>>().map(|rows| rows.concat())
 }
 
-fn flat(row: &Value) -> Option<Vec<f64>> {
-    row.as_array()?.iter().map(Value::as_f64).collect()
-}
-
 impl GivenLens {
-    fn numbers(&self) -> [(&'static str, Option<f64>); 14] {
-        [
-            ("w", self.w),
-            ("h", self.h),
-            ("fl_x", self.fl_x),
-            ("fl_y", self.fl_y),
-            ("cx", self.cx),
-            ("cy", self.cy),
-            ("camera_angle_x", self.camera_angle_x),
-            ("camera_angle_y", self.camera_angle_y),
-            ("k1", self.k1),
-            ("k2", self.k2),
-            ("k3", self.k3),
-            ("k4", self.k4),
-            ("p1", self.p1),
-            ("p2", self.p2),
-        ]
-    }
-
-    /// Names of the numbers that stand here and in `file` with other values.
-    fn differing(&self, file: &GivenLens) -> Vec<&'static str> {
-        let pairs = self.numbers().into_iter().zip(file.numbers());
-        let differ = |(a, b): (Option<f64>, Option<f64>)| a.zip(b).is_some_and(|(a, b)| a != b);
-        pairs.filter(|((_, a), (_, b))| differ((*a, *b))).map(|((name, _), _)| name).collect()
-    }
-
     fn unread(&self) -> impl Iterator<Item = &str> {
         self.others.keys().map(String::as_str).filter(|key| !MATRICES.contains(key))
     }
@@ -168,39 +151,22 @@ impl GivenLens {
         }
     }
 
-    /// The value here, else in `file`, else what follows from the size of the images.
-    pub fn or(&self, file: &GivenLens, size: Option<(u32, u32)>) -> Result<GivenLens, Unfit> {
-        let (w, h) = size.unzip();
+    /// The lens as given here, else in `file`, else by the size of the images.
+    pub fn resolved(&self, file: &GivenLens, size: Option<(u32, u32)>) -> Result<Lens, Unfit> {
         let with_matrix = |lens: &GivenLens| {
-            let [fx, fy, cx, cy] = lens.matrix()?.map_or([None; 4], |matrix| matrix.map(Some));
-            let (fl_x, fl_y) = (lens.fl_x.or(fx), lens.fl_y.or(fy));
-            Ok::<_, Unfit>(GivenLens { fl_x, fl_y, cx: lens.cx.or(cx), cy: lens.cy.or(cy), ..lens.clone() })
+            let [fl_x, fl_y, cx, cy] = lens.matrix()?.map_or([None; 4], |matrix| matrix.map(Some));
+            Ok(lens.or(&GivenLens { fl_x, fl_y, cx, cy, ..GivenLens::default() }))
         };
-        let (own, file) = (with_matrix(self)?, with_matrix(file)?);
+        let (own, mut file) = (with_matrix(self)?, with_matrix(file)?);
         // An angle of the frame goes before a focal length of the file.
-        let has_angle = own.fl_x.is_none() && own.camera_angle_x.is_some();
-        Ok(GivenLens {
-            camera_model: own.camera_model.or(file.camera_model),
-            w: own.w.or(file.w).or(w.map(f64::from)),
-            h: own.h.or(file.h).or(h.map(f64::from)),
-            fl_x: own.fl_x.or(file.fl_x.filter(|_| !has_angle)),
-            fl_y: own.fl_y.or(file.fl_y.filter(|_| !has_angle)),
-            cx: own.cx.or(file.cx),
-            cy: own.cy.or(file.cy),
-            camera_angle_x: own.camera_angle_x.or(file.camera_angle_x),
-            camera_angle_y: own.camera_angle_y.or(file.camera_angle_y),
-            k1: own.k1.or(file.k1),
-            k2: own.k2.or(file.k2),
-            k3: own.k3.or(file.k3),
-            k4: own.k4.or(file.k4),
-            p1: own.p1.or(file.p1),
-            p2: own.p2.or(file.p2),
-            is_fisheye: own.is_fisheye.or(file.is_fisheye),
-            others: BTreeMap::new(),
-        })
+        if own.fl_x.is_none() && own.camera_angle_x.is_some() {
+            (file.fl_x, file.fl_y) = (None, None);
+        }
+        let (w, h) = size.map(|(w, h)| (w.into(), h.into())).unzip();
+        own.or(&file).or(&GivenLens { w, h, ..GivenLens::default() }).lens()
     }
 
-    pub fn resolved(&self) -> Result<Lens, Unfit> {
+    fn lens(&self) -> Result<Lens, Unfit> {
         let [k1, k2, k3, k4, p1, p2] =
             [self.k1, self.k2, self.k3, self.k4, self.p1, self.p2].map(Option::unwrap_or_default);
         let usual = if self.is_fisheye == Some(true) { "OPENCV_FISHEYE" } else { "OPENCV" };
@@ -211,9 +177,8 @@ impl GivenLens {
             "OPENCV_FISHEYE" => Distortion::Fisheye([k1, k2, k3, k4]),
             "SIMPLE_RADIAL_FISHEYE" | "RADIAL_FISHEYE" => Distortion::Fisheye([k1, k2, 0.0, 0.0]),
             model => {
-                let reason =
-                    format!("has the model {} with k4 = {k4}, which is not undistorted here", model.escape_debug());
-                return Err(unfit(reason));
+                let model = model.escape_debug();
+                return Err(unfit(format!("has the model {model} with k4 = {k4}, which is not undistorted here")));
             }
         };
         let (Some(w), Some(h)) = (self.w, self.h) else {

@@ -8,25 +8,19 @@ use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use self::document::{Document, Frame, Unfit};
-use crate::scene::capture::builder::{CaptureBuilder, MAX_FRAMES};
-use crate::scene::capture::camera::{Camera, Shot};
-use crate::scene::capture::header::read_size;
-use crate::scene::capture::locate::{Located, Wanted, locate};
-use crate::scene::capture::named::Named;
-use crate::scene::capture::names::{flat, spelled};
-use crate::scene::capture::points::read_cloud;
-use crate::scene::capture::report::Faults;
-use crate::scene::capture::settings::CaptureSettings;
+use crate::scene::Intrinsics;
+use crate::scene::capture::{
+    Camera, CaptureBuilder, CaptureSettings, Faults, MAX_FRAMES, Named, Shot, Wanted, flat, read_cloud, read_size,
+    spelled,
+};
 use crate::scene::prior::depth_size;
 use crate::scene::undistort::{Distortion, Lens};
-use crate::scene::{Intrinsics, Pose};
 
 pub(super) const REMEDY: &str = "correct the file, or export the capture again";
 const POSE_REMEDY: &str = "give transform_matrix from camera to world, the camera's axes x right, y up, z back";
 /// The files by whose names a folder is recognised, the likelier first.
 const FILES: [&str; 2] = ["transforms_train.json", "transforms.json"];
 
-/// Two times closer than this are one.
 const TIME_TOLERANCE: f64 = 1e-6;
 /// How far a time may lie from the grid of frames, in frames.
 const GRID_TOLERANCE: f64 = 0.05;
@@ -42,7 +36,6 @@ struct Entry {
     time: Option<f64>,
 }
 
-/// True if a file was named, or one of [`FILES`] is there.
 pub(super) fn is_transforms(named: &Named) -> bool {
     named.file.is_some() || FILES.iter().any(|name| named.folder.join(name).is_file())
 }
@@ -52,18 +45,14 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     let [train, plain] = FILES.map(|name| path.join(name));
     let split = train.is_file() && named.file.as_ref().is_none_or(|file| file.ends_with(FILES[0]));
     let calibration = named.file.clone().unwrap_or(if split { train } else { plain.clone() });
-    let mut builder = CaptureBuilder {
-        fps: settings.fps,
-        n_frames: 1,
-        calibration: calibration.clone(),
-        pose_remedy: Some(POSE_REMEDY),
-        ..CaptureBuilder::default()
-    };
-    let mut entries = read_file(path, &calibration, settings, &mut builder, faults);
+    let mut builder = CaptureBuilder::still(settings, calibration.clone());
+    builder.pose_remedy = Some(POSE_REMEDY);
+    let mut reader = FrameReader { path, settings, builder: &mut builder, faults };
+    let mut entries = reader.entries(&calibration);
     let mut has_test = entries.iter().any(|entry| entry.camera.is_test);
     let test = path.join("transforms_test.json");
     if split && test.is_file() {
-        let tests = read_file(path, &test, settings, &mut builder, faults);
+        let tests = reader.entries(&test);
         has_test |= split::join(&mut entries, tests, &mut builder.notes);
     }
     let unread = [plain, path.join("transforms_val.json")].into_iter().filter(|file| split && file.is_file());
@@ -87,63 +76,6 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
     builder
 }
 
-/// The images that a file lists. Notes, points and places of images go into the builder.
-fn read_file(
-    path: &Path,
-    file: &Path,
-    settings: &CaptureSettings,
-    builder: &mut CaptureBuilder,
-    faults: &mut Faults,
-) -> Vec<Entry> {
-    let Some(document) = faults.take(Document::read(file)) else { return Vec::new() };
-    if document.frames.is_empty() {
-        faults.add(file, "field `frames`", "holds no frame", "add at least one");
-    }
-    builder.notes.extend(document.notes());
-    let below = Below { path, file, settings };
-    let frames = below.images(&document.frames, builder, faults);
-    let of_masks = Others { kind: "mask", of: |frame| frame.mask_path.as_ref(), size: |file| read_size(file).ok() };
-    let of_depths =
-        Others { kind: "depth", of: |frame| frame.depth_file_path.as_ref(), size: |file| depth_size(file).ok() };
-    let [masks, depths] = [of_masks, of_depths].map(|others| below.others(&frames, &others, builder, faults));
-    if let Some(name) = &document.ply_file_path {
-        below.points(name, builder, faults);
-    }
-    // Where the file gives no size, its images share one.
-    let size = || frames.iter().find_map(|found| read_size(&found.image).ok());
-    let size = if document.lens.w.is_some() && document.lens.h.is_some() { None } else { size() };
-    let (mut entries, mut scales, mut unsized_images) = (Vec::new(), pose::Scales::default(), Vec::new());
-    for ((found, mask), depth) in frames.into_iter().zip(masks).zip(depths) {
-        let lens = found.frame.lens.or(&document.lens, size).and_then(|lens| lens.resolved());
-        let pose = pose::world_to_camera(&found.frame.transform_matrix, &mut scales);
-        match lens.and_then(|lens| Ok((lens, pose?))) {
-            Ok((lens, pose)) => {
-                let tests = document.test_filenames.as_ref();
-                let is_test = tests.is_some_and(|names| names.contains(&found.frame.file_path));
-                entries.push(found.entry(lens, pose, [mask, depth], is_test));
-            }
-            Err(Unfit { needs_size: true, .. }) if size.is_none() => unsized_images.push(found.image),
-            Err(Unfit { reason, remedy, .. }) => faults.add(file, found.place, reason, remedy),
-        }
-    }
-    builder.notes.extend(scales.note());
-    add_unsized(path, file, &unsized_images, faults);
-    entries
-}
-
-/// Without any image that can be read the size is unknown; that they are missing says it better.
-fn add_unsized(path: &Path, file: &Path, images: &[PathBuf], faults: &mut Faults) {
-    let Some(first) = images.first() else { return };
-    let there = images.iter().filter(|image| image.exists());
-    let broken: Vec<_> = there.filter_map(|image| read_size(image).err()).collect();
-    if broken.is_empty() {
-        let (n, at) = (images.len(), first.strip_prefix(path).unwrap_or(first).display());
-        let reason = format!("gives no w and h, and none of the {n} images that it names is there: looked for {at}");
-        faults.add(file, "", reason, "add the images, or name their folder with --images FOLDER");
-    }
-    broken.into_iter().for_each(|fault| faults.push(fault));
-}
-
 struct ImageFrame<'a> {
     place: String,
     frame: &'a Frame,
@@ -151,41 +83,54 @@ struct ImageFrame<'a> {
     image: PathBuf,
 }
 
-impl ImageFrame<'_> {
-    fn entry(&self, lens: Lens, world_to_camera: Pose, [mask, depth]: [Option<PathBuf>; 2], is_test: bool) -> Entry {
-        let Lens { intrinsics, distortion } = lens;
-        let name = flat(&self.name);
-        let camera = Camera { name, intrinsics, world_to_camera, is_test, is_photo: false, shots: Vec::new() };
-        let shot = Shot { image: self.image.clone(), mask, depth, ..Shot::default() };
-        Entry { camera, distortion, name: self.name.clone(), shot, time: self.frame.time }
-    }
-}
-
-/// Files that frames may name beside their images.
-struct Others {
-    kind: &'static str,
-    of: fn(&Frame) -> Option<&String>,
-    size: fn(&Path) -> Option<(u32, u32)>,
-}
-
-struct Below<'a> {
+struct FrameReader<'a> {
     path: &'a Path,
-    file: &'a Path,
     settings: &'a CaptureSettings,
+    builder: &'a mut CaptureBuilder,
+    faults: &'a mut Faults,
 }
 
-impl Below<'_> {
-    fn located(&self, base: &Path, root: &Path, wanted: &[Wanted]) -> Located {
-        locate(root, base, &self.file.file_name().unwrap_or_default().to_string_lossy(), wanted)
+impl FrameReader<'_> {
+    /// The images that a file lists. The builder gets notes and points.
+    fn entries(&mut self, file: &Path) -> Vec<Entry> {
+        let Some(document) = self.faults.take(Document::read(file)) else { return Vec::new() };
+        if document.frames.is_empty() {
+            self.faults.add(file, "field `frames`", "holds no frame", "add at least one");
+        }
+        self.builder.notes.extend(document.notes());
+        let frames = self.images(file, &document.frames);
+        let masks = self.beside(file, &frames, "mask", |frame| frame.mask_path.as_ref(), |file| read_size(file).ok());
+        let depths =
+            self.beside(file, &frames, "depth", |frame| frame.depth_file_path.as_ref(), |file| depth_size(file).ok());
+        if let Some(name) = &document.ply_file_path {
+            self.read_points(file, name);
+        }
+        // Where the file gives no size, its images share one.
+        let is_given = document.lens.w.is_some() && document.lens.h.is_some();
+        let size = frames.iter().filter(|_| !is_given).find_map(|found| read_size(&found.image).ok());
+        let (mut entries, mut scales, mut unsized_images) = (Vec::new(), pose::Scales::default(), Vec::new());
+        for ((ImageFrame { place, frame, name, image }, mask), depth) in frames.into_iter().zip(masks).zip(depths) {
+            let lens = frame.lens.resolved(&document.lens, size);
+            let pose = pose::world_to_camera(&frame.transform_matrix, &mut scales);
+            match lens.and_then(|lens| Ok((lens, pose?))) {
+                Ok((Lens { intrinsics, distortion }, world_to_camera)) => {
+                    let tests = document.test_filenames.as_ref();
+                    let is_test = tests.is_some_and(|names| names.contains(&frame.file_path));
+                    let camera =
+                        Camera { name: flat(&name), intrinsics, world_to_camera, is_test, ..Camera::default() };
+                    let shot = Shot { image, mask, depth, ..Shot::default() };
+                    entries.push(Entry { camera, distortion, name, shot, time: frame.time });
+                }
+                Err(Unfit { needs_size: true, .. }) if size.is_none() => unsized_images.push(image),
+                Err(Unfit { reason, remedy, .. }) => self.faults.add(file, place, reason, remedy),
+            }
+        }
+        self.builder.notes.extend(scales.note());
+        self.add_unsized(file, &unsized_images);
+        entries
     }
 
-    /// The frames whose names are good, each with its image.
-    fn images<'a>(
-        &self,
-        frames: &'a [Frame],
-        builder: &mut CaptureBuilder,
-        faults: &mut Faults,
-    ) -> Vec<ImageFrame<'a>> {
+    fn images<'a>(&mut self, file: &Path, frames: &'a [Frame]) -> Vec<ImageFrame<'a>> {
         let (mut named, mut wanted) = (Vec::new(), Vec::new());
         for (index, frame) in frames.iter().enumerate() {
             let place = format!("frame {index}");
@@ -194,58 +139,73 @@ impl Below<'_> {
                     named.push((place, frame, name.path.clone()));
                     wanted.push(Wanted::from(name));
                 }
-                Err(reason) => faults.add(self.file, place, reason, REMEDY),
+                Err(reason) => self.faults.add(file, place, reason, REMEDY),
             }
         }
         let asked = self.settings.asked_images().map(|images| self.path.join(images));
         let base = asked.as_deref().unwrap_or(self.path);
-        let located = self.located(base, base, &wanted);
-        builder.notes.extend(located.notes);
-        builder.elsewhere.extend(located.elsewhere);
+        let located = self.builder.locate(base, base, file, &wanted);
         let found = |((place, frame, name), (image, _))| ImageFrame { place, frame, name, image };
-        named.into_iter().zip(located.files).map(found).collect()
+        named.into_iter().zip(located).map(found).collect()
     }
 
-    /// The files of another kind that frames name, by frame. What is not there, or not of its image's size, is not used.
-    fn others(
-        &self,
+    /// The files of another kind that frames name, by frame, without those that are not there or not of their image's size.
+    fn beside(
+        &mut self,
+        file: &Path,
         frames: &[ImageFrame],
-        others: &Others,
-        builder: &mut CaptureBuilder,
-        faults: &mut Faults,
+        kind: &str,
+        name: fn(&Frame) -> Option<&String>,
+        size: fn(&Path) -> Option<(u32, u32)>,
     ) -> Vec<Option<PathBuf>> {
-        let mut files = vec![None; frames.len()];
         let (mut n_named, mut n_absent, mut n_unfit) = (0_usize, 0_usize, 0_usize);
-        for (found, file) in frames.iter().zip(&mut files) {
-            let Some(name) = (others.of)(found.frame) else { continue };
+        let mut of_frame = |found: &ImageFrame| {
+            let name = name(found.frame)?;
             n_named += 1;
-            match spelled(name).map(|name| self.path.join(name.path)) {
-                Ok(path) if !path.is_file() => n_absent += 1,
-                // Where there is no image, that is told.
-                Ok(path) if read_size(&found.image).is_ok_and(|size| (others.size)(&path) != Some(size)) => {
-                    n_unfit += 1
+            let path = match spelled(name) {
+                Ok(name) => self.path.join(name.path),
+                Err(reason) => {
+                    self.faults.add(file, &found.place, reason, REMEDY);
+                    return None;
                 }
-                Ok(path) => *file = Some(path),
-                Err(reason) => faults.add(self.file, &found.place, reason, REMEDY),
-            }
-        }
-        for (n, what) in
-            [(n_absent, "that are not there"), (n_unfit, "that cannot be read, or are not of the size of their images")]
-        {
-            if n > 0 {
-                builder.notes.push(format!("{} files {what}: {n} of {n_named}; they are not used", others.kind));
-            }
+            };
+            let is_absent = !path.is_file();
+            // An image that is not there has its own fault.
+            let is_unfit = !is_absent && read_size(&found.image).is_ok_and(|of_image| size(&path) != Some(of_image));
+            (n_absent, n_unfit) = (n_absent + usize::from(is_absent), n_unfit + usize::from(is_unfit));
+            (!is_absent && !is_unfit).then_some(path)
+        };
+        let files = frames.iter().map(&mut of_frame).collect();
+        let unfit = "that cannot be read, or are not of the size of their images";
+        for (n, what) in [(n_absent, "that are not there"), (n_unfit, unfit)].into_iter().filter(|(n, _)| *n > 0) {
+            self.builder.notes.push(format!("{kind} files {what}: {n} of {n_named}; they are not used"));
         }
         files
     }
 
     /// Points of nerfstudio's `ply_file_path`, which are in the world of the frames.
-    fn points(&self, name: &str, builder: &mut CaptureBuilder, faults: &mut Faults) {
+    fn read_points(&mut self, file: &Path, name: &str) {
         match spelled(name).map(|name| self.path.join(name.path)) {
-            Ok(cloud) if cloud.is_file() => builder.points = faults.take(read_cloud(&cloud)).unwrap_or_default(),
-            Ok(_) => builder.notes.push(format!("the points of `{}` are not there", name.escape_debug())),
-            Err(reason) => faults.add(self.file, "field `ply_file_path`", reason, REMEDY),
+            Ok(cloud) if cloud.is_file() => {
+                self.builder.points = self.faults.take(read_cloud(&cloud)).unwrap_or_default();
+            }
+            Ok(_) => self.builder.notes.push(format!("the points of `{}` are not there", name.escape_debug())),
+            Err(reason) => self.faults.add(file, "field `ply_file_path`", reason, REMEDY),
         }
+    }
+
+    /// Without any image that can be read the size is unknown; that they are missing says it better.
+    fn add_unsized(&mut self, file: &Path, images: &[PathBuf]) {
+        let Some(first) = images.first() else { return };
+        let there = images.iter().filter(|image| image.exists());
+        let broken: Vec<_> = there.filter_map(|image| read_size(image).err()).collect();
+        if broken.is_empty() {
+            let (n, at) = (images.len(), first.strip_prefix(self.path).unwrap_or(first).display());
+            let reason =
+                format!("gives no w and h, and none of the {n} images that it names is there: looked for {at}");
+            self.faults.add(file, "", reason, "add the images, or name their folder with --images FOLDER");
+        }
+        broken.into_iter().for_each(|fault| self.faults.push(fault));
     }
 }
 

@@ -10,7 +10,6 @@ const TOLERANCE: f64 = 1e-6;
 /// How far the lengths of a rotation's columns may differ, relative to them, for it to be a rotation times a number.
 const EVEN: f64 = 1e-3;
 
-/// Rotations that are times a number.
 #[derive(Default)]
 pub(super) struct Scales {
     n: usize,

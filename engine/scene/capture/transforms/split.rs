@@ -1,17 +1,18 @@
 //! Training and test views of two files: none is both, and none is listed twice.
 
 use std::collections::HashMap;
+use std::collections::hash_map::Entry::{Occupied, Vacant};
 use std::fs;
 use std::path::Path;
 
 use super::{Entry, REMEDY};
-use crate::scene::capture::report::Faults;
+use crate::scene::capture::Faults;
 
 /// How far two poses may differ, in any entry, to be one: files are written with as few digits.
 const SAME_POSE: f64 = 1e-6;
 
-/// Adds the test views to the training views, and tells if any is left. A view that is both leaves training, unless less than half of
-/// that would remain; then it leaves the test views.
+/// Adds the test views to the training views; false if none is left. A view that is both leaves training, unless less than half of that
+/// would remain; then it leaves the test views.
 pub(super) fn join(entries: &mut Vec<Entry>, mut tests: Vec<Entry>, notes: &mut Vec<String>) -> bool {
     tests.iter_mut().for_each(|entry| entry.camera.is_test = true);
     let mut by_image: HashMap<&Path, usize> = HashMap::new();
@@ -53,7 +54,6 @@ fn cell(entry: &Entry) -> [i64; 3] {
     entry.camera.world_to_camera.translation.to_array().map(|v| (v / 1e-3).round() as i64)
 }
 
-/// True if two views have one pose, one time and one picture.
 fn is_same(a: &Entry, b: &Entry) -> bool {
     let rows = [a, b].map(|entry| entry.camera.world_to_camera.rows());
     let size = a.camera.world_to_camera.translation.abs().max_element().max(1.0);
@@ -69,28 +69,22 @@ fn is_same(a: &Entry, b: &Entry) -> bool {
 
 /// Leaves out what is listed again just as before; a picture that is listed with two poses or at two times is a fault.
 pub(super) fn check_twice(entries: &mut Vec<Entry>, file: &Path, notes: &mut Vec<String>, faults: &mut Faults) {
-    let mut first: HashMap<std::path::PathBuf, usize> = HashMap::new();
-    let mut again = vec![false; entries.len()];
-    for (index, entry) in entries.iter().enumerate() {
-        let Some(&before) = first.get(&entry.shot.image) else {
-            first.insert(entry.shot.image.clone(), index);
-            continue;
-        };
-        let before = &entries[before];
-        let is_same = before.camera.world_to_camera == entry.camera.world_to_camera
-            && before.camera.intrinsics == entry.camera.intrinsics
-            && before.camera.is_test == entry.camera.is_test
-            && before.time == entry.time;
-        if is_same {
-            again[index] = true;
-        } else {
-            faults.add(file, format!("`{}`", entry.name.display()), "is listed twice", REMEDY);
+    let n_listed = entries.len();
+    let mut first = HashMap::new();
+    entries.retain(|entry| {
+        let camera = &entry.camera;
+        let what = (camera.world_to_camera, camera.intrinsics, camera.is_test, entry.time);
+        match first.entry(entry.shot.image.clone()) {
+            Occupied(before) if *before.get() == what => return false,
+            Occupied(_) => faults.add(file, format!("`{}`", entry.name.display()), "is listed twice", REMEDY),
+            Vacant(place) => {
+                place.insert(what);
+            }
         }
-    }
-    let n = again.iter().filter(|again| **again).count();
+        true
+    });
+    let n = n_listed - entries.len();
     if n > 0 {
-        let mut again = again.into_iter();
-        entries.retain(|_| !again.next().unwrap_or(false));
         notes.push(format!("frames that are listed twice: {n}; they are read once"));
     }
 }
