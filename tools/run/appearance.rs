@@ -10,7 +10,6 @@ use std::path::Path;
 
 const RUN: &str = "give the folder of a run of `ivv train`";
 
-/// How a scene is rendered.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Look {
     /// In the scene's own frame.
@@ -23,9 +22,6 @@ impl Look {
     /// How the run in the folder `path` is rendered, or what the file `path` says; `clip` is that file where it is a `.4dgs`. A `scene.ply`
     /// that does not say it takes the constants of the run beside it, and a message names those that are not the usual ones. Also gives
     /// the notes on impossible values, already printed.
-    ///
-    /// # Errors
-    /// Those of the file.
     pub fn of(path: &Path, clip: Option<&FourDgs>) -> ivv::Result<(Self, Vec<String>)> {
         if is_run(path) {
             return Ok((Self::of_run(path), Vec::new()));
@@ -52,7 +48,6 @@ impl Look {
         Ok((look, Vec::new()))
     }
 
-    /// How `run` is rendered, which was trained with `config`.
     pub fn new(run: &Run, config: &Config) -> Self {
         Look { constants: run.constants_of_capture(), background: Some(config.background) }
     }
@@ -72,7 +67,6 @@ impl Look {
         })
     }
 
-    /// The values that differ from the usual ones.
     pub fn unusual(&self) -> Own {
         formats::unusual(&self.constants, self.background)
     }

@@ -3,9 +3,6 @@
 use std::thread::{Scope, ScopedJoinHandle};
 
 /// Runs both at once.
-///
-/// # Errors
-/// That of the first, else that of the second.
 pub fn in_parallel(
     first: impl FnOnce() -> ivv::Result<()> + Send,
     second: impl FnOnce() -> ivv::Result<()>,
@@ -29,9 +26,6 @@ impl<'scope, 'env> BackgroundWriter<'scope, 'env> {
     }
 
     /// Starts `work` after the work before it has ended.
-    ///
-    /// # Errors
-    /// That of the work before it; `work` then does not start.
     pub fn start(&mut self, work: impl FnOnce() -> ivv::Result<()> + Send + 'scope) -> ivv::Result<()> {
         self.wait()?;
         self.last = Some(self.scope.spawn(work));
@@ -39,9 +33,6 @@ impl<'scope, 'env> BackgroundWriter<'scope, 'env> {
     }
 
     /// Waits for the last work.
-    ///
-    /// # Errors
-    /// That of the last work, once.
     pub fn wait(&mut self) -> ivv::Result<()> {
         match self.last.take().map(ScopedJoinHandle::join) {
             None => Ok(()),

@@ -42,7 +42,6 @@ pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Resu
     Ok(rows)
 }
 
-/// In a line: how far off the calibration is, and whether the run keeps its learnt poses.
 pub fn verdict(pixels: f64, are_learnt: bool) -> String {
     let consequence = if are_learnt {
         "the calibration is off: training refines the poses to the end"
@@ -52,7 +51,6 @@ pub fn verdict(pixels: f64, are_learnt: bool) -> String {
     format!("refined poses shift the images by {pixels:.2} pixels (median); {consequence}")
 }
 
-/// Prints a line about them.
 pub fn print(rows: &[PoseRow]) {
     let median = |of: fn(&PoseRow) -> f64| median_high(rows.iter().map(of)).unwrap_or(0.0);
     let Some(most) = rows.iter().max_by(|a, b| a.turn_degrees.total_cmp(&b.turn_degrees)) else { return };

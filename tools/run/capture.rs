@@ -10,7 +10,6 @@ use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// How to read a capture.
 #[derive(clap::Args)]
 pub struct CaptureArgs {
     /// Names of the test cameras, separated by commas. They replace those that the capture declares.
@@ -60,7 +59,6 @@ fn alpha(word: &str) -> Result<Alpha, String> {
 }
 
 impl CaptureArgs {
-    /// The settings of the options.
     pub fn settings(&self) -> CaptureSettings {
         CaptureSettings {
             test_cameras: self.test_cameras.clone(),
@@ -115,12 +113,10 @@ impl CaptureArgs {
         words
     }
 
-    /// True if no option is given.
     pub fn are_default(&self) -> bool {
         self.settings() == CaptureSettings::default()
     }
 
-    /// How the options differ from `run`.
     pub fn differ_from(&self, run: &Run) -> Vec<String> {
         let asked = self.settings();
         let names = |cameras: &[String]| cameras.iter().cloned().collect::<BTreeSet<_>>();

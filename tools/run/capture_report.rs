@@ -7,7 +7,6 @@ use ivv::internals::words::count;
 /// Most files in a line of equal faults.
 const NAMED: usize = 3;
 
-/// Equal faults in one line.
 fn one_line(faults: &[&Fault]) -> String {
     let [first, _, ..] = faults else { return faults.iter().map(|fault| fault.to_string()).collect() };
     let place = |fault: &&Fault| match fault.place.as_str() {
@@ -21,7 +20,6 @@ fn one_line(faults: &[&Fault]) -> String {
     format!("{} times{as_one} {}; {}: {}{more}", faults.len(), first.reason, first.remedy, named.join(", "))
 }
 
-/// Prints a report as text.
 pub fn print(report: &Report) {
     let format = if report.format.is_empty() { "unknown format" } else { &report.format };
     out!("{}: {format}", report.path.display());
@@ -40,7 +38,6 @@ pub fn print(report: &Report) {
     }
 }
 
-/// Prints the contents of a capture.
 fn print_contents(report: &Report) {
     let n_tests = report.n_test_cameras;
     let for_testing = if n_tests > 0 { format!(", of which {n_tests} for testing") } else { String::new() };

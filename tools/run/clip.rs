@@ -11,30 +11,21 @@ use ivv::internals::scene::{View, read_views};
 use ivv::internals::train::{Config, Run};
 use std::path::Path;
 
-/// Frames per second of a clip of which only the length is known.
 const FPS: f64 = 30.0;
 
-/// How a scene is rendered and seen, and when.
 pub struct Setting {
     /// The clock of the clip, where something tells it.
     pub clock: Option<Clock>,
     /// When the clip begins, seconds of the capture that it was trained on; 0 where nothing tells. A run tells it of its scene too, if
     /// the clip is as long as the run's.
     pub start: f64,
-    /// Views to start from.
     pub views: Vec<View>,
-    /// The sound of the clip.
     pub sounds: Sounds,
-    /// How it is rendered.
     pub constants: Constants,
-    /// The background that it was made over.
     pub background: [f32; 3],
 }
 
 /// Reads what is known of the scene of `source`, with the length and the cameras file that the user gave.
-///
-/// # Errors
-/// Those of the files; a length that the source contradicts.
 pub fn setting(source: &Source, seconds: Option<f64>, cameras: Option<&Path>) -> anyhow::Result<Setting> {
     let given = cameras.map(read_views).transpose()?;
     if is_run(source.path) {

@@ -28,7 +28,6 @@ impl KnobArgs {
     }
 }
 
-/// The rendering constants as options.
 #[derive(clap::Args)]
 pub struct ConstantArgs {
     #[arg(long, help = help("Least alpha with which a Gaussian contributes to a pixel", Constants::default().alpha_min))]
@@ -50,18 +49,11 @@ fn help(what: &str, default: f32) -> String {
 }
 
 impl ConstantArgs {
-    /// The constants.
-    ///
-    /// # Errors
-    /// The first constant out of its range.
     pub fn checked(&self) -> anyhow::Result<Constants> {
         self.checked_over(Constants::default())
     }
 
     /// The constants, with those of `d` for options that are not given.
-    ///
-    /// # Errors
-    /// As [`ConstantArgs::checked`].
     pub fn checked_over(&self, d: Constants) -> anyhow::Result<Constants> {
         let constants = Constants {
             alpha_min: self.alpha_min.unwrap_or(d.alpha_min),
@@ -85,7 +77,6 @@ impl ConstantArgs {
         Ok(constants)
     }
 
-    /// How the options differ from the constants `run` of a run.
     pub fn contradictions(&self, run: &Constants) -> Vec<String> {
         let all = [
             ("alpha-min", self.alpha_min, run.alpha_min),

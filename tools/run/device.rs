@@ -7,7 +7,6 @@ use std::ffi::CStr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-/// The options of a device.
 #[derive(clap::Args, Clone, Default)]
 pub struct DeviceArgs {
     /// The device: an index or part of a name from `ivv devices`.

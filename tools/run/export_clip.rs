@@ -19,7 +19,6 @@ use std::path::{Path, PathBuf};
 const MOST_VIEWS: usize = 8;
 const LONGEST_SIDE: u32 = 640;
 
-/// Options of formats in which time passes.
 #[derive(clap::Args, Clone, Default)]
 pub struct ClipArgs {
     /// Length of the clip, seconds, where neither a run nor the file says it.
@@ -65,9 +64,6 @@ impl ClipArgs {
     }
 
     /// True if `source` is a `.4dgs` and no option changes it.
-    ///
-    /// # Errors
-    /// Those of options that cannot be; those of a file that no player shows as it is.
     pub fn is_as_it_is(&self, source: &Source) -> anyhow::Result<bool> {
         source.clip.as_ref().map_or(Ok(()), FourDgs::check_shown)?;
         let is_changed = self.cameras.is_some() || self.seconds.is_some();
@@ -76,9 +72,6 @@ impl ClipArgs {
     }
 
     /// Refuses the options that do not apply to a format without a clip, which may begin with `views` and have a clock all the same.
-    ///
-    /// # Errors
-    /// Those that were given.
     pub fn refuse_without_clip(&self, format: &str, has_views: bool) -> anyhow::Result<()> {
         let given = [
             (self.min_psnr.is_some(), "--min-psnr"),
@@ -100,7 +93,6 @@ impl ClipArgs {
         Ok(())
     }
 
-    /// The bytes of a `.4dgs` of `splats`, the scene of `source`.
     pub fn bytes(&self, source: &Source, splats: Splats) -> anyhow::Result<Vec<u8>> {
         let clip = self.clip(source, splats.motion.is_empty())?;
         let scene = Scene { splats, clip, notes: Vec::new() };
@@ -151,7 +143,6 @@ impl ClipArgs {
         Ok(Some(written))
     }
 
-    /// The data of a `.4dgs` of the scene of `source` beside its Gaussians.
     pub fn clip(&self, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
         let Setting { clock, start, views, mut sounds, constants, background } =
             setting(source, self.seconds, self.cameras.as_deref())?;

@@ -6,23 +6,19 @@ use ivv::internals::scene::{Similarity, Splats};
 use ivv::internals::train::Run;
 use std::path::Path;
 
-/// True if `path` is the folder of a run.
 pub fn is_run(path: &Path) -> bool {
     Run::file(path).is_file()
 }
 
-/// Makes `folder` and its parents.
 pub fn make_folder(folder: &Path) -> ivv::Result<()> {
     std::fs::create_dir_all(folder)
         .map_err(|e| ivv::Error::data(folder, "", format!("cannot be made: {e}"), "choose another folder with -o"))
 }
 
-/// Writes `value` as indented JSON.
 pub fn write_json(file: &Path, value: &impl serde::Serialize) -> ivv::Result<()> {
     write_atomic(file, |to| Ok(serde_json::to_writer_pretty(to, value)?))
 }
 
-/// Reads JSON.
 pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> ivv::Result<T> {
     let fault = |reason: String| ivv::Error::data(file, "", reason, remedy);
     let text = read_file(file).map_err(|e| fault(format!("cannot be read: {e}")))?;

@@ -14,7 +14,6 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-/// How often a request to end is checked for.
 const POLL: Duration = Duration::from_millis(50);
 /// How long to wait for the others after such a request. A launcher kills all processes soon after it, Open MPI by default after a
 /// second.
@@ -24,7 +23,6 @@ const MOST: usize = 1 << 26;
 
 type Job = Box<dyn FnOnce(&SimpleCommunicator) + Send>;
 
-/// The processes of MPI.
 pub struct Mpi {
     rank: usize,
     size: usize,
@@ -88,7 +86,6 @@ impl Mpi {
     }
 }
 
-/// Makes the calls until the channel closes.
 fn work(todo: &Receiver<Job>, answer: &Sender<(usize, usize)>) {
     let Some((universe, _)) = mpi::initialize_with_threading(Threading::Funneled) else { return };
     let world = universe.world();

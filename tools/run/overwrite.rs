@@ -13,16 +13,12 @@ const SCORES: [&str; 2] = ["eval.json", "report.html"];
 /// Least digits of a frame or a step in the name of a picture.
 const DIGITS: usize = 5;
 
-/// True if `folder` contains checkpoints or results of a run.
 pub fn contains_run(folder: &Path) -> ivv::Result<bool> {
     let has_checkpoints = Checkpoint::any_in(&folder.join("checkpoints"))?;
     Ok(has_checkpoints || RESULTS.iter().any(|name| folder.join(name).exists()))
 }
 
 /// Removes the run in `folder`: checkpoints, results, renders, and what `ivv eval` wrote. Settings stay, since `new` replaces them.
-///
-/// # Errors
-/// [`Error::Data`] with the path that cannot be removed or listed.
 pub fn remove_run(folder: &Path, new: &Run) -> ivv::Result<()> {
     // If run.json is lost, the renders of cameras that the new run does not test stay.
     let mut cameras = Run::read(folder).map_or(Vec::new(), |old| old.test_cameras);
@@ -55,7 +51,6 @@ fn remove_renders(folder: &Path, cameras: &[String]) -> ivv::Result<()> {
     Ok(())
 }
 
-/// True if `file` is a picture named after a frame or a step.
 fn is_numbered(file: &Path) -> bool {
     let stem = file.file_stem().and_then(|stem| stem.to_str()).unwrap_or_default();
     let is_number = stem.len() >= DIGITS && stem.bytes().all(|byte| byte.is_ascii_digit());
@@ -80,7 +75,6 @@ fn remove(file: &Path) -> ivv::Result<()> {
     }
 }
 
-/// Removes `folder` unless it contains something else.
 fn remove_if_empty(folder: &Path) {
     let _ = std::fs::remove_dir(folder);
 }

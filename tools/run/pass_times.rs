@@ -8,7 +8,6 @@ use ivv::internals::stage::PassReport;
 pub struct TimedPass {
     /// Section and kernel.
     pub label: String,
-    /// Passes with this label.
     pub dispatches: f64,
     /// Units of work in all.
     pub units: f64,
@@ -24,7 +23,6 @@ impl From<&PassReport> for TimedPass {
 }
 
 impl TimedPass {
-    /// The pass, with all its numbers times `factor`.
     fn times(mut self, factor: f64) -> Self {
         self.dispatches *= factor;
         self.units *= factor;
@@ -32,7 +30,6 @@ impl TimedPass {
         self
     }
 
-    /// Adds the numbers of `other`.
     fn add(&mut self, other: &TimedPass) {
         self.dispatches += other.dispatches;
         self.units += other.units;
@@ -60,7 +57,6 @@ pub fn total(passes: &[TimedPass], label: &str) -> Option<TimedPass> {
     Some(TimedPass { units: 0.0, ..sum })
 }
 
-/// Prints the passes of one `what`, and their sum.
 pub fn print(passes: &[TimedPass], what: &str) {
     let Some(total) = total(passes, what) else { return };
     let (ms, units) = (format!("ms/{what}"), format!("units/{what}"));

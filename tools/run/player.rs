@@ -7,13 +7,9 @@ use ivv::internals::files::write_atomic;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
-/// A file of the player.
 pub struct PlayerFile {
-    /// Its name, beside the others.
     pub name: &'static str,
-    /// Its media type.
     pub media_type: &'static str,
-    /// Its content.
     pub text: &'static str,
 }
 
@@ -78,15 +74,11 @@ const MOST_IN_PAGE: usize = ((1 << 29) - 24) / 4 * 3;
 /// Name of the scene beside the page.
 pub const SCENE: &str = "scene.4dgs";
 
-/// The file of this name.
 fn player_file(name: &str) -> Option<&'static PlayerFile> {
     PLAYER_FILES.iter().find(|file| file.name == name)
 }
 
 /// Writes the player into `folder`, which exists and contains a scene. The page comes last, so that it is never incomplete.
-///
-/// # Errors
-/// Those of the files.
 pub fn write_player(folder: &Path) -> ivv::Result<()> {
     PLAYER_FILES
         .iter()
@@ -100,9 +92,6 @@ pub fn n_bytes() -> u64 {
 }
 
 /// The player and a scene as one page, for the file `to`. It also opens without a server.
-///
-/// # Errors
-/// [`Error::Data`] if the scene is too long for a page.
 pub fn single_file(to: &Path, scene: &[u8]) -> ivv::Result<String> {
     check_length(to, scene.len())?;
     let text = |name: &str| player_file(name).map_or("", |file| file.text);

@@ -19,7 +19,6 @@ use std::sync::{Arc, Once};
 
 /// Iterations of the fit of a test camera's time offset.
 const FIT_ITERATIONS: usize = 4;
-/// Most test views in a report.
 const EXAMPLES: usize = 8;
 /// Test views in the report of an evaluation during the run.
 const SHOWN: usize = 3;
@@ -33,7 +32,6 @@ pub struct Scorer<'a> {
     pub config: &'a Config,
 }
 
-/// The scores of some test views, with a few of the views.
 pub struct SampleScores {
     pub evaluation: Evaluation,
     pub examples: Vec<Example>,
@@ -170,7 +168,6 @@ impl Scorer<'_> {
         self.run.constants_of_capture().near
     }
 
-    /// The name of an image in lines of progress.
     fn image_name(&self, camera: usize, frame: u32) -> String {
         format!("{} frame {frame}", self.capture.cameras[camera].name)
     }
@@ -247,7 +244,6 @@ fn seams(folder: &Path, evaluation: &Evaluation) -> ivv::Result<Option<[Scores; 
     Ok(mean(true).zip(mean(false)).map(|(at, elsewhere)| [at, elsewhere]))
 }
 
-/// The name of the run in `output`, for its report.
 fn name_of(output: &Path) -> String {
     let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
     path.file_name().map_or("run".into(), |name| name.to_string_lossy()).into_owned()

@@ -7,7 +7,6 @@ use serde_json::{Value, json};
 use std::fmt::Display;
 use std::path::{Path, PathBuf};
 
-/// Settings of a run.
 #[derive(clap::Args)]
 pub struct SettingArgs {
     /// Passes over all training images; with `train --resume`, of the whole run.
@@ -54,7 +53,6 @@ pub fn patch(set: &str) -> anyhow::Result<Value> {
     Ok(patch)
 }
 
-/// Appends the settings in which `asked` differs from `has`.
 fn differences(key: &str, has: &Value, asked: &Value, found: &mut Vec<String>) {
     match (has, asked) {
         (Value::Object(has), Value::Object(asked)) => {
@@ -84,12 +82,10 @@ impl SettingArgs {
         config
     }
 
-    /// The file of settings.
     pub fn file(&self) -> Option<&Path> {
         self.config.as_deref()
     }
 
-    /// How the other options differ from `run`.
     pub fn contradictions(&self, run: &Config) -> anyhow::Result<Vec<String>> {
         let asked = Config { steps: run.steps, epochs: run.epochs, ..self.on(run)? };
         let mut found = Vec::new();

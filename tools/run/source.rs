@@ -26,9 +26,6 @@ pub enum Gaussians {
 
 impl Gaussians {
     /// A renderer of the Gaussians.
-    ///
-    /// # Errors
-    /// As [`Renderer::of_parts`].
     pub fn renderer(self, gpu: Arc<Gpu>, constants: Constants) -> ivv::Result<Renderer> {
         match self {
             Gaussians::Whole(splats) => Renderer::of_clip(gpu, Arc::new(splats.by_degree()), constants),
@@ -36,7 +33,6 @@ impl Gaussians {
         }
     }
 
-    /// True if all of them are static.
     pub fn are_static(&self) -> bool {
         match self {
             Gaussians::Whole(splats) => splats.motion.is_empty(),
@@ -47,13 +43,11 @@ impl Gaussians {
 
 /// A scene with its Gaussians `G`, and where it is from.
 pub struct LoadedScene<G = Splats> {
-    /// The file that was read.
     pub file: PathBuf,
     /// In the capture's own frame.
     pub splats: G,
     /// The step of its checkpoint, if the run has not ended.
     pub checkpoint_step: Option<u64>,
-    /// The notes of the reader, which were printed.
     pub notes: Vec<String>,
 }
 
@@ -63,7 +57,6 @@ impl From<LoadedScene> for LoadedScene<Gaussians> {
     }
 }
 
-/// Steps of the run in `folder`.
 pub fn total_steps(folder: &Path) -> Option<u64> {
     let config: Option<Config> = read_json(&folder.join("config.json"), "").ok();
     let run = Run::read(folder).ok();
@@ -85,18 +78,15 @@ pub fn final_scene(folder: &Path) -> Option<PathBuf> {
     (scene.is_file() && !is_extended).then_some(scene)
 }
 
-/// When `file` was written.
 pub fn modified(file: &Path) -> Option<SystemTime> {
     file.metadata().and_then(|data| data.modified()).ok()
 }
 
 /// A scene of which all but the Gaussians was read.
 pub struct Source<'a> {
-    /// A scene file, or the folder of a run.
     pub path: &'a Path,
     /// The file without its Gaussians, if it is a `.4dgs`.
     pub clip: Option<FourDgs>,
-    /// How it is rendered.
     pub look: Look,
     /// The notes on `look`, already printed.
     told: Vec<String>,
@@ -104,9 +94,6 @@ pub struct Source<'a> {
 
 impl<'a> Source<'a> {
     /// Reads how a scene is rendered, and all of a `.4dgs` but its Gaussians.
-    ///
-    /// # Errors
-    /// Those of the file, or of the run that it is of.
     pub fn open(path: &'a Path) -> ivv::Result<Self> {
         let clip = if FourDgs::is(path) { Some(FourDgs::open(path)?) } else { None };
         let (look, told) = Look::of(path, clip.as_ref())?;
@@ -114,9 +101,6 @@ impl<'a> Source<'a> {
     }
 
     /// Its Gaussians; those of a clip in parts are read as views need them.
-    ///
-    /// # Errors
-    /// As [`open`].
     pub fn seen(&self) -> ivv::Result<LoadedScene<Gaussians>> {
         if let Some((file, clip)) = self.parts()? {
             return Ok(LoadedScene { file, splats: Gaussians::Parts(clip), checkpoint_step: None, notes: Vec::new() });
@@ -125,9 +109,6 @@ impl<'a> Source<'a> {
     }
 
     /// Its file, if that is a clip in parts.
-    ///
-    /// # Errors
-    /// As [`open`].
     pub fn parts(&self) -> ivv::Result<Option<(PathBuf, Box<dyn Parts>)>> {
         let file = if self.path.is_dir() { final_scene(self.path) } else { Some(self.path.to_owned()) };
         let Some(file) = file else { return Ok(None) };
@@ -140,15 +121,11 @@ impl<'a> Source<'a> {
     }
 
     /// All of its Gaussians, as [`open`] reads them.
-    ///
-    /// # Errors
-    /// As [`open`].
     pub fn scene(&self) -> ivv::Result<LoadedScene> {
         let Some(clip) = &self.clip else { return self.of_path() };
         Ok(self.print(self.path, clip.splats()?, clip.notes()))
     }
 
-    /// The scene of anything but a `.4dgs`.
     fn of_path(&self) -> ivv::Result<LoadedScene> {
         let path = self.path;
         let read = |file: &Path| -> ivv::Result<LoadedScene> {
@@ -178,14 +155,10 @@ impl<'a> Source<'a> {
 
 /// Reads the scene of `path`. Of a run that has not ended, or that was extended, it reads the newest checkpoint, and says of which
 /// step that is.
-///
-/// # Errors
-/// Those of the files; [`Error::Data`] when a folder is neither a run's nor a scene, or a run has no checkpoint either.
 pub fn open(path: &Path) -> ivv::Result<LoadedScene> {
     Source::open(path)?.scene()
 }
 
-/// The newest checkpoint of the run in `folder`.
 fn newest_checkpoint(folder: &Path) -> ivv::Result<LoadedScene> {
     let checkpoints = folder.join("checkpoints");
     let Some(checkpoint) = Checkpoint::newest(&checkpoints)? else {

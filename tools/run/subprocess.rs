@@ -37,9 +37,7 @@ pub struct TrainingProcess<'a> {
     pub capture: &'a Path,
     /// The capture with its photographs and without: a finished run counts if it was trained on one of them.
     pub summaries: &'a [CaptureSummary; 2],
-    /// As `ivv train` takes it.
     pub device: Option<&'a str>,
-    /// True if other trainings run at the same time.
     pub is_concurrent: bool,
 }
 

@@ -11,12 +11,9 @@ use ivv::internals::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt
 use std::collections::BTreeMap;
 use std::path::Path;
 
-/// A row of `offsets.json`.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct OffsetRow {
-    /// Name of the camera.
     pub camera: String,
-    /// Where its offset is from.
     pub how: Origin,
     /// Frames.
     pub offset: f64,
@@ -30,7 +27,6 @@ pub struct OffsetRow {
     pub truth: Option<f64>,
 }
 
-/// Where an offset is from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
@@ -106,7 +102,6 @@ pub fn agreement(rows: &[OffsetRow]) -> Option<Agreement> {
     Agreement::of(&pairs)
 }
 
-/// The warning about offsets that reached the bound.
 fn warning(rows: &[OffsetRow]) -> Option<String> {
     let at_bound: Vec<&str> = rows.iter().filter(|row| row.at_bound).map(|row| row.camera.as_str()).collect();
     let names = at_bound.join(", ");
@@ -118,7 +113,6 @@ fn warning(rows: &[OffsetRow]) -> Option<String> {
     })
 }
 
-/// Prints the table.
 pub fn print(rows: &[OffsetRow]) {
     let width = rows.iter().map(|row| row.camera.chars().count()).fold(6, usize::max);
     let has_truth = rows.iter().any(|row| row.truth.is_some());

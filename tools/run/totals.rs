@@ -9,15 +9,11 @@ use serde_json::{Value, json};
 /// A profiled step in train.jsonl.
 #[derive(serde::Serialize, serde::Deserialize)]
 pub struct ProfiledStep {
-    /// The step.
     pub step: u64,
-    /// Its passes, by label.
     pub passes: Vec<TimedPass>,
-    /// Bytes of device buffers, by their name.
     pub bytes_by_buffer: std::collections::BTreeMap<String, u64>,
 }
 
-/// Times of a run.
 #[derive(serde::Serialize)]
 pub struct Seconds {
     /// Since this process began.
@@ -32,7 +28,6 @@ pub struct Seconds {
     pub waited_for_images_s: f64,
 }
 
-/// All totals but the scores.
 pub fn totals(
     gpu: &Gpu,
     steps_done: u64,

@@ -40,19 +40,16 @@ fn frames(text: &str) -> Result<Range<u32>, String> {
     if range.is_empty() { Err(fault()) } else { Ok(range) }
 }
 
-/// Parses a normalised time of a clip.
 pub fn clip_time(text: &str) -> Result<f64, String> {
     let time = text.parse::<f64>().ok().filter(|time| (0.0..=1.0).contains(time));
     time.ok_or_else(|| format!("expected a time from 0 (the clip's start) to 1 (its end), found {text}"))
 }
 
 impl ViewArgs {
-    /// True if an option chooses views.
     pub fn choose(&self) -> bool {
         !self.names.is_empty() || self.frames.is_some()
     }
 
-    /// How to read the capture.
     pub fn settings(&self) -> CaptureSettings {
         // Test cameras do not matter here, and a capture of one image has a view too.
         CaptureSettings { test_every: 0, ..self.read.settings() }
@@ -80,9 +77,6 @@ impl ViewArgs {
 
     /// A view of each chosen image of `capture`, camera by camera. At a given `time` a static camera has one view. Photographs, which
     /// were taken at another time than the clip, must be named.
-    ///
-    /// # Errors
-    /// If the capture has no such camera or no such frame.
     pub fn of(&self, capture: &Capture, time: Option<f64>) -> anyhow::Result<Vec<View>> {
         let has = |name: &String| capture.cameras.iter().any(|camera| camera.name == *name);
         if let Some(name) = self.names.iter().find(|name| !has(name)) {
@@ -119,7 +113,6 @@ impl ViewArgs {
         Ok(views.into_iter().map(|view| View { background: config.background, ..view }).collect())
     }
 
-    /// The views of a capture.
     pub fn of_capture(&self, path: &Path, time: Option<f64>) -> anyhow::Result<Vec<View>> {
         self.of(&capture::open(path, &self.settings())?, time)
     }

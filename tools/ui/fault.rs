@@ -13,7 +13,6 @@ pub struct FaultyCapture {
 }
 
 impl FaultyCapture {
-    /// `None` if there is no fault.
     pub fn of(n_faults: u64) -> Option<anyhow::Error> {
         (n_faults > 0).then(|| FaultyCapture { n_faults }.into())
     }
@@ -80,7 +79,6 @@ pub fn results(of: &impl serde::Serialize, fault: Option<&anyhow::Error>) -> any
     screen::print_json(&value)
 }
 
-/// The `error` of JSON output.
 fn error_json(error: &anyhow::Error) -> Value {
     let (kind, exit_code) = kind(error);
     let mut object = json!({ "kind": kind, "exit_code": exit_code, "message": format!("{error:#}") });

@@ -34,7 +34,6 @@ impl Stop {
         Ok(Stop(asked))
     }
 
-    /// True if Ctrl-C or SIGTERM came.
     pub fn is_asked(&self) -> bool {
         self.0.load(Ordering::Relaxed)
     }

@@ -43,7 +43,6 @@ impl Pace {
         screen::is_terminal() || self.last.is_some() || self.start.elapsed() >= LONG
     }
 
-    /// Shows on a terminal that the work begins.
     fn begin(&mut self, done: u64, total: u64, text: &str) {
         if screen::is_terminal() {
             self.show(done, total, text);
@@ -202,7 +201,6 @@ impl TrainingProgress {
         self.pace.show(report.step, self.total, &line);
     }
 
-    /// Reports an evaluation that took `seconds`.
     pub fn scored(&mut self, step: u64, psnr: f64, ssim: f64, n_views: usize, seconds: f64) {
         self.psnr = Some(psnr);
         self.seconds_of_an_image = seconds / n_views.max(1) as f64;

@@ -59,17 +59,14 @@ impl Screen {
     }
 }
 
-/// Leaves out messages and progress from now on.
 pub fn be_quiet() {
     screen().is_quiet = true;
 }
 
-/// True if messages are shown.
 pub fn has_messages() -> bool {
     !screen().is_quiet
 }
 
-/// A line of results.
 pub fn result(text: &str) {
     let mut screen = screen();
     screen.has_results = true;
@@ -85,7 +82,6 @@ pub fn result(text: &str) {
     screen.fault = written.err();
 }
 
-/// Writes results as JSON on standard output.
 pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     result(&serde_json::to_string_pretty(value)?);
     Ok(())
@@ -96,7 +92,6 @@ pub fn print_table(heads: &[&str], rows: impl IntoIterator<Item = Vec<String>>) 
     result(Table::new(heads, rows).plain().trim_end());
 }
 
-/// True if a line of results was written.
 pub fn has_results() -> bool {
     screen().has_results
 }
@@ -161,9 +156,6 @@ pub fn has_colours() -> bool {
 }
 
 /// Ends the output. A closed pipe is no error.
-///
-/// # Errors
-/// [`ivv::Error::Data`] when results are missing from standard output for another reason.
 pub fn finish() -> ivv::Result<()> {
     leave_bar();
     stderr::finish();

@@ -28,16 +28,13 @@ struct Queue {
 
 static QUEUE: Mutex<Queue> =
     Mutex::new(Queue { waiting: VecDeque::new(), bytes: 0, is_writing: false, is_stuck: false, n_done: 0, n_lost: 0 });
-/// A text was queued.
 static MORE: Condvar = Condvar::new();
-/// A text was written.
 static DONE: Condvar = Condvar::new();
 
 fn queue() -> MutexGuard<'static, Queue> {
     QUEUE.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Queues `text`.
 pub fn put(text: String) {
     let mut queue = queue();
     if !queue.has_room(&text, MOST_BYTES) {
@@ -93,7 +90,6 @@ impl Queue {
     }
 }
 
-/// The loop of the thread.
 fn write_all() {
     let mut queue = queue();
     loop {

@@ -31,9 +31,6 @@ pub type Spans<S> = Box<dyn Layer<S> + Send + Sync>;
 
 /// Begins the file `path`, which replaces an existing one: the phases of the command and of each step, and at
 /// [`Level::TRACE`] each pass of the device.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be made.
 pub fn begin<S>(path: &Path, log_level: Level) -> ivv::Result<(Spans<S>, Trace)>
 where
     S: tracing::Subscriber + for<'span> tracing_subscriber::registry::LookupSpan<'span> + Send + Sync,

@@ -5,7 +5,6 @@ use crate::run::capture_report::print;
 use crate::ui::fault::{self, FaultyCapture};
 use std::path::PathBuf;
 
-/// Options of `ivv check`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A capture: the project's own folder, plain COLMAP, transforms.json, LLFF, OpenSfM or Dynamic3DGaussians.

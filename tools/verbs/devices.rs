@@ -3,7 +3,6 @@
 use crate::ui::screen::{out, print_json};
 use ivv::internals::vk::{Device, DeviceChoice, list_devices};
 
-/// Options of `ivv devices`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The device to choose: an index or part of a name.

@@ -14,7 +14,6 @@ use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
 use std::path::{Path, PathBuf};
 
-/// Options of `ivv eval`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder of a run of `ivv train`. If it has not ended, its newest checkpoint is scored, into RUN/eval/step-STEP.

@@ -14,7 +14,6 @@ use ivv::internals::formats::{self, Clip, FourDgs, Scene, WRITERS, WriteOptions,
 use ivv::internals::scene::Splats;
 use std::path::{Path, PathBuf};
 
-/// Options of `ivv export`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A scene file, or the folder of a run: its scene.ply, or the newest checkpoint where it has not ended.
@@ -119,7 +118,6 @@ fn clip(args: &Args, format: Format, source: &Source, is_still: bool) -> anyhow:
     Ok(Clip { clock: setting.clock, views: setting.views, ..clip })
 }
 
-/// Says what was written of `n_read` Gaussians.
 fn print(to: &Path, written: &Written, n_read: usize, json: bool) {
     let Written { n, n_dynamic, sh_degree, bytes, .. } = written;
     if json {
@@ -142,7 +140,6 @@ impl Format {
     }
 }
 
-/// Takes the name of a format.
 fn format_parser() -> impl TypedValueParser<Value = Format> {
     let with_player = WITH_PLAYER.iter().map(|&(name, about, _)| PossibleValue::new(name).help(about));
     let files = WRITERS.iter().map(|writer| PossibleValue::new(writer.name).help(writer.about));
@@ -153,7 +150,6 @@ fn format_parser() -> impl TypedValueParser<Value = Format> {
     })
 }
 
-/// The `.4dgs` of an export that has one as a file of its own.
 fn scene_file(format: Format, to: &Path) -> PathBuf {
     if matches!(format, Format::Web) { to.join(player::SCENE) } else { to.to_owned() }
 }

@@ -11,7 +11,6 @@ use ivv::internals::words::count;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 
-/// Options of `ivv inspect`.
 #[derive(clap::Args)]
 #[command(mut_args(of_cameras))]
 pub struct Args {
@@ -29,7 +28,6 @@ pub struct Args {
     views: ViewArgs,
 }
 
-/// All options but the first two need --cameras.
 fn of_cameras(arg: clap::Arg) -> clap::Arg {
     if ["scene", "cameras"].contains(&arg.get_id().as_str()) { arg } else { arg.requires("cameras") }
 }

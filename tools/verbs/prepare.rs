@@ -16,7 +16,6 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::sync::Mutex;
 
-/// Options of `ivv prepare`.
 #[derive(clap::Args)]
 pub struct Args {
     /// Photos or a video of a static scene, or a folder of videos of one moment, whose cameras COLMAP finds; or a recording with its
@@ -134,7 +133,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     faulty.map_or(Ok(()), Err)
 }
 
-/// Prints the part of a stage that is done.
 fn print_share(stage: Stage, share: Share, json: bool) -> anyhow::Result<()> {
     let (part, of) = (share.part + 1, share.of);
     if json {
@@ -162,7 +160,6 @@ fn stage(word: &str) -> Result<Stage, String> {
     }
 }
 
-/// Parses a part K/N.
 fn part(word: &str) -> Result<Share, String> {
     let parsed = word.split_once('/').and_then(|(part, of)| Some((part.parse::<u32>().ok()?, of.parse::<u32>().ok()?)));
     match parsed {
@@ -171,7 +168,6 @@ fn part(word: &str) -> Result<Share, String> {
     }
 }
 
-/// Prints the time and bytes that a preparation will take.
 fn print_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
     if json {
         return print_json(estimate);
@@ -224,7 +220,6 @@ fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
     })
 }
 
-/// A camera's name and its shift.
 fn shift(word: &str) -> anyhow::Result<(String, f64)> {
     let parsed = word.rsplit_once('=').and_then(|(name, frames)| Some((name.to_owned(), frames.parse::<f64>().ok()?)));
     let parsed = parsed.filter(|(_, frames)| frames.abs() < 1e9);

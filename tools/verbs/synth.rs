@@ -8,7 +8,6 @@ use ivv::internals::synth::{Noise, Options, Preset, Rig, write_capture};
 use ivv::internals::words::count;
 use std::path::PathBuf;
 
-/// Options of `ivv synth`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder for the capture: a new or empty one, or an earlier capture of `ivv synth`, which is replaced.

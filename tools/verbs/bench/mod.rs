@@ -17,7 +17,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-/// Options of `ivv bench`.
 #[derive(clap::Args)]
 pub struct Args {
     #[arg(required_unless_present = "runs", conflicts_with = "runs", help = study_help())]

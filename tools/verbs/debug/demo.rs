@@ -7,7 +7,6 @@ use ivv::internals::words::count;
 use serde_json::json;
 use std::path::PathBuf;
 
-/// Options of `ivv debug demo`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder to write scene.ply and cameras.json to.

@@ -8,14 +8,12 @@ use ivv::internals::files::write_atomic;
 use ivv::internals::words::count;
 use std::path::{Path, PathBuf};
 
-/// Options of `ivv debug completions`.
 #[derive(clap::Args)]
 pub struct CompletionArgs {
     /// The shell to write for.
     shell: clap_complete::Shell,
 }
 
-/// Options of `ivv debug man`.
 #[derive(clap::Args)]
 pub struct ManArgs {
     /// The folder for the pages, such as ~/.local/share/man/man1.
@@ -23,14 +21,12 @@ pub struct ManArgs {
     output: PathBuf,
 }
 
-/// Writes the completions on standard output.
 pub fn completions(args: &CompletionArgs) {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut Cli::command(), "ivv", &mut script);
     out!("{}", String::from_utf8_lossy(&script).trim_end());
 }
 
-/// Writes a page for `ivv` and one for each of its commands.
 pub fn man(args: &ManArgs, json: bool) -> anyhow::Result<()> {
     make_folder(&args.output)?;
     let mut command = Cli::command();

@@ -4,7 +4,6 @@ mod demo;
 mod manual;
 mod vjp;
 
-/// Options of `ivv debug`.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]

@@ -11,7 +11,6 @@ use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Options of `ivv debug vjp`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A scene file, as for render.

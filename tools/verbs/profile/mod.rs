@@ -28,7 +28,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Options of `ivv profile`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A run of `ivv train` (its newest checkpoint; the folder is not changed), a capture (trained a little first), or, with --cameras,
@@ -200,7 +199,6 @@ fn sweep(args: &Args, most_gaussians: usize, output: &Path, json: bool) -> anyho
     Ok(())
 }
 
-/// Samples of a profile.
 struct Measurement {
     sample: &'static str,
     samples: Vec<Sample>,

@@ -10,7 +10,6 @@ use rspirv::binary::Disassemble;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-/// Options of a replay.
 #[derive(clap::Args)]
 pub struct ReplayArgs {
     /// Runs a dumped dispatch repeatedly.
@@ -29,7 +28,6 @@ pub struct ReplayArgs {
 }
 
 impl ReplayArgs {
-    /// The dumped dispatch.
     pub fn file(&self) -> Option<&Path> {
         self.replay.as_deref()
     }

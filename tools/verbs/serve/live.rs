@@ -32,7 +32,6 @@ const END: &str = "end-";
 /// The latest line of the log of a training in this process.
 pub type LatestLine = Arc<Mutex<Value>>;
 
-/// A run.
 pub struct LiveRun {
     folder: PathBuf,
     latest_line: Option<LatestLine>,
@@ -119,7 +118,6 @@ impl LiveRun {
         announced.clone()
     }
 
-    /// The name of the newest scene.
     fn newest(&self) -> Option<String> {
         if let Some(end) = final_scene(&self.folder).as_deref().and_then(modified) {
             return Some(format!("{END}{}", millis(end)));
@@ -131,7 +129,6 @@ impl LiveRun {
         self.folder.join("checkpoints")
     }
 
-    /// The report so far.
     pub fn report(&self) -> Option<Vec<u8>> {
         read_file(&self.folder.join("report.html")).ok()
     }
@@ -187,7 +184,6 @@ pub struct Events {
 }
 
 impl Events {
-    /// Those of a run.
     pub fn new(live: Rc<LiveRun>) -> Self {
         let mut every = tokio::time::interval(POLL);
         every.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);

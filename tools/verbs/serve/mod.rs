@@ -37,7 +37,6 @@ const PATIENCE: Duration = Duration::from_secs(20);
 /// How often a request to end is checked for.
 const GLANCE: Duration = Duration::from_millis(100);
 
-/// Options of `ivv serve`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder of a run, or a scene file: a .4dgs is sent as it is, others are converted first. The page of a run that has not ended
@@ -163,7 +162,6 @@ fn serve(listener: TcpListener, site: impl FnOnce() -> Site, is_over: &dyn Fn() 
     })
 }
 
-/// Answers the requests of a connection until it ends.
 async fn talk(stream: TcpStream, site: &Rc<Site>) {
     let mut stream = TimeoutStream::new(stream);
     stream.set_write_timeout(Some(PATIENCE));

@@ -52,16 +52,12 @@ impl Drop for TemporaryFile {
 }
 
 impl ServedScene {
-    /// These bytes.
     pub fn new(bytes: Bytes) -> Self {
         ServedScene { tag: tag(&bytes), data: Data::Memory(bytes) }
     }
 
     /// Those of a file, which is read as it is sent. A `temporary` file is removed with the scene, or at once if an open file needs no
     /// name, so that a killed server leaves nothing behind.
-    ///
-    /// # Errors
-    /// Those of the file.
     pub fn of_file(path: &Path, temporary: Option<TemporaryFile>) -> ivv::Result<Self> {
         let fault = |fault: io::Error| cannot_read(path, &fault);
         let file = open_file(path).map_err(fault)?;
@@ -71,7 +67,6 @@ impl ServedScene {
         Ok(ServedScene { data: Data::File(Arc::new(open)), tag })
     }
 
-    /// How many bytes there are.
     pub fn len(&self) -> usize {
         match &self.data {
             Data::Memory(bytes) => bytes.len(),
@@ -79,7 +74,6 @@ impl ServedScene {
         }
     }
 
-    /// A part of them, to be sent.
     pub fn part(&self, range: Range<usize>) -> Either<Full<Bytes>, FilePart> {
         match &self.data {
             Data::Memory(bytes) => Either::Left(Full::new(bytes.slice(range))),

@@ -48,7 +48,6 @@ impl Site {
         Site { content, hosts, is_everywhere: bind.is_unspecified() }
     }
 
-    /// The answer to a request, whatever its body.
     pub async fn answer<B>(&self, request: &Request<B>) -> Response<AnyBody> {
         let is_head = request.method() == Method::HEAD;
         let mut answer = match &self.content {
@@ -183,7 +182,6 @@ fn of_report(live: &LiveRun) -> Response<Full<Bytes>> {
 enum ByteRange {
     /// Everything: the header is not understood, or asks for several parts.
     Whole,
-    /// These bytes, at least one.
     Part(Range<usize>),
     /// Beyond the end.
     Beyond,

@@ -18,7 +18,6 @@ use std::path::{Path, PathBuf};
 /// If fewer mouths agree than this part, the keypoints are wrong, and not just single detections.
 const FEW_AGREE: f64 = 0.5;
 
-/// Options of `ivv sound localize`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A capture folder. Its lenses may distort if the keypoints are from the original pictures.
@@ -148,7 +147,6 @@ fn sound_scene(args: &Args, rig: &Rig, microphone: &RigCamera, found: &Localized
     })
 }
 
-/// RMS of a recording by frame.
 fn loudness(sound: &[f32], fps: f64, n_frames: usize) -> Vec<f64> {
     let sample = |frame: usize| ((frame as f64 / fps * f64::from(FS)) as usize).min(sound.len());
     let rms = |frame: usize| {

@@ -4,7 +4,6 @@ mod localize;
 mod render;
 mod synth;
 
-/// Options of `ivv sound`.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]

@@ -15,7 +15,6 @@ use std::time::Instant;
 /// Part of the time from which a gain beyond 6 dB is worth a warning.
 const OFTEN: f64 = 0.05;
 
-/// Options of `ivv sound render`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A scene.json, as `ivv sound localize` writes it.
@@ -42,7 +41,6 @@ pub struct Args {
     ambix: Option<PathBuf>,
 }
 
-/// How a scene is rendered.
 #[derive(clap::Args)]
 struct ConfigArgs {
     /// paper2d: the paper's, on the horizon. paper3d: with elevation. physical: with delay and Doppler, for metric scenes.

@@ -19,7 +19,6 @@ use std::path::{Path, PathBuf};
 const DISTANCE: f64 = 1.5;
 const SPEED: f64 = 60.0;
 
-/// Options of `ivv sound synth`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder to write to: path.csv and truth.wav.
@@ -57,7 +56,6 @@ struct Truth {
 
 #[derive(serde::Deserialize)]
 struct TrueSource {
-    /// By frame.
     position: Vec<[f64; 3]>,
     speed_of_sound: f64,
 }

@@ -7,7 +7,6 @@ use crate::run::schedule::ScheduleArgs;
 use crate::run::settings::SettingArgs;
 use std::path::PathBuf;
 
-/// Options of `ivv train`.
 #[derive(clap::Args)]
 pub struct Args {
     /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume only if it

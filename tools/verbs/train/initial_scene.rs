@@ -9,7 +9,6 @@ use ivv::internals::formats::Own;
 use ivv::internals::train::{Config, first_gaussians};
 use std::path::Path;
 
-/// Writes the first Gaussians of the training of `args` to `file`.
 pub fn write(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
     // Higher degrees are 0 at first, and make the file larger.
     let config = Config { sh_degree: 0, ..args.settings.resolve()? };

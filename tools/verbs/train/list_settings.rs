@@ -7,7 +7,6 @@ use ivv::internals::train::{PRESETS, Preset, all_settings, check_name, default_o
 use ivv::internals::words::count;
 use serde_json::{Value, json};
 
-/// Prints the settings whose names begin with `prefix`.
 pub fn print(prefix: &str, json: bool) -> anyhow::Result<()> {
     let listed: Vec<&Setting> = all_settings().filter(|setting| setting.name.starts_with(prefix)).collect();
     if listed.is_empty() {

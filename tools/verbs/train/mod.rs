@@ -182,7 +182,6 @@ struct Training<'scope, 'env> {
 }
 
 impl Training<'_, '_> {
-    /// Takes all steps.
     fn train(&mut self, stop: &Stop) -> anyhow::Result<()> {
         if self.session.steps() == 0 {
             // From here on there is always a checkpoint to resume.
@@ -219,7 +218,6 @@ impl Training<'_, '_> {
         Ok(())
     }
 
-    /// A step whose passes are timed.
     fn profile(&mut self) -> anyhow::Result<()> {
         let Some(profiled) = self.session.profile()? else { return Ok(()) };
         let gpu = self.scorer.gpu;

@@ -29,10 +29,8 @@ pub struct TrainingSetup {
     pub config: Config,
     /// Steps of the whole run.
     pub total: u64,
-    /// The run folder.
     pub output: PathBuf,
     pub checkpoints: PathBuf,
-    /// The checkpoint to start from.
     pub resumed: Option<Checkpoint>,
     /// True if the folder contains another run until [`TrainingSetup::replace`].
     replaces: bool,
@@ -215,7 +213,6 @@ impl TrainingSetup {
     }
 }
 
-/// The run folder that `args` name.
 fn folder(args: &Args) -> anyhow::Result<PathBuf> {
     args.output.clone().context("give the run folder, -o FOLDER")
 }
@@ -234,7 +231,6 @@ pub fn training_capture(capture: Capture, config: &Config) -> Capture {
     if config.holds_static { capture.without_photos() } else { capture }
 }
 
-/// Number of training images.
 fn n_training_images(capture: &Capture) -> ivv::Result<u64> {
     match capture.training_frames().len() {
         0 => Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`")),
