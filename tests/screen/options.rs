@@ -24,7 +24,7 @@ fn an_option_out_of_range_is_told_with_what_was_expected_and_what_was_found() {
             vec!["sound", "localize", &capture, "-o", &out, "--metres-per-unit", "0"],
             "--metres-per-unit: expected a positive number, found 0",
         ),
-        ([&sound[..], &["--r-min", "0"]].concat(), "--r-min: expected a positive number, found 0"),
+        ([&sound[..], &["--lufs", "1"]].concat(), "--lufs: expected a number from -70 to 0, found 1"),
         (vec!["inspect", &capture, "--cameras", &out, "--capture", &capture], "which is none; leave it out"),
         (vec!["inspect", &scene, "--test-every", "4"], "--cameras"),
     ];

@@ -1,7 +1,6 @@
 //! Code that verbs share: scenes, captures and training runs.
 
 pub mod appearance;
-pub mod axes;
 pub mod background;
 pub mod camera_poses;
 pub mod capture;

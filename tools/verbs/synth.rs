@@ -1,10 +1,10 @@
 //! `ivv synth`.
 
 use crate::ui::progress::Progress;
-use crate::ui::screen::out;
+use crate::ui::screen::answer;
 use anyhow::Context;
 use clap::builder::PossibleValuesParser;
-use ivv::internals::synth::{Noise, Options, Preset, Rig, write_capture};
+use ivv::internals::synth::{Options, Preset, Rig, write_capture};
 use ivv::internals::words::count;
 use std::path::PathBuf;
 
@@ -14,7 +14,7 @@ pub struct Args {
     #[arg(short, long)]
     output: PathBuf,
     /// tiny: 6 cameras, 64 x 48, 8 frames. small: 10 cameras, 128 x 96, 12 frames. hard: small with --offsets --colors --masks and
-    /// --noise all. outward: small with 12 cameras that look outward. study: small with 40 frames and --offsets. room: 20 cameras,
+    /// noise in images and priors. outward: small with 12 cameras that look outward. study: small with 40 frames and --offsets. room: 20 cameras,
     /// 480 x 360, 60 frames.
     #[arg(long, default_value = "small", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
     preset: String,
@@ -33,12 +33,8 @@ pub struct Args {
     /// Writes a calibration in which each training camera is turned by 0.2 degrees and shifted by 10 mm.
     #[arg(long)]
     bent: bool,
-    /// Where to add noise. none: nowhere. priors: to points, flow, depth and keypoints. rough: as priors, with points 3 cm off and one in
-    /// five an outlier. all: to the priors and the images. The default depends on the preset.
-    #[arg(long, value_parser = PossibleValuesParser::new(["none", "priors", "rough", "all"]))]
-    noise: Option<String>,
-    /// The placement of the cameras. inward: on an arc, looking at the middle of a room. outward: on a hemisphere 0.5 m wide, looking
-    /// out, with a scene 1 to 8 m away. moving: as outward, and the hemisphere moves. The default depends on the preset.
+    /// The placement of the cameras: inward on an arc, outward on a hemisphere of 0.5 m, or moving outward. By default the
+    /// preset's.
     #[arg(long, value_parser = PossibleValuesParser::new(Rig::ALL.map(Rig::name)))]
     rig: Option<String>,
     /// Cameras in all, instead of the preset's.
@@ -62,14 +58,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let summary = write_capture(&args.output, &options, threads, &mut |done, total| {
         progress.reach(done, total, "pictures, point clouds and recordings");
     })?;
-    if json {
-        let path = args.output.to_string_lossy();
-        out!("{}", serde_json::json!({ "path": path, "options": options, "summary": summary }));
-        return Ok(());
-    }
-    out!(
-        "{}: {} ({} for testing), {}, {} of {} x {}, {} ({} outliers)",
-        args.output.display(),
+    let path = args.output.to_string_lossy();
+    let text = format!(
+        "{path}: {} ({} for testing), {}, {} of {} x {}, {} ({} outliers)",
         count(summary.cameras, "camera"),
         summary.test_cameras,
         count(summary.frames, "frame"),
@@ -79,6 +70,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         count(summary.points, "point"),
         summary.outliers,
     );
+    answer(json, &serde_json::json!({ "path": path, "options": options, "summary": summary }), text);
     Ok(())
 }
 
@@ -89,13 +81,6 @@ fn options(args: &Args) -> anyhow::Result<Options> {
     options.colors |= args.colors;
     options.masks |= args.masks;
     options.bent = args.bent;
-    match args.noise.as_deref() {
-        Some("none") => options.noise = Noise::None,
-        Some("priors") => options.noise = Noise::Priors,
-        Some("rough") => options.noise = Noise::Rough,
-        Some(_) => options.noise = Noise::All,
-        None => {}
-    }
     if let Some(rig) = Rig::ALL.into_iter().find(|rig| args.rig.as_deref() == Some(rig.name())) {
         options.rig = rig;
     }

@@ -1,11 +1,10 @@
 //! `ivv sound render`.
 
-use crate::run::axes::Axes;
 use crate::ui::screen::out;
 use ivv::internals::sound::geometry::Mode;
 use ivv::internals::sound::hrtf::{HrtfSet, Lookup};
 use ivv::internals::sound::loudness::{self, PEAK_LIMIT_DB};
-use ivv::internals::sound::path::{Convention, read_path};
+use ivv::internals::sound::path::read_path;
 use ivv::internals::sound::render::{RenderConfig, Rendered, SourceReport, render_ambix, render_signals, signals};
 use ivv::internals::sound::scene_file::SoundScene;
 use ivv::internals::sound::wav::{Depth, write};
@@ -19,42 +18,30 @@ const OFTEN: f64 = 0.05;
 pub struct Args {
     /// A scene.json, as `ivv sound localize` writes it.
     scene: PathBuf,
-    /// The head's path: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio and nerfview; seconds of the clip.
+    /// The head's path in seconds of the clip: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio or nerfview.
     #[arg(long)]
     path: PathBuf,
-    /// The axes of the path's poses. By default the head's in a CSV, OpenGL's in a JSON, OpenCV's in a TUM file.
-    #[arg(long)]
-    path_convention: Option<Axes>,
     /// The .wav to write: two channels, 48 kHz, 24 bits.
     #[arg(short, long)]
     output: PathBuf,
     /// The ears: `sphere`, a SOFA file, or a folder of WAV files as SADIE's.
     #[arg(long, default_value = "sphere")]
     hrtf: PathBuf,
-    #[command(flatten)]
-    config: ConfigArgs,
-    /// Write 32 bit floats.
-    #[arg(long)]
-    float: bool,
-    /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
-    #[arg(long)]
-    ambix: Option<PathBuf>,
-}
-
-#[derive(clap::Args)]
-struct ConfigArgs {
     /// paper2d: the paper's, on the horizon. paper3d: with elevation. physical: with delay and Doppler, for metric scenes.
     #[arg(long, default_value = "paper2d", value_parser = mode)]
     mode: Mode,
     /// aligned: responses between the measured directions. nearest: the measured one.
     #[arg(long, default_value = "aligned", value_parser = lookup)]
     lookup: Lookup,
-    /// Sources nearer than this get no louder, metres.
-    #[arg(long, default_value_t = RenderConfig::default().r_min_m)]
-    r_min: f64,
     /// Loudness of the result, LUFS. By default unchanged, with peaks below -1 dBTP.
     #[arg(long, allow_hyphen_values = true)]
     lufs: Option<f64>,
+    /// Write 32 bit floats.
+    #[arg(long)]
+    float: bool,
+    /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
+    #[arg(long)]
+    ambix: Option<PathBuf>,
 }
 
 fn mode(text: &str) -> Result<Mode, String> {
@@ -74,27 +61,14 @@ fn lookup(text: &str) -> Result<Lookup, String> {
     }
 }
 
-impl ConfigArgs {
-    fn config(&self) -> anyhow::Result<RenderConfig> {
-        let r_min = self.r_min;
-        anyhow::ensure!(r_min > 0.0 && r_min.is_finite(), "--r-min: expected a positive number, found {r_min}");
-        if let Some(lufs) = self.lufs {
-            anyhow::ensure!((-70.0..=0.0).contains(&lufs), "--lufs: expected a number from -70 to 0, found {lufs}");
-        }
-        Ok(RenderConfig {
-            mode: self.mode,
-            lookup: self.lookup,
-            r_min_m: r_min,
-            lufs: self.lufs,
-            ..RenderConfig::default()
-        })
-    }
-}
-
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let config = args.config.config()?;
+    let Args { mode, lookup, lufs, .. } = *args;
+    if let Some(lufs) = lufs {
+        anyhow::ensure!((-70.0..=0.0).contains(&lufs), "--lufs: expected a number from -70 to 0, found {lufs}");
+    }
+    let config = RenderConfig { mode, lookup, lufs, ..RenderConfig::default() };
     let scene = SoundScene::read(&args.scene)?;
-    let head = read_path(&args.path, args.path_convention.map(Convention::from))?.track;
+    let head = read_path(&args.path, None)?.track;
     let hrtf = HrtfSet::open(&args.hrtf)?;
     let sounds = signals(&scene)?;
     let from = Instant::now();
