@@ -45,7 +45,7 @@
 //! A [`Renderer`] holds one scene on the device. [`Outputs::All`] gives colour, alpha, depth, inverse depth and optical flow.
 //!
 //! ```no_run
-//! use ivv::{Constants, Gpu, GpuOptions, Outputs, Renderer, View, formats};
+//! use ivv::{Constants, Gpu, GpuOptions, Intrinsics, Outputs, Renderer, View, formats};
 //! use std::sync::Arc;
 //!
 //! # fn main() -> ivv::Result<()> {
@@ -57,7 +57,7 @@
 //! let scene = formats::read("scene.4dgs")?;
 //! let mut renderer = Renderer::new(gpu, &scene.splats, scene.clip.constants)?;
 //! // From where, to where, upwards; pixels; vertical field of view, degrees.
-//! let view = View::look_at([0.0, -1.0, -4.0], [0.0; 3], [0.0, -1.0, 0.0], (1280, 720), 50.0);
+//! let view = View::look_at([0.0, -1.0, -4.0], [0.0; 3], [0.0, -1.0, 0.0], Intrinsics::of_fov(1280, 720, 50.0));
 //! let view = View { time: 0.5, ..view };
 //! let (frame, report) = renderer.render(&view, Outputs::All)?;
 //! assert_eq!(frame.color.len(), 1280 * 720);

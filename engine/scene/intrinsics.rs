@@ -24,6 +24,12 @@ pub struct Intrinsics {
 const MOST_SHOWN: f64 = 1.35;
 
 impl Intrinsics {
+    /// A picture of `width` by `height` square pixels, with `fov` degrees from its lower border to its upper one.
+    pub fn of_fov(width: u32, height: u32, fov: f64) -> Self {
+        let focal = f64::from(height) / (2.0 * (fov.to_radians() / 2.0).tan());
+        Intrinsics { width, height, fx: focal, fy: focal, cx: f64::from(width) / 2.0, cy: f64::from(height) / 2.0 }
+    }
+
     #[doc(hidden)]
     pub fn focal(&self) -> DVec2 {
         DVec2::new(self.fx, self.fy)

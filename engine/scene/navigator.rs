@@ -3,7 +3,7 @@
 use glam::{DMat3, DVec2, DVec3};
 
 use super::orbit::{Orbit, upright};
-use super::{Pose, Splats, View};
+use super::{Intrinsics, Pose, Splats, View};
 use crate::report::statistics::median_high;
 
 const TURN_PER_PIXEL: f64 = 0.005;
@@ -62,7 +62,7 @@ impl Navigator {
         let up = upright(views).unwrap_or(DVec3::NEG_Y);
         let whole = || {
             let eye = middle - 3.0 * radius * DVec3::Z;
-            View::look_at(eye.into(), middle.into(), DVec3::NEG_Y.into(), (1280, 720), 50.0)
+            View::look_at(eye.into(), middle.into(), DVec3::NEG_Y.into(), Intrinsics::of_fov(1280, 720, 50.0))
         };
         let view = views.first().cloned().unwrap_or_else(whole);
         let (rotation, center, is_flying) = (DMat3::IDENTITY, DVec3::ZERO, false);

@@ -192,13 +192,10 @@ impl View {
         self.time == PHOTO_TIME
     }
 
-    /// A view as [`Pose::look_at`] has it, of (width, height) square pixels and `fov` degrees from the lower border to the upper one. At
-    /// time 0, over black.
-    pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], (width, height): (u32, u32), fov: f64) -> View {
+    /// A view from `eye` to `target`, world, with the direction `up` upwards in the picture; see [`Intrinsics::of_fov`]. At time 0,
+    /// over black. Where `eye` is at `target` it looks along z; where it looks along `up`, some direction is upwards.
+    pub fn look_at(eye: [f64; 3], target: [f64; 3], up: [f64; 3], intrinsics: Intrinsics) -> View {
         let [eye, target, up] = [eye, target, up].map(DVec3::from);
-        let f = f64::from(height) / (2.0 * (fov.to_radians() / 2.0).tan());
-        let [cx, cy] = [width, height].map(|side| f64::from(side) / 2.0);
-        let intrinsics = Intrinsics { width, height, fx: f, fy: f, cx, cy };
         View {
             name: "view".to_owned(),
             intrinsics,

@@ -193,11 +193,11 @@ fn color_of(direction: DVec3, points: &[Point]) -> Option<DVec3> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::Motion;
+    use crate::scene::{Intrinsics, Motion};
 
     /// A camera in the middle that looks along z, 90 degrees wide and high.
     fn view() -> View {
-        View::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], (64, 64), 90.0)
+        View::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], Intrinsics::of_fov(64, 64, 90.0))
     }
 
     fn around(scene: &Splats, views: &[View], n: usize) -> Splats {
@@ -269,7 +269,7 @@ mod tests {
     fn it_stands_outside_of_cameras_that_are_farther_off_than_what_they_see() {
         // Four cameras 20 from their middle, around what is 4 from it.
         let eyes = [[20.0, 0.0, 0.0], [0.0, 0.0, 20.0], [-20.0, 0.0, 0.0], [0.0, 0.0, -20.0]];
-        let views = eyes.map(|eye| View::look_at(eye, [0.0; 3], [0.0, -1.0, 0.0], (64, 64), 40.0));
+        let views = eyes.map(|eye| View::look_at(eye, [0.0; 3], [0.0, -1.0, 0.0], Intrinsics::of_fov(64, 64, 40.0)));
         let found = around(&shell(|_| true), &views, 1000);
         assert!(found.len() > 100, "{}", found.len());
         for at in found.position.iter().map(|at| DVec3::from_array(at.map(f64::from))) {

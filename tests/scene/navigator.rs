@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use glam::{DMat3, DVec2, DVec3};
-use ivv::internals::scene::{Navigator, Playhead, Push, Splats, View, demo, upright};
+use ivv::internals::scene::{Intrinsics, Navigator, Playhead, Push, Splats, View, demo, upright};
 
 const SIZE: [u32; 2] = [320, 240];
 
@@ -120,7 +120,7 @@ fn it_looks_neither_straight_up_nor_straight_down_and_comes_back_from_there() {
     let up = DVec3::new(0.2, -1.0, 0.1).normalize();
     let across = up.any_orthonormal_vector();
     let views = [across, up.cross(across), -across, -up.cross(across)]
-        .map(|side| View::look_at((3.0 * side).into(), [0.0; 3], up.into(), (32, 24), 50.0));
+        .map(|side| View::look_at((3.0 * side).into(), [0.0; 3], up.into(), Intrinsics::of_fov(32, 24, 50.0)));
     assert!(upright(&views).unwrap().distance(up) < 1e-9);
     let mut navigator = Navigator::new(&views, &demo().0);
     let steepness = |navigator: &Navigator| navigator.forward().dot(up);
@@ -212,7 +212,7 @@ fn a_view_in_a_window_of_its_shape_is_scaled_and_in_others_shows_all_or_is_cropp
 #[test]
 fn views_are_upright_on_average_and_some_are_not_at_all() {
     let up = DVec3::new(0.3, -1.0, 0.2).normalize();
-    let at = |eye: [f64; 3], up: DVec3| View::look_at(eye, [0.0; 3], up.into(), (32, 24), 50.0);
+    let at = |eye: [f64; 3], up: DVec3| View::look_at(eye, [0.0; 3], up.into(), Intrinsics::of_fov(32, 24, 50.0));
     let side = up.any_orthonormal_vector();
     let around = [at((2.0 * side).into(), up), at((-2.0 * side).into(), up)];
     assert!(upright(&around).unwrap().distance(up) < 1e-9);

@@ -182,7 +182,7 @@ fn a_view_looks_from_where_it_is_to_what_it_looks_at_with_up_upwards() {
         })
     };
     let (eye, target) = ([1.0, -2.0, 0.5], [3.0, 1.0, 4.0]);
-    let view = View::look_at(eye, target, [0.0, -1.0, 0.0], (640, 480), 60.0);
+    let view = View::look_at(eye, target, [0.0, -1.0, 0.0], Intrinsics::of_fov(640, 480, 60.0));
     assert!(in_camera(&view, eye).iter().all(|x| x.abs() < 1e-12));
     let distance = (4.0f64 + 9.0 + 12.25).sqrt();
     let [x, y, z] = in_camera(&view, target);
@@ -199,8 +199,11 @@ fn a_view_looks_from_where_it_is_to_what_it_looks_at_with_up_upwards() {
     let folder = Folder::new("look-at");
     let views = [
         view,
-        View { name: "down".to_owned(), ..View::look_at(eye, [1.0, 3.0, 0.5], [0.0, -1.0, 0.0], (8, 8), 90.0) },
-        View { name: "nowhere".to_owned(), ..View::look_at(eye, eye, [0.0; 3], (8, 8), 90.0) },
+        View {
+            name: "down".to_owned(),
+            ..View::look_at(eye, [1.0, 3.0, 0.5], [0.0, -1.0, 0.0], Intrinsics::of_fov(8, 8, 90.0))
+        },
+        View { name: "nowhere".to_owned(), ..View::look_at(eye, eye, [0.0; 3], Intrinsics::of_fov(8, 8, 90.0)) },
     ];
     write_views(&folder.file("views.json"), &views).unwrap();
     assert_eq!(read_views(&folder.file("views.json")).unwrap(), views, "rotations, all of them");

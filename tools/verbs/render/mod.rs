@@ -14,6 +14,7 @@ use crate::ui::progress::Progress;
 use crate::ui::screen::{alert, out, print_json};
 use crate::verbs::render::picture::{Format, check_finite};
 use crate::verbs::render::video::{Film, PathArgs, VideoJob};
+use ivv::Constants;
 use ivv::internals::formats::FourDgs;
 use ivv::internals::scene::View;
 use ivv::internals::sound::rig::Rig;
@@ -26,15 +27,13 @@ use std::time::Instant;
 /// Options of `ivv render`.
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run, for its scene (or newest checkpoint, if it has not ended), the views of its capture and its rendering
-    /// constants; or a scene file, of any format in the manual's page Files, or the folder of a SOG.
+    /// The folder of a run, for its scene, views and rendering constants; or a scene file of any format.
     #[arg(value_name = "RUN|SCENE")]
     source: PathBuf,
     /// Views to render: a cameras file (JSON, as of `ivv inspect --cameras`), a transforms.json, or a capture, as a COLMAP project.
     #[arg(long, conflicts_with_all = ["path", "capture"])]
     cameras: Option<PathBuf>,
-    /// The capture of the scene, for its views; for a run, where its capture is now. With --path its frame rate and length map seconds
-    /// to scene time, which a dynamic scene needs.
+    /// The capture of the scene, for its views and, with --path, its clock; for a run, where its capture is now.
     #[arg(long)]
     capture: Option<PathBuf>,
     #[command(flatten)]
@@ -92,10 +91,10 @@ impl Args {
 
     /// The video that the options ask for; `None` if they ask for views.
     fn film(&self, source: &Source, run: Option<&Run>) -> anyhow::Result<Option<Film>> {
-        let Some(path) = self.film.path() else {
+        let Some(path) = &self.film.path else {
             let span = self.span_of_file(source, run);
             let orbit = |seconds| Film::around(&self.film, seconds, &self.views(source)?, span, self.time);
-            return self.film.orbit().map(orbit).transpose();
+            return self.film.orbit.map(orbit).transpose();
         };
         let remedy = "leave them out, or use --orbit";
         anyhow::ensure!(!self.views.choose(), "--camera and --frames choose views, and --path has its own; {remedy}");
@@ -145,16 +144,16 @@ fn within_clip(cameras: &Path, loaded: &LoadedScene<Gaussians>, views: &[View]) 
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let path = args.source.as_path();
-    let run = if is_run(path) { Some(Run::read(path)?) } else { None };
+    let run = is_run(path).then(|| Run::read(path)).transpose()?;
     // Report errors of options before reading a scene.
-    args.knobs.on(args.constants.checked()?)?;
+    args.knobs.on(args.constants.over(Constants::default())?)?;
     let stop = Stop::listen()?;
     let source = Source::open(path)?;
-    let constants = args.knobs.on(args.constants.checked_over(source.look.constants)?)?;
+    let constants = args.knobs.on(args.constants.over(source.look.constants)?)?;
     if let Some(film) = args.film(&source, run.as_ref())? {
         let loaded = source.seen()?;
-        let job = VideoJob { output: &args.output, device: &args.device, constants, stop: &stop };
-        return video::run(&film, &args.film, loaded, &job, json);
+        let job = VideoJob { output: &args.output, args: &args.film, device: &args.device, constants, stop: &stop };
+        return video::run(&film, loaded, &job, json);
     }
     let views = args.views(&source)?;
     let loaded = source.seen()?;
@@ -163,8 +162,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let gpu = args.device.open()?;
     let outputs = if args.format.iter().all(|f| *f == Format::Png) { Outputs::Color } else { Outputs::All };
     let mut renderer = loaded.splats.renderer(gpu.clone(), constants)?;
-    let profiled = if args.profile { profile(&mut renderer, &views, outputs, &stop)? } else { Vec::new() };
-    let reports = write_views(&mut renderer, &views, outputs, &args.output, &args.format, &profiled, &stop)?;
+    let reports = write_views(args, &mut renderer, &views, outputs, &stop)?;
     let bad = reports.iter().map(|r| r.frame.bad_gaussians).max().unwrap_or(0);
     if bad > 0 {
         alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
@@ -186,32 +184,36 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Renders `views` into files of the folder in these formats, with a report of each. Reports of `profiled` views replace their own.
+/// Renders `views` into files, with a report of each; with --profile that of another rendering, with timed passes.
 fn write_views(
+    args: &Args,
     renderer: &mut Renderer,
     views: &[View],
     outputs: Outputs,
-    folder: &Path,
-    formats: &[Format],
-    profiled: &[FrameReport],
     stop: &Stop,
 ) -> anyhow::Result<Vec<ViewReport>> {
+    let interrupted = || Interrupted("the files written so far are complete").into();
+    let mut profiled = Vec::new();
+    if let (true, Some(first)) = (args.profile, views.first()) {
+        // Kernels are compiled at their first dispatch, and lists grow to their size.
+        renderer.draw(first, outputs)?;
+        for view in views {
+            if stop.is_asked() {
+                return Err(interrupted());
+            }
+            profiled.push(renderer.profile(view, outputs)?);
+        }
+    }
     let mut progress = Progress::new("view", views.len());
     let mut reports = Vec::new();
     let mut begun = Instant::now();
     renderer.stream(views.iter().cloned(), outputs, Destination::Host, |view, frame, report| {
         let seconds = begun.elapsed().as_secs_f64();
         check_finite(&frame, view)?;
-        for format in formats {
-            format.write(&frame, folder, view)?;
-        }
-        progress.step(&format!(
-            "{}, {} Gaussians, {} intersections, {:.1} ms",
-            view.name,
-            report.gaussians,
-            report.intersections,
-            1e3 * seconds
-        ));
+        args.format.iter().try_for_each(|format| format.write(&frame, &args.output, view))?;
+        let FrameReport { gaussians, intersections, .. } = &report;
+        let (name, ms) = (&view.name, 1e3 * seconds);
+        progress.step(&format!("{name}, {gaussians} Gaussians, {intersections} intersections, {ms:.1} ms"));
         reports.push(ViewReport {
             name: view.name.clone(),
             width: view.intrinsics.width,
@@ -225,30 +227,12 @@ fn write_views(
     Ok(reports)
 }
 
-/// The reports of all views with timed passes.
-fn profile(renderer: &mut Renderer, views: &[View], outputs: Outputs, stop: &Stop) -> anyhow::Result<Vec<FrameReport>> {
-    // Kernels are compiled at their first dispatch, and lists grow to their size.
-    views.first().map(|view| renderer.draw(view, outputs)).transpose()?;
-    let profiled = views
-        .iter()
-        .map(|view| if stop.is_asked() { Err(interrupted()) } else { Ok(renderer.profile(view, outputs)?) });
-    profiled.collect()
-}
-
-fn interrupted() -> anyhow::Error {
-    Interrupted("the files written so far are complete").into()
-}
-
 /// Prints the mean work of the views.
 fn print_counts(reports: &[ViewReport]) {
-    let mean = |f: fn(&FrameReport) -> u64| {
-        reports.iter().map(|r| f(&r.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
+    let mean = |of: fn(&FrameReport) -> u64| {
+        reports.iter().map(|report| of(&report.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
     };
-    out!(
-        "per view: {:.0} active, {:.0} visible, {:.0} intersections, {:.0} tiles",
-        mean(|f| f.active),
-        mean(|f| f.visible),
-        mean(|f| f.intersections),
-        mean(|f| f.tiles)
-    );
+    let [active, visible] = [mean(|f| f.active), mean(|f| f.visible)];
+    let [intersections, tiles] = [mean(|f| f.intersections), mean(|f| f.tiles)];
+    out!("per view: {active:.0} active, {visible:.0} visible, {intersections:.0} intersections, {tiles:.0} tiles");
 }

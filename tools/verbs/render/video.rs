@@ -1,20 +1,19 @@
 //! `ivv render --path` and `--orbit`: a video along a path, with its sound, or around a scene.
 
-use crate::run::axes::Axes;
 use crate::run::clip::start_in_run;
 use crate::run::device::DeviceArgs;
 use crate::run::files::make_folder;
 use crate::run::source::{Gaussians, LoadedScene};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
-use crate::ui::screen::{alert, out};
+use crate::ui::screen::{alert, answer};
 use crate::verbs::render::picture::check_finite;
 use crate::verbs::synth::size;
 use anyhow::Context;
 use ivv::Constants;
 use ivv::internals::scene::{FlowModel, Intrinsics, Orbit, View};
 use ivv::internals::sound::hrtf::HrtfSet;
-use ivv::internals::sound::path::{Convention, HeadPath, read_path};
+use ivv::internals::sound::path::{HeadPath, read_path};
 use ivv::internals::sound::pose::{HeadPose, PoseTrack};
 use ivv::internals::sound::render::{RenderConfig, Rendered, render};
 use ivv::internals::sound::scene_file::SoundScene;
@@ -37,17 +36,13 @@ const FOV: f64 = 50.0;
 /// Options of a video along a path.
 #[derive(clap::Args)]
 pub struct PathArgs {
-    /// Camera (head) path for a video: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio or nerfview. Times are
-    /// seconds of the clip; positions are in the scene's frame.
+    /// Camera path for a video, in seconds of the clip: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio or nerfview.
     #[arg(long, group = "film")]
-    path: Option<PathBuf>,
-    /// Makes a video of SECONDS that circles once around the point that the views look at, with their mean up direction, and their
-    /// median distance and height. A dynamic scene plays once meanwhile, unless --time is given.
+    pub path: Option<PathBuf>,
+    /// Makes a video that circles once around the point that the views look at. A dynamic scene plays once, unless --time is
+    /// given.
     #[arg(long, group = "film", value_name = "SECONDS")]
-    orbit: Option<f64>,
-    /// The axes of the path's poses. By default the head's in a CSV, OpenGL's in a JSON, OpenCV's in a TUM file.
-    #[arg(long, requires = "path")]
-    path_convention: Option<Axes>,
+    pub orbit: Option<f64>,
     /// Frames per second. By default the path's, else the capture's, else 30; with --orbit 30.
     #[arg(long, requires = "film")]
     fps: Option<f64>,
@@ -84,8 +79,8 @@ pub struct Film {
     path: HeadPath,
     fps: f64,
     size: (u32, u32),
-    /// Focal length, pixels.
-    focal: f64,
+    /// Vertical, degrees.
+    fov: f64,
     /// Frames of the capture per second, and how many.
     clip: Option<(f64, u32)>,
     times: Times,
@@ -102,7 +97,7 @@ impl Film {
         time: Option<f64>,
         background: [f32; 3],
     ) -> anyhow::Result<Film> {
-        let head = read_path(path, args.path_convention.map(Convention::from))?;
+        let head = read_path(path, None)?;
         let times = time.map_or(Times::Path, Times::Fixed);
         let fps = args.fps.or(head.camera.map(|camera| camera.fps)).or(clip.map(|clip| clip.0)).unwrap_or(FPS);
         // A path of one pose shows the whole clip.
@@ -116,7 +111,7 @@ impl Film {
         })?;
         let size = head.camera.map_or(SIZE, |camera| (camera.width, camera.height));
         let fov = head.camera.map_or(FOV, |camera| camera.fov);
-        Film { path: head, fps, size, focal: 0.0, clip, times, background, n_frames }.with_lens(args, fov)
+        Film { path: head, fps, size, fov, clip, times, background, n_frames }.with_lens(args)
     }
 
     /// Once around the point that `views` look at, in `seconds`, through `span` of normalised time, by default that of the views, or at
@@ -152,17 +147,16 @@ impl Film {
         let size = (view.intrinsics.width.max(2) & !1, view.intrinsics.height.max(2) & !1);
         let fov = 2.0 * (0.5 * f64::from(view.intrinsics.height) / view.intrinsics.fy).atan().to_degrees();
         let background = view.background;
-        Film { path, fps, size, focal: 0.0, clip: None, times, background, n_frames }.with_lens(args, fov)
+        Film { path, fps, size, fov, clip: None, times, background, n_frames }.with_lens(args)
     }
 
-    /// Sets the size and field of view of the options, by default `fov` degrees.
-    fn with_lens(self, args: &PathArgs, fov: f64) -> anyhow::Result<Film> {
-        let (size, fov) = (args.size.unwrap_or(self.size), args.fov.unwrap_or(fov));
+    /// With the size and field of view of the options.
+    fn with_lens(self, args: &PathArgs) -> anyhow::Result<Film> {
+        let (size, fov) = (args.size.unwrap_or(self.size), args.fov.unwrap_or(self.fov));
         let fps = self.fps;
         anyhow::ensure!(fps.is_finite() && fps > 0.0, "--fps: expected a positive number, found {fps}");
         anyhow::ensure!(fov > 0.0 && fov < 180.0, "--fov: expected degrees above 0 and below 180, found {fov}");
-        let focal = 0.5 * f64::from(size.1) / (0.5 * fov.to_radians()).tan();
-        Ok(Film { size, focal, ..self })
+        Ok(Film { size, fov, ..self })
     }
 
     /// The time of the first frame, seconds of the clip.
@@ -212,14 +206,7 @@ impl Film {
         let time = self.time(frame).0;
         View {
             name: format!("{frame:05}"),
-            intrinsics: Intrinsics {
-                width,
-                height,
-                fx: self.focal,
-                fy: self.focal,
-                cx: 0.5 * f64::from(width),
-                cy: 0.5 * f64::from(height),
-            },
+            intrinsics: Intrinsics::of_fov(width, height, self.fov),
             pose: pose.world_to_camera(),
             time,
             time_offset: 0.0,
@@ -230,32 +217,13 @@ impl Film {
         }
     }
 
-    /// When the clip begins, seconds of its capture: from the run of the scene in `file`, else 0.
-    fn start_of_clip(&self, file: &Path) -> f64 {
-        // The times of another clip, such as that of --capture, are its own.
-        start_in_run(file, |run: &Run| self.clip == Some((run.held.fps, run.held.frames)))
-    }
-
-    /// The part of `rendered`, the sound of the whole capture, during the video; silence outside of it. The clip begins at second `start`
-    /// of the capture.
+    /// The part of `rendered`, the sound of the capture, during the video; silence outside of it. The clip begins at second `start`.
     fn sound_of(&self, rendered: &Rendered, start: f64) -> Vec<[f32; 2]> {
         let fs = f64::from(rendered.fs);
         let first = ((start + self.start()) * fs).round() as i64;
         let n = (self.n_frames as f64 / self.fps * fs).round() as i64;
         let sample = |at: i64| usize::try_from(at).ok().and_then(|at| rendered.samples.get(at)).copied();
         (first..first + n).map(|at| sample(at).unwrap_or_default()).collect()
-    }
-}
-
-impl PathArgs {
-    /// The path, if given.
-    pub fn path(&self) -> Option<&Path> {
-        self.path.as_deref()
-    }
-
-    /// Seconds of the orbit, if given.
-    pub fn orbit(&self) -> Option<f64> {
-        self.orbit
     }
 }
 
@@ -271,23 +239,17 @@ fn n_frames(seconds: f64, fps: f64) -> Result<usize, String> {
     Ok((n_frames + 1e-6) as usize)
 }
 
-/// The output and device of a video.
 pub struct VideoJob<'a> {
     pub output: &'a Path,
+    pub args: &'a PathArgs,
     pub device: &'a DeviceArgs,
     pub constants: Constants,
     pub stop: &'a Stop,
 }
 
 /// Renders `film` of the scene `shown`.
-pub fn run(
-    film: &Film,
-    args: &PathArgs,
-    shown: LoadedScene<Gaussians>,
-    studio: &VideoJob,
-    json: bool,
-) -> anyhow::Result<()> {
-    let VideoJob { output, device, constants, stop } = *studio;
+pub fn run(film: &Film, shown: LoadedScene<Gaussians>, job: &VideoJob, json: bool) -> anyhow::Result<()> {
+    let VideoJob { output, args, device, constants, stop } = *job;
     let is_still = shown.splats.are_static();
     anyhow::ensure!(
         is_still || film.clip.is_some() || !matches!(film.times, Times::Path),
@@ -317,25 +279,20 @@ pub fn run(
         progress.step(&format!("{}, {} Gaussians", view.name, report.gaussians));
         Ok(true)
     })?;
-    let made = video.finish()?;
-    let seconds = start.elapsed().as_secs_f64();
-    if json {
-        let (file, command) = match &made {
-            Made::Whole(file) => (file, None),
-            Made::Pictures { file, command } => (file, command.as_ref()),
-        };
-        let line = serde_json::json!({
-            "path": file.to_string_lossy(), "frames": film.n_frames, "fps": film.fps, "seconds": seconds, "command": command,
-            "sound": report,
-        });
-        out!("{line}");
-        return Ok(());
+    let (file, command) = match video.finish()? {
+        Made::Whole(file) => (file, None),
+        Made::Pictures { file, command } => (file, command),
+    };
+    let (path, n, fps, seconds) = (file.to_string_lossy(), film.n_frames, film.fps, start.elapsed().as_secs_f64());
+    let mut text = format!("{path}: {}, {fps} per second, in {seconds:.1} s", count(n, "frame"));
+    if let Some(command) = &command {
+        let output = output.display();
+        text += &format!("\nffmpeg is not installed; once it is, this command makes {output}:\n  {command}");
     }
-    let (Made::Whole(file) | Made::Pictures { file, .. }) = &made;
-    out!("{}: {}, {} per second, in {seconds:.1} s", file.display(), count(film.n_frames, "frame"), film.fps);
-    if let Made::Pictures { command: Some(command), .. } = &made {
-        out!("ffmpeg is not installed; once it is, this command makes {}:\n  {command}", output.display());
-    }
+    let line = serde_json::json!({
+        "path": path, "frames": n, "fps": fps, "seconds": seconds, "command": command, "sound": report,
+    });
+    answer(json, &line, text);
     Ok(())
 }
 
@@ -356,7 +313,8 @@ fn sound(args: &PathArgs, film: &Film, file: &Path, output: &Path) -> anyhow::Re
         "{}: the sound of the video would replace the recording that it is made of; choose another name with -o",
         wav.display()
     );
-    let start = film.start_of_clip(file);
+    // The times of another clip, such as that of --capture, are its own.
+    let start = start_in_run(file, |run: &Run| film.clip == Some((run.held.fps, run.held.frames)));
     let of_capture = |pose: &HeadPose| HeadPose { t: start + pose.t, ..*pose };
     let head = PoseTrack::new(film.path.track.poses().iter().map(of_capture).collect())?;
     let rendered = render(&scene, &head, &hrtf, &RenderConfig::default())?;
