@@ -62,16 +62,18 @@ fn verdict(measure: Measure, differences: &[Estimate]) -> &'static str {
     }
 }
 
+/// Where a run stands in a study.
+pub struct RunOf<'a> {
+    pub capture: &'a str,
+    pub arm: &'a str,
+    pub steps: u64,
+    pub seed: u64,
+}
+
 impl BenchRun {
     /// `peripheral` is the camera of [`Measure::PsnrPeripheral`].
-    pub fn read(
-        folder: &Path,
-        capture: &str,
-        arm: &str,
-        steps: u64,
-        seed: u64,
-        peripheral: Option<&str>,
-    ) -> Result<Self> {
+    pub fn read(folder: &Path, of: RunOf, peripheral: Option<&str>) -> Result<Self> {
+        let RunOf { capture, arm, steps, seed } = of;
         let eval: Value = read(folder, "eval.json")?;
         let train: Value = read(folder, "train.json")?;
         let files = Files { eval: &eval, train: &train, peripheral };
@@ -103,7 +105,8 @@ impl Bench {
             });
             let capture =
                 if index > 0 { format!("{} ({})", result.capture, index + 1) } else { result.capture.clone() };
-            runs.push(BenchRun::read(folder, &capture, &result.settings, result.steps, result.seed, None)?);
+            let of = RunOf { capture: &capture, arm: &result.settings, steps: result.steps, seed: result.seed };
+            runs.push(BenchRun::read(folder, of, None)?);
         }
         let made_by: BTreeSet<&str> = runs.iter().map(|run| run.made_by.as_str()).collect();
         if made_by.len() > 1 {

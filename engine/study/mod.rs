@@ -8,7 +8,7 @@ mod report_picture;
 mod run_report;
 mod runs;
 
-pub use bench::{Bench, BenchRun};
+pub use bench::{Bench, BenchRun, RunOf};
 pub use measure::Measure;
 pub use plan::{Arm, Base, Study};
 pub use report_picture::{Example, strip};

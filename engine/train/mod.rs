@@ -40,7 +40,7 @@ pub use depth::{DepthFit, DepthFits, DepthSummary, Unfit, fit_depths};
 pub use first::{first_gaussians, from_points, initialise, random_points};
 pub use folder::{CaptureSummary, Changes, Fingerprint, Fingerprints, Joined, Kind, Log, Run, RunLock, Segments};
 pub use images::{reduced_order, training_order};
-pub use offsets::{Agreement, OffsetFit, fit_offset, learnt_offsets, offset_pictures};
+pub use offsets::{Agreement, OffsetFit, OffsetImages, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, ImageMemory, Limits, Need, Plan, Workload};
 pub use poses::Correction;
 pub use preset::{PRESETS, Preset, merge};

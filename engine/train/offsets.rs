@@ -116,6 +116,15 @@ pub fn offset_pictures(capture: &Capture, background: [f32; 3], camera: usize) -
         .collect()
 }
 
+/// The images that time offsets are fitted to, and how the scene is rendered for them.
+#[derive(Clone, Copy)]
+pub struct OffsetImages<'a> {
+    pub gpu: &'a Arc<Gpu>,
+    pub capture: &'a Capture,
+    pub constants: Constants,
+    pub background: [f32; 3],
+}
+
 /// By camera, its learnt time offset with its standard error, with the Gaussians of `trainer` held fixed. `progress` is called as
 /// (cameras done, cameras).
 ///
@@ -124,10 +133,10 @@ pub fn offset_pictures(capture: &Capture, background: [f32; 3], camera: usize) -
 #[tracing::instrument(level = "info", name = "fit offsets", skip_all)]
 pub fn learnt_offsets(
     trainer: &mut Trainer,
-    (gpu, capture): (&Arc<Gpu>, &Capture),
-    (constants, background): (Constants, [f32; 3]),
+    images: &OffsetImages,
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<BTreeMap<usize, OffsetFit>> {
+    let OffsetImages { gpu, capture, constants, background } = *images;
     let (offsets, learns) = trainer.offsets()?;
     if !learns.contains(&true) {
         return Ok(BTreeMap::new());

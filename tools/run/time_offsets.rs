@@ -7,7 +7,7 @@ use crate::ui::screen::{alert, out};
 use ivv::internals::report::statistics::mean;
 use ivv::internals::scene::capture::{Camera, Capture};
 use ivv::internals::stage::OFFSET_BOUND;
-use ivv::internals::train::{Agreement, Notice, OffsetFit, Phase, Trainer, learnt_offsets};
+use ivv::internals::train::{Agreement, Notice, OffsetFit, OffsetImages, Phase, Trainer, learnt_offsets};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -50,13 +50,14 @@ pub fn table(
     if learns.is_empty() {
         return Ok(Vec::new());
     }
-    let Scorer { gpu, capture, run, config } = scorer;
-    let mut looked = watch();
-    let mut fits = learnt_offsets(trainer, (gpu, capture), (run.constants, config.background), &mut |done, total| {
-        looked(Notice::Work { phase: Phase::OffsetErrors, done, total });
+    let Scorer { gpu, capture, run, config } = *scorer;
+    let images = OffsetImages { gpu, capture, constants: run.constants, background: config.background };
+    let mut watch = watch();
+    let mut fits = learnt_offsets(trainer, &images, &mut |done, total| {
+        watch(Notice::Work { phase: Phase::OffsetErrors, done, total });
     })?;
     fits.extend(fitted);
-    let rows = rows(scorer.capture, &learns, &fits);
+    let rows = rows(capture, &learns, &fits);
     write_json(&output.join("offsets.json"), &rows)?;
     if let Some(warning) = warning(&rows) {
         alert!("warning: {warning}");
@@ -68,11 +69,8 @@ pub fn table(
 fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -> Vec<OffsetRow> {
     let truth = &capture.true_offsets;
     let learnt = |camera: usize| learns.get(camera).copied().unwrap_or(false);
-    let known: Vec<f64> = (0..capture.cameras.len())
-        .filter(|camera| learnt(*camera))
-        .filter_map(|camera| truth.get(&capture.cameras[camera].name).copied())
-        .collect();
-    let mean = mean(known).unwrap_or(0.0);
+    let known = capture.cameras.iter().enumerate().filter(|(index, _)| learnt(*index));
+    let mean = mean(known.filter_map(|(_, camera)| truth.get(&camera.name).copied())).unwrap_or(0.0);
     let row = |(index, camera): (usize, &Camera)| {
         let fit = fits.get(&index);
         OffsetRow {
@@ -89,9 +87,8 @@ fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -
         }
     };
     // A photograph has no time.
-    let has_time = |camera: &Camera| !camera.is_photo;
     let is_listed =
-        |(index, camera): &(usize, &Camera)| has_time(camera) && (!camera.is_test || fits.contains_key(index));
+        |(index, camera): &(usize, &Camera)| !camera.is_photo && (!camera.is_test || fits.contains_key(index));
     capture.cameras.iter().enumerate().filter(is_listed).map(row).collect()
 }
 

@@ -18,7 +18,7 @@ use crate::internals::train::checkpoint::{Checkpoint, DueEvents};
 use crate::internals::train::config::Config;
 use crate::internals::train::first::initialise;
 use crate::internals::train::images::{ImageLimits, Source, StepImage, StepImages, training_frames};
-use crate::internals::train::offsets::learnt_offsets;
+use crate::internals::train::offsets::{OffsetImages, learnt_offsets};
 use crate::internals::train::plan::Plan;
 use crate::internals::train::require::{Due, MOST_IMAGES, review};
 use crate::internals::train::setup::Setup;
@@ -455,12 +455,9 @@ impl<'a> Session<'a> {
     /// Fixes time offsets at 0 that the images do not determine.
     fn freeze(&mut self) -> Result<()> {
         let mut looked = work(&mut self.watch, Phase::OffsetErrors);
-        let fits = learnt_offsets(
-            &mut self.trainer,
-            (&self.gpu, &*self.capture),
-            (self.constants, self.config.background),
-            &mut looked,
-        )?;
+        let (constants, background) = (self.constants, self.config.background);
+        let images = OffsetImages { gpu: &self.gpu, capture: &self.capture, constants, background };
+        let fits = learnt_offsets(&mut self.trainer, &images, &mut looked)?;
         let cameras = &self.capture.cameras;
         let is_lost = |camera: usize| fits.get(&camera).is_some_and(|fit| !fit.is_identifiable());
         let lost: Vec<bool> = (0..cameras.len()).map(is_lost).collect();

@@ -11,7 +11,7 @@ use crate::verbs::bench::captures::{StudyCapture, named};
 use crate::verbs::bench::date::today;
 use anyhow::Context;
 use ivv::internals::files::write_atomic;
-use ivv::internals::study::{Arm, Bench, BenchRun, Entry, History, RunResult, Study, differences};
+use ivv::internals::study::{Arm, Bench, BenchRun, Entry, History, RunOf, RunResult, Study, differences};
 use ivv::internals::train::{Config, merge};
 use std::path::{Path, PathBuf};
 use std::sync::Mutex;
@@ -33,8 +33,7 @@ pub struct Args {
     /// Steps of a run, instead of the study's. With several numbers, every arm runs with each.
     #[arg(long, value_delimiter = ',', value_parser = clap::value_parser!(u64).range(1..))]
     steps: Vec<u64>,
-    /// One setting of all arms, KEY=VALUE; may be given several times. An arm's own settings override it. LPIPS is measured if
-    /// loss.lpips_weights names a file that tools/lpips_weights.py wrote.
+    /// One setting of all arms, KEY=VALUE, which an arm's own settings override. May be given several times.
     #[arg(long = "set")]
     set: Vec<String>,
     /// Vulkan device, as `ivv train` takes it.
@@ -43,12 +42,10 @@ pub struct Args {
     /// Most runs at a time.
     #[arg(long, default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     jobs: u32,
-    /// Trains nothing: compares finished runs with test images, given by their folders. Runs that differ only in their seeds share a
-    /// row.
+    /// Trains nothing: compares finished runs with test images. Runs that differ only in their seeds share a row.
     #[arg(long, num_args = 1.., value_name = "RUN")]
     runs: Vec<PathBuf>,
-    /// A JSON file to which these runs are added as a new measurement; it is made if it is missing. A plot of all measurements is
-    /// written beside it with the ending `.svg`.
+    /// A JSON file to which these runs are added as a new measurement. A plot of all measurements is written beside it.
     #[arg(long)]
     history: Option<PathBuf>,
 }
@@ -127,8 +124,9 @@ fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
     let jobs = jobs(&study, &shared, &captures, output)?;
     train(args, &jobs)?;
     let read = |job: &Job| {
-        let peripheral = job.capture.peripheral.as_deref();
-        BenchRun::read(&job.folder, &job.capture.name, &job.arm.key, job.steps, job.config.seed, peripheral)
+        let Job { capture, arm, steps, config, folder } = job;
+        let of = RunOf { capture: &capture.name, arm: &arm.key, steps: *steps, seed: config.seed };
+        BenchRun::read(folder, of, capture.peripheral.as_deref())
     };
     let mut runs = jobs.iter().map(read).collect::<ivv::Result<Vec<_>>>()?;
     runs.sort_by_key(|run| captures.iter().position(|capture| capture.name == run.capture));
