@@ -111,9 +111,13 @@ install_player_packages() {
     cp tests/player/package.json tests/player/package-lock.json "$folder/"
     npm ci --prefix "$folder" --no-audit --no-fund --silent ||
         fail network "npm ci" "check the network, then run this again"
-    [ -x "$folder/python/bin/python" ] || python3 -m venv "$folder/python"
-    "$folder/python/bin/python" -m pip install --quiet "fourdgs==0.6.0" ||
-        fail network "pip install fourdgs" "check the network, then run this again"
+    pip_install "$folder/python" fourdgs==0.6.0
+}
+
+# pip_install FOLDER PACKAGE: into an environment of its own.
+pip_install() {
+    [ -x "$1/bin/python" ] || python3 -m venv "$1"
+    "$1/bin/python" -m pip install --quiet "$2" || fail network "pip install $2" "check the network, then run this again"
 }
 
 # Below the cache folder, where `tools/manual.sh` looks. Two minutes of two cores, once.
@@ -130,35 +134,30 @@ install_snakemake() {
     local version=9.27.1 folder=${XDG_CACHE_HOME:-$HOME/.cache}/ivv/cluster
     [ "$("$folder/bin/snakemake" --version 2>/dev/null || true)" != "$version" ] || return 0
     say "installing Snakemake $version"
-    [ -x "$folder/bin/python" ] || python3 -m venv "$folder"
-    "$folder/bin/python" -m pip install --quiet "snakemake==$version" ||
-        fail network "pip install snakemake" "check the network, then run this again"
+    pip_install "$folder" "snakemake==$version"
 }
 
 packages=(libvulkan1 mesa-vulkan-drivers gcc libc6-dev)
-components=no
-player=no
-manual=no
-cluster=no
+further=()
 for part in "${@:-run}"; do
     case $part in
     run) ;;
-    test) packages+=(vulkan-validationlayers spirv-tools) components=yes ;;
+    test) packages+=(vulkan-validationlayers spirv-tools) further+=(install_components) ;;
     shaders) packages+=(cmake g++ python3 make git) ;;
     prepare) packages+=(ffmpeg colmap python3-opencv) ;;
     player)
         packages+=(chromium python3-venv)
         command -v node >/dev/null || packages+=(nodejs npm)
-        player=yes
+        further+=(install_player_packages)
         ;;
     play)
         # ALSA's headers for sound; the rest is loaded when a window opens.
         packages+=(libasound2-dev pkg-config libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon-x11-0)
         packages+=(xvfb xdotool vulkan-validationlayers)
         ;;
-    manual) packages+=(ffmpeg python3) manual=yes ;;
+    manual) packages+=(ffmpeg python3) further+=(install_mdbook) ;;
     mpi) packages+=(openmpi-bin libopenmpi-dev libclang-dev) ;;
-    cluster) packages+=(python3-venv slurmctld slurmd slurm-client munge) cluster=yes ;;
+    cluster) packages+=(python3-venv slurmctld slurmd slurm-client munge) further+=(install_snakemake) ;;
     *)
         echo "usage: tools/setup.sh [run] [test] [shaders] [prepare] [player] [play] [manual] [cluster] [mpi]" >&2
         exit 2
@@ -167,8 +166,5 @@ for part in "${@:-run}"; do
 done
 install_packages "${packages[@]}"
 install_rust
-[ $components = no ] || install_components
-[ $player = no ] || install_player_packages
-[ $manual = no ] || install_mdbook
-[ $cluster = no ] || install_snakemake
+for install in "${further[@]}"; do "$install"; done
 say "ready (${*:-run})"

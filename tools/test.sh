@@ -95,38 +95,27 @@ skip() {
 # Crates with tests that need no display.
 packages=(--package ivv --package ivv-gpu-model)
 
-# tests VARIABLE=VALUE... [ARGS]
 tests() {
-    local variables=()
-    while [[ ${1:-} == *=* ]]; do
-        variables+=("$1")
-        shift
-    done
-    env "${variables[@]}" cargo test --locked "${packages[@]}" "${arguments[@]}" "$@"
+    cargo test --locked "${packages[@]}" "${arguments[@]}" "$@"
 }
 
 # Modules that run kernels. Other lanes repeat these alone: readers, pages and sound know no device.
 on_device=(kernel:: grad:: render:: extreme:: profile:: screen::device)
 
 # kernels VARIABLE=VALUE... [MODULE...]: what runs kernels, and further modules.
-kernels() {
-    local variables=()
+kernels() (
     while [[ ${1:-} == *=* ]]; do
-        variables+=("$1")
+        export "${1?}"
         shift
     done
-    if [ ${#arguments[@]} -gt 0 ]; then
-        tests "${variables[@]}"
-    else
-        tests "${variables[@]}" --test it -- "${on_device[@]}" "$@"
-    fi
-}
+    if [ ${#arguments[@]} -gt 0 ]; then tests; else tests --test it -- "${on_device[@]}" "$@"; fi
+)
 
 # The tests marked #[ignore = "slow: ..."], and no others.
 long_tests() {
     case " ${arguments[*]} " in
-        *" -- "*) cargo test --locked "${packages[@]}" "${arguments[@]}" --ignored ;;
-        *) cargo test --locked "${packages[@]}" "${arguments[@]}" -- --ignored ;;
+        *" -- "*) tests --ignored ;;
+        *) tests -- --ignored ;;
     esac
 }
 
