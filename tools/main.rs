@@ -26,8 +26,7 @@ struct Cli {
     /// Least severity of the log on standard error: error, warn, info, debug or trace.
     #[arg(long, global = true, default_value = "warn")]
     log_level: tracing::Level,
-    /// Writes a trace of the command to FILE, in Chrome's format, for ui.perfetto.dev or chrome://tracing. With --log-level trace it
-    /// has every pass of the device.
+    /// Writes a trace of the command to FILE, for ui.perfetto.dev; with --log-level trace with every pass of the device.
     #[arg(long, global = true, value_name = "FILE")]
     trace: Option<PathBuf>,
     /// Writes results and errors as JSON on standard output.

@@ -19,9 +19,8 @@ pub struct Look {
 }
 
 impl Look {
-    /// How the run in the folder `path` is rendered, or what the file `path` says; `clip` is that file where it is a `.4dgs`. A `scene.ply`
-    /// that does not say it takes the constants of the run beside it, and a message names those that are not the usual ones. Also gives
-    /// the notes on impossible values, already printed.
+    /// How the run in the folder `path` is rendered, or what the file `path` says, which is `clip` if it is a `.4dgs`; a `scene.ply` that
+    /// does not say it takes the constants of the run beside it. Also the notes on impossible values, already printed.
     pub fn of(path: &Path, clip: Option<&FourDgs>) -> ivv::Result<(Self, Vec<String>)> {
         if is_run(path) {
             return Ok((Self::of_run(path), Vec::new()));
@@ -37,10 +36,8 @@ impl Look {
             return Ok((Look { constants, background }, notes));
         }
         let is_scene = path.file_name() == Some(OsStr::new("scene.ply"));
-        let Some(folder) = path.parent().filter(|folder| is_scene && is_run(folder)) else {
-            return Ok((Look::default(), Vec::new()));
-        };
-        let look = Self::of_run(folder);
+        let folder = path.parent().filter(|folder| is_scene && is_run(folder));
+        let look = folder.map(Self::of_run).unwrap_or_default();
         let unusual = look.unusual();
         if !unusual.is_empty() {
             say!("{}: rendered with {} of the run.json beside it", path.display(), list(&unusual));

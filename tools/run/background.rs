@@ -2,7 +2,7 @@
 
 use std::thread::{Scope, ScopedJoinHandle};
 
-/// Runs both at once.
+/// Runs both at once. If both fail, the error is that of the first.
 pub fn in_parallel(
     first: impl FnOnce() -> ivv::Result<()> + Send,
     second: impl FnOnce() -> ivv::Result<()>,
@@ -25,14 +25,14 @@ impl<'scope, 'env> BackgroundWriter<'scope, 'env> {
         BackgroundWriter { scope, last: None }
     }
 
-    /// Starts `work` after the work before it has ended.
+    /// Starts `work` after the work before it has ended; if that failed, returns its error instead.
     pub fn start(&mut self, work: impl FnOnce() -> ivv::Result<()> + Send + 'scope) -> ivv::Result<()> {
         self.wait()?;
         self.last = Some(self.scope.spawn(work));
         Ok(())
     }
 
-    /// Waits for the last work.
+    /// Waits for the last work, and returns its error once.
     pub fn wait(&mut self) -> ivv::Result<()> {
         match self.last.take().map(ScopedJoinHandle::join) {
             None => Ok(()),

@@ -43,10 +43,9 @@ pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Resu
 }
 
 pub fn verdict(pixels: f64, are_learnt: bool) -> String {
-    let consequence = if are_learnt {
-        "the calibration is off: training refines the poses to the end"
-    } else {
-        "the calibration is right: the poses of the capture are back"
+    let consequence = match are_learnt {
+        true => "the calibration is off: training refines the poses to the end",
+        false => "the calibration is right: the poses of the capture are back",
     };
     format!("refined poses shift the images by {pixels:.2} pixels (median); {consequence}")
 }

@@ -6,7 +6,7 @@ use ivv::internals::prepare::{Recognised, recognise};
 use ivv::internals::scene::capture::{Alpha, Capture, CaptureSettings, Fault, Frames, Report, check_capture};
 use ivv::internals::train::Run;
 use std::collections::BTreeSet;
-use std::ffi::{OsStr, OsString};
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -18,8 +18,7 @@ pub struct CaptureArgs {
     /// Takes every n-th image as a test image if the capture declares none; 0 for none.
     #[arg(long, default_value_t = CaptureSettings::default().test_every)]
     test_every: usize,
-    /// Uses only the first N frames of the clip, or those from A up to, but not including, B, counted from 0; with S every S-th
-    /// of them. `A:` and `:B` work too.
+    /// Uses only the first N frames of the clip, or those from A up to, but not including, B, from 0; with S every S-th of them.
     #[arg(long, visible_alias = "frames", value_name = "N|A:B[:S]", value_parser = Frames::from_str)]
     max_frames: Option<Frames>,
     /// Names of cameras to leave out, separated by commas.
@@ -31,8 +30,8 @@ pub struct CaptureArgs {
     /// Number of the model in `sparse` of a plain COLMAP project. By default the one with the most images.
     #[arg(long, value_name = "N")]
     model: Option<u32>,
-    /// Folder of the images, relative to the capture, if a COLMAP project, a transforms.json, LLFF or OpenSfM does not name it. If
-    /// there is no `images`, the default is the largest of `images_2`, `images_4` and `images_8`.
+    /// Folder of the images, relative to the capture, if no file names it. Without `images` the largest of `images_2` to
+    /// `images_8`.
     #[arg(long, default_value = "images")]
     images: PathBuf,
     /// Takes the folder with `_N` behind its name, as `images_4`: pictures of 1/N of the size.
@@ -44,8 +43,7 @@ pub struct CaptureArgs {
     /// Also takes the foreground masks of Dynamic3DGaussians as masks.
     #[arg(long)]
     foreground_masks: bool,
-    /// How to read the alpha of images. background: the background shows through it. mask: it is also the foreground mask from which
-    /// the first Gaussians are made.
+    /// Meaning of the images' alpha: the background shows through it, or it is also the mask of the foreground.
     #[arg(long, value_parser = alpha, default_value = "background", value_name = "background|mask")]
     alpha: Alpha,
 }
@@ -77,8 +75,7 @@ impl CaptureArgs {
     }
 
     /// The options for `settings`, without those of frames and test cameras.
-    pub fn words(settings: &CaptureSettings) -> Vec<OsString> {
-        let default = CaptureSettings::default();
+    pub fn words(of: &CaptureSettings) -> Vec<OsString> {
         // All are named, so that nobody forgets a new one here. The last two have no option.
         let CaptureSettings {
             test_cameras: _,
@@ -94,19 +91,14 @@ impl CaptureArgs {
             alpha,
             background: _,
             fps: _,
-        } = settings;
-        let mut words: Vec<OsString> = Vec::new();
-        let mut word = |is_asked: bool, name: &str, value: &OsStr| {
-            if is_asked {
-                words.extend([name.into(), value.to_owned()]);
-            }
-        };
-        word(*test_every != default.test_every, "--test-every", test_every.to_string().as_ref());
-        word(!exclude.is_empty(), "--exclude", exclude.join(",").as_ref());
-        word(model.is_some(), "--model", model.unwrap_or_default().to_string().as_ref());
-        word(*images != default.images, "--images", images.as_os_str());
-        word(downscale.is_some(), "--downscale", downscale.unwrap_or_default().to_string().as_ref());
-        word(*alpha == Alpha::Mask, "--alpha", "mask".as_ref());
+        } = of;
+        let mut words = vec!["--test-every".into(), test_every.to_string().into(), "--images".into(), images.into()];
+        let mut word =
+            |name: &str, value: Option<String>| words.extend(value.map(|value| format!("{name}={value}").into()));
+        word("--exclude", Some(exclude.join(",")).filter(|names| !names.is_empty()));
+        word("--model", model.map(|model| model.to_string()));
+        word("--downscale", downscale.map(|downscale| downscale.to_string()));
+        word("--alpha", (*alpha == Alpha::Mask).then(|| "mask".to_owned()));
         let switches =
             [(skip_missing, "--skip-missing"), (rescale, "--rescale"), (foreground_masks, "--foreground-masks")];
         words.extend(switches.into_iter().filter(|(is_asked, _)| **is_asked).map(|(_, name)| name.into()));

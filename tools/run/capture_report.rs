@@ -47,14 +47,10 @@ fn print_contents(report: &Report) {
     }
     out!("frames:  {}, {} per second", report.n_frames, report.fps);
     let mib = report.bytes_decoded as f64 / f64::from(1 << 20);
-    let with = |counts: &[(usize, &str)]| -> String {
-        let parts = counts.iter().filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} with {what}"));
-        parts.collect()
-    };
-    let (n, n_masks, n_foregrounds) = (report.n_images, report.n_masks, report.n_foregrounds);
-    let masks = with(&[(n_masks, "a mask"), (n_foregrounds, "a foreground mask")]);
-    let priors = with(&[(report.n_flows, "flow"), (report.n_depths, "depth")]);
-    out!("images:  {n}{masks}{priors}; {mib:.1} MiB decoded");
+    let masks = [(report.n_masks, "a mask"), (report.n_foregrounds, "a foreground mask")];
+    let parts = masks.into_iter().chain([(report.n_flows, "flow"), (report.n_depths, "depth")]);
+    let with: String = parts.filter(|(n, _)| *n > 0).map(|(n, what)| format!(", {n} with {what}")).collect();
+    out!("images:  {}{with}; {mib:.1} MiB decoded", report.n_images);
     if report.n_sounds > 0 {
         out!("sound:   {}", count(report.n_sounds as u64, "file"));
     }

@@ -14,10 +14,8 @@ use std::path::Path;
 const FPS: f64 = 30.0;
 
 pub struct Setting {
-    /// The clock of the clip, where something tells it.
     pub clock: Option<Clock>,
-    /// When the clip begins, seconds of the capture that it was trained on; 0 where nothing tells. A run tells it of its scene too, if
-    /// the clip is as long as the run's.
+    /// When the clip begins, seconds of the capture that it was trained on; 0 if no run of a clip as long says it.
     pub start: f64,
     pub views: Vec<View>,
     pub sounds: Sounds,
@@ -46,11 +44,10 @@ pub fn setting(source: &Source, seconds: Option<f64>, cameras: Option<&Path>) ->
         }
         None => file.map(FourDgs::clock),
     };
-    let kept = match file {
-        Some(file) if given.is_none() => file.views()?,
-        _ => Vec::new(),
+    let views = match given {
+        Some(views) => views,
+        None => file.map(FourDgs::views).transpose()?.unwrap_or_default(),
     };
-    let views = given.unwrap_or(kept);
     let Look { constants, background } = source.look;
     let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
     let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
@@ -94,11 +91,8 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
     }
     let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
     let capture = run.open_capture(None)?.transformed(&run.world.inverse());
-    let mut views = Vec::new();
-    for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| camera.films()) {
-        if let Some(shot) = camera.shots.first() {
-            views.push(View { background: config.background, ..capture.view(index, shot.frame)? });
-        }
-    }
-    Ok(views)
+    let filming = capture.cameras.iter().enumerate().filter(|(_, camera)| camera.films());
+    let first = filming.filter_map(|(index, camera)| Some((index, camera.shots.first()?.frame)));
+    let view = |(index, frame)| Ok(View { background: config.background, ..capture.view(index, frame)? });
+    first.map(view).collect()
 }

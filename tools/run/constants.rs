@@ -6,8 +6,8 @@ use ivv::{Constants, Knobs};
 /// Options that trade accuracy for speed; `ivv bench trade` measures them. The defaults are exact.
 #[derive(clap::Args)]
 pub struct KnobArgs {
-    /// Bits of the depths that Gaussians are sorted by: 32, 24 or 16; 0 for 24 on a GPU and 32 on a CPU driver, or with
-    /// --near below 2.33e-5.
+    /// Bits of the depths that Gaussians are sorted by: 32, 24, 16, or 0 for 24 on a GPU and 32 on a CPU driver or with a tiny
+    /// --near.
     #[arg(long, default_value_t = Knobs::default().depth_bits)]
     depth_bits: u32,
     /// Leave out Gaussians whose opacity at the time of a view is below this.
@@ -38,8 +38,8 @@ pub struct ConstantArgs {
     t_min: Option<f32>,
     #[arg(long, help = help("Variance added to the projected covariance, square pixels", Constants::default().blur))]
     blur: Option<f32>,
-    /// Distance of the near plane, scene units: nearer Gaussians are dropped. By default that of the run, else 0.01. `ivv train`
-    /// measures it in a frame where the rig's extent is 3.
+    /// Distance of the near plane, scene units; for `train` in a frame where the rig's extent is 3. By default that of the run,
+    /// else 0.01.
     #[arg(long)]
     near: Option<f32>,
 }
@@ -49,12 +49,8 @@ fn help(what: &str, default: f32) -> String {
 }
 
 impl ConstantArgs {
-    pub fn checked(&self) -> anyhow::Result<Constants> {
-        self.checked_over(Constants::default())
-    }
-
-    /// The constants, with those of `d` for options that are not given.
-    pub fn checked_over(&self, d: Constants) -> anyhow::Result<Constants> {
+    /// The constants, with those of `d` for options that are not given. The error names the first one out of its range.
+    pub fn over(&self, d: Constants) -> anyhow::Result<Constants> {
         let constants = Constants {
             alpha_min: self.alpha_min.unwrap_or(d.alpha_min),
             alpha_max: self.alpha_max.unwrap_or(d.alpha_max),

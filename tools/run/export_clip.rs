@@ -27,27 +27,24 @@ pub struct ClipArgs {
     /// Views to start from: a cameras file (JSON, as of `ivv inspect --cameras`). By default those of the run's training cameras.
     #[arg(long)]
     pub cameras: Option<PathBuf>,
-    /// Stores every attribute of a .4dgs as coarsely as pictures of the scene stay so many dB from what they are. By default
-    /// places are off by 0.02 of the median standard deviation at most, colours by half a step of 255.
+    /// Stores a .4dgs as small as it can be if pictures of it stay so many dB from those of the scene. By default it is nearly
+    /// exact.
     #[arg(long, value_name = "DB", conflicts_with = "target_size")]
     min_psnr: Option<f64>,
     /// Stores a .4dgs as well as it can be in so many megabytes (10^6 bytes).
     #[arg(long, value_name = "MB")]
     target_size: Option<f64>,
-    /// Sound of a .4dgs: the scene.json of `ivv sound localize`, of the capture that the scene was trained on. By default that of
-    /// the scene file, if it is a .4dgs.
+    /// Sound of a .4dgs: the scene.json of `ivv sound localize`. By default that of the scene file.
     #[arg(long, value_name = "SCENE_JSON")]
     sound: Option<PathBuf>,
-    /// The ears that a player hears the sound of a .4dgs with: `sphere`, a SOFA file, or a folder of WAV files as SADIE's; at most
-    /// 2.4 MB. By default those of the scene file, if it is a .4dgs that has some, or else the browser's.
+    /// The ears for the sound of a .4dgs: `sphere`, a SOFA file, or a folder of WAV files, of at most 2.4 MB. By default the
+    /// browser's.
     #[arg(long, value_name = "EARS")]
     hrtf: Option<PathBuf>,
-    /// Metres of a unit of the scene, so that a headset shows it as large as it is. By default those of --sound, or of the scene
-    /// file, if it is a .4dgs that says it.
+    /// Metres of a unit of the scene, for headsets. By default those of --sound or of the scene file.
     #[arg(long, value_name = "M")]
     metres_per_unit: Option<f64>,
-    /// Writes the file even if the format, which cannot hold all colours, changes those of more than 1 in 10 Gaussians by more than 2
-    /// levels of 255.
+    /// Writes the file even if the format, which cannot hold all colours, changes those of more than 1 in 10 Gaussians.
     #[arg(long)]
     clamp_colors: bool,
     /// True for a file that nobody asked for: it is stored quickly, and without messages.
@@ -66,8 +63,9 @@ impl ClipArgs {
     /// True if `source` is a `.4dgs` and no option changes it.
     pub fn is_as_it_is(&self, source: &Source) -> anyhow::Result<bool> {
         source.clip.as_ref().map_or(Ok(()), FourDgs::check_shown)?;
-        let is_changed = self.cameras.is_some() || self.seconds.is_some();
-        let is_changed = is_changed || self.sound.is_some() || self.hrtf.is_some() || self.metres_per_unit.is_some();
+        let ClipArgs { cameras, seconds, sound, hrtf, metres_per_unit, .. } = self;
+        let has_path = [cameras, sound, hrtf].into_iter().any(Option::is_some);
+        let is_changed = has_path || seconds.is_some() || metres_per_unit.is_some();
         Ok(source.clip.is_some() && self.goal()?.is_none() && !is_changed)
     }
 
@@ -84,12 +82,8 @@ impl ClipArgs {
             (self.seconds.is_some() && !has_views, "--seconds"),
         ];
         let names: Vec<&str> = given.into_iter().filter(|(is_given, _)| *is_given).map(|(_, name)| name).collect();
-        anyhow::ensure!(
-            names.is_empty(),
-            "{} {} not apply to the format {format}; leave it out, or export a .4dgs",
-            names.join(", "),
-            if names.len() == 1 { "does" } else { "do" }
-        );
+        let (all, verb) = (names.join(", "), if names.len() == 1 { "does" } else { "do" });
+        ensure!(names.is_empty(), "{all} {verb} not apply to the format {format}; leave it out, or export a .4dgs");
         Ok(())
     }
 
@@ -118,9 +112,7 @@ impl ClipArgs {
         let subject =
             Subject { path, splats: &splats, encoded: &encoded, contents: &contents, constants, views: &views };
         let mut progress = Progress::passing("files", 0);
-        let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| {
-            progress.reach(n, most, "tried");
-        })?;
+        let found = compact(&self.device.open()?, &subject, goal, &mut |n, most| progress.reach(n, most, "tried"))?;
         say!(
             "{:.2} MB, {:.1} dB from the scene in {}, after {}; halvings of the finest grids: {}",
             found.bytes.len() as f64 / 1e6,
@@ -173,10 +165,7 @@ impl ClipArgs {
             sounds = sounds.heard_with(Some(ears));
         }
         if let Some(metres) = self.metres_per_unit {
-            ensure!(
-                metres.is_finite() && metres > 0.0,
-                "--metres-per-unit: expected a positive number, found {metres}"
-            );
+            check_metres(metres)?;
             // Without any, as COLMAP has it: against the y axis.
             let up = world.map_or_else(|| upright(&views).unwrap_or(DVec3::NEG_Y).to_array(), |world| world.up);
             world = Some(World { up, metres_per_unit: Some(metres) });
@@ -186,22 +175,23 @@ impl ClipArgs {
     }
 
     fn goal(&self) -> anyhow::Result<Option<Goal>> {
-        let is_positive = |number: f64| number.is_finite() && number > 0.0;
-        match (self.min_psnr, self.target_size) {
-            (None, None) => Ok(None),
-            (Some(db), _) => {
-                ensure!(is_positive(db), "--min-psnr: expected a positive number of dB, found {db}");
-                Ok(Some(Goal::Psnr(db)))
-            }
-            (None, Some(megabytes)) => {
-                ensure!(
-                    is_positive(megabytes),
-                    "--target-size: expected a positive number of megabytes, found {megabytes}"
-                );
-                Ok(Some(Goal::Bytes((1e6 * megabytes) as u64)))
-            }
-        }
+        let checked = |option, unit, number: f64| {
+            let is_positive = number.is_finite() && number > 0.0;
+            ensure!(is_positive, "{option}: expected a positive number of {unit}, found {number}");
+            Ok(number)
+        };
+        Ok(match (self.min_psnr, self.target_size) {
+            (Some(db), _) => Some(Goal::Psnr(checked("--min-psnr", "dB", db)?)),
+            (None, Some(size)) => Some(Goal::Bytes((1e6 * checked("--target-size", "megabytes", size)?) as u64)),
+            (None, None) => None,
+        })
     }
+}
+
+/// Refuses another --metres-per-unit than a positive number.
+pub fn check_metres(metres: f64) -> anyhow::Result<()> {
+    ensure!(metres.is_finite() && metres > 0.0, "--metres-per-unit: expected a positive number, found {metres}");
+    Ok(())
 }
 
 /// Views to look from: at most some of those given, at times all over the clip.

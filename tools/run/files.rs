@@ -25,6 +25,11 @@ pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> i
     serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
 }
 
+/// `train.json` of the run in `folder`, or null: a run that was copied without it still has scores.
+pub fn totals(folder: &Path) -> serde_json::Value {
+    read_json(&folder.join("train.json"), "").unwrap_or_default()
+}
+
 /// Writes the Gaussians of a run in the capture's own frame. `world` maps that frame to the frame of training; `own` says how they are
 /// rendered.
 pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity, own: &Own) -> ivv::Result<()> {

@@ -9,8 +9,8 @@ use mpi::Threading;
 use mpi::collective::SystemOperation;
 use mpi::topology::SimpleCommunicator;
 use mpi::traits::{Communicator, CommunicatorCollectives, Equivalence};
-use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -42,19 +42,23 @@ impl Mpi {
         Ok(Mpi { rank, size, stop, jobs: Mutex::new(Some(jobs)), thread: Mutex::new(Some(thread)) })
     }
 
-    /// The result of `job`, which waits until all other processes make the same call.
-    fn ask<T: Send + 'static>(&self, job: impl FnOnce(&SimpleCommunicator) -> T + Send + 'static) -> Result<T> {
-        let lost = |reason: &str| Error::RanksLost { reason: reason.to_owned() };
+    /// Where the result of `job` will come, which waits until all other processes make the same call; nowhere if MPI has ended.
+    fn send<T: Send + 'static>(&self, job: impl FnOnce(&SimpleCommunicator) -> T + Send + 'static) -> Receiver<T> {
         let (answer, answers) = channel();
         let job: Job = Box::new(move |world| {
             // The caller may have stopped waiting.
             let _ = answer.send(job(world));
         });
-        let jobs = self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
-        let sent = jobs.is_some_and(|jobs| jobs.send(job).is_ok());
-        if !sent {
-            return Err(lost("MPI has ended"));
+        if let Some(jobs) = &*lock(&self.jobs) {
+            let _ = jobs.send(job);
         }
+        answers
+    }
+
+    /// The result of `job`, unless this process is asked to end while another one does not answer.
+    fn ask<T: Send + 'static>(&self, job: impl FnOnce(&SimpleCommunicator) -> T + Send + 'static) -> Result<T> {
+        let lost = |reason: &str| Error::RanksLost { reason: reason.to_owned() };
+        let answers = self.send(job);
         let mut asked = None;
         loop {
             match answers.recv_timeout(POLL) {
@@ -121,24 +125,18 @@ impl Ranks for Mpi {
     }
 
     fn meet(&self) {
-        let (answer, answers) = channel();
-        let job: Job = Box::new(move |world| {
-            world.barrier();
-            let _ = answer.send(());
-        });
-        let jobs = self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).clone();
-        if jobs.is_some_and(|jobs| jobs.send(job).is_ok()) {
-            // If MPI has ended there is nobody to wait for.
-            let _ = answers.recv();
-        }
+        // If MPI has ended there is nobody to wait for.
+        let _ = self.send(|world| world.barrier()).recv();
     }
 
     fn finish(&self) {
         // The closed channel ends the thread, which leaves MPI when all others do.
-        self.jobs.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
-        let thread = self.thread.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
-        if let Some(thread) = thread {
-            let _ = thread.join();
-        }
+        lock(&self.jobs).take();
+        let thread = lock(&self.thread).take();
+        thread.map(JoinHandle::join);
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }

@@ -1,7 +1,7 @@
 //! The scores of a run: during it, at its end, and afterwards.
 
 use crate::run::background::in_parallel;
-use crate::run::files::{make_folder, read_json, write_json};
+use crate::run::files::{make_folder, totals, write_json};
 use crate::ui::progress::Progress;
 use crate::ui::screen::alert;
 use ivv::internals::gpu::Gpu;
@@ -131,15 +131,13 @@ impl Scorer<'_> {
         let chosen = scores.evaluation.examples(EXAMPLES);
         let mut progress = Progress::new("views of the report", chosen.len());
         for (index, why) in chosen {
-            let scored = &scores.evaluation.views[index];
-            let name = |camera: usize| &self.capture.cameras[camera].name;
-            let of = frames.iter().find(|(camera, frame)| *name(*camera) == scored.camera && *frame == scored.frame);
-            let Some(&(camera, frame)) = of else { continue };
-            let view = sight.view(camera, frame)?;
+            let ViewScores { camera, frame, scores, .. } = &scores.evaluation.views[index];
+            let Some(at) = self.capture.cameras.iter().position(|other| other.name == *camera) else { continue };
+            let view = sight.view(at, *frame)?;
             let (render, _) = renderer.render(&view, Outputs::Color)?;
-            let truth = self.capture.picture(camera, frame)?;
+            let truth = self.capture.picture(at, *frame)?;
             progress.step(&view.name);
-            examples.push(Example { view: view.name, why, scores: scored.scores, truth, render });
+            examples.push(Example { view: view.name, why, scores: *scores, truth, render });
         }
         Ok((Some(scores), examples))
     }
@@ -147,13 +145,12 @@ impl Scorer<'_> {
     /// The time offset of each test camera, fitted to its own images; empty if the run did not learn offsets.
     pub fn fitted_offsets(&self, splats: &Splats) -> ivv::Result<BTreeMap<usize, OffsetFit>> {
         let Scorer { gpu, capture, run, config } = self;
-        let mut renderer = Renderer::new((*gpu).clone(), splats, run.constants)?;
-        let learns = Setup::new(capture, config).learns_offset.contains(&true);
-        let cameras = capture.cameras.iter().enumerate().filter(|(_, camera)| learns && camera.is_test);
-        let cameras: Vec<usize> = cameras.map(|(index, _)| index).collect();
-        if cameras.is_empty() {
+        let cameras = (0..capture.cameras.len()).filter(|index| capture.cameras[*index].is_test);
+        let cameras: Vec<usize> = cameras.collect();
+        if cameras.is_empty() || !Setup::new(capture, config).learns_offset.contains(&true) {
             return Ok(BTreeMap::new());
         }
+        let mut renderer = Renderer::new((*gpu).clone(), splats, run.constants)?;
         let mut progress = Progress::new("time offsets of test cameras", cameras.len());
         let fit = |index: usize| {
             let pictures = offset_pictures(capture, config.background, index)?;
@@ -201,12 +198,10 @@ impl Scorer<'_> {
         run_folder: &Path,
         output: &Path,
     ) -> ivv::Result<PathBuf> {
-        let name = name_of(output);
+        let (name, file, log) = (name_of(output), output.join("report.html"), Log::open(run_folder, u64::MAX));
         // Reports of other scenes and of unfinished runs have folders of their own; the totals are not theirs.
         let totals = if output == run_folder { totals(run_folder) } else { serde_json::Value::Null };
-        let log = Log::open(run_folder, u64::MAX);
         let Scorer { run, config, .. } = self;
-        let file = output.join("report.html");
         let mut progress = Progress::new("report", 1);
         Report { name: &name, run, config, totals: &totals, log: &log, scores, examples }.write(&file)?;
         progress.step("report.html");
@@ -247,9 +242,4 @@ fn seams(folder: &Path, evaluation: &Evaluation) -> ivv::Result<Option<[Scores; 
 fn name_of(output: &Path) -> String {
     let path = std::path::absolute(output).unwrap_or_else(|_| output.to_owned());
     path.file_name().map_or("run".into(), |name| name.to_string_lossy()).into_owned()
-}
-
-/// `train.json` of a run, or null: a run that was copied without it still has scores.
-pub fn totals(run_folder: &Path) -> serde_json::Value {
-    read_json(&run_folder.join("train.json"), "").unwrap_or_default()
 }

@@ -5,7 +5,7 @@ use anyhow::Context;
 use ivv::internals::train::{Config, Preset, check_name, check_settings, merge};
 use serde_json::{Value, json};
 use std::fmt::Display;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct SettingArgs {
@@ -15,15 +15,13 @@ pub struct SettingArgs {
     /// Steps, instead of what the epochs give; with `train --resume`, of the whole run.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// The preset to start from: exact, balanced, fast, small, or the path of a preset's .json file. `ivv bench trade` compares
-    /// them.
+    /// The preset to start from: exact, balanced, fast, small, or the path of a preset's .json file.
     #[arg(long)]
     preset: Option<String>,
     /// A JSON file of settings, such as an earlier run's config.json. It overrides the preset.
     #[arg(long)]
-    config: Option<PathBuf>,
-    /// One setting, KEY=VALUE, for example density.strategy=mcmc or lr.scale=1e-2. It overrides the file and may be given several
-    /// times. `ivv train --list-settings` lists all.
+    pub config: Option<PathBuf>,
+    /// One setting, KEY=VALUE, which overrides the file; see `ivv train --list-settings`. May be given several times.
     #[arg(long = "set")]
     set: Vec<String>,
     /// Most Gaussians of the scene, including the first ones.
@@ -80,10 +78,6 @@ impl SettingArgs {
         }
         config.steps = self.steps.unwrap_or(config.steps);
         config
-    }
-
-    pub fn file(&self) -> Option<&Path> {
-        self.config.as_deref()
     }
 
     pub fn contradictions(&self, run: &Config) -> anyhow::Result<Vec<String>> {

@@ -1,7 +1,7 @@
 //! The scene that a verb is given: a scene file, or the folder of a run, which may not have ended.
 
 use crate::run::appearance::Look;
-use crate::run::files::read_json;
+use crate::run::files::{read_json, totals};
 use crate::ui::screen::say;
 use ivv::internals::formats::{self, FourDgs, FourDgsParts, PlyParts};
 use ivv::internals::gpu::Gpu;
@@ -9,7 +9,6 @@ use ivv::internals::scene::{Parts, Splats};
 use ivv::internals::stage::Renderer;
 use ivv::internals::train::{Checkpoint, Config, Run};
 use ivv::{Constants, Error};
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
@@ -51,16 +50,9 @@ pub struct LoadedScene<G = Splats> {
     pub notes: Vec<String>,
 }
 
-impl From<LoadedScene> for LoadedScene<Gaussians> {
-    fn from(LoadedScene { file, splats, checkpoint_step, notes }: LoadedScene) -> Self {
-        LoadedScene { file, splats: Gaussians::Whole(Box::new(splats)), checkpoint_step, notes }
-    }
-}
-
 pub fn total_steps(folder: &Path) -> Option<u64> {
-    let config: Option<Config> = read_json(&folder.join("config.json"), "").ok();
-    let run = Run::read(folder).ok();
-    config.zip(run).map(|(config, run)| config.total(run.held.training_images as u64))
+    let config: Config = read_json(&folder.join("config.json"), "").ok()?;
+    Some(config.total(Run::read(folder).ok()?.held.training_images as u64))
 }
 
 /// The scene of the run in `folder`, if the run has ended. A run that was extended has a checkpoint that is newer than the scene: of a
@@ -70,8 +62,7 @@ pub fn final_scene(folder: &Path) -> Option<PathBuf> {
     let checkpoints = folder.join("checkpoints");
     let step = Checkpoint::newest_step(&checkpoints).ok().flatten();
     let is_newer = |step| modified(&Checkpoint::file(&checkpoints, step)) > modified(&scene);
-    let totals: Option<Value> = read_json(&folder.join("train.json"), "").ok();
-    let scored = totals.and_then(|totals| totals["steps"].as_u64());
+    let scored = totals(folder)["steps"].as_u64();
     let is_before_an_end =
         |step| total_steps(folder).is_some_and(|end| step < end) || scored.is_some_and(|end| end < step);
     let is_extended = step.is_some_and(|step| is_newer(step) && is_before_an_end(step));
@@ -105,7 +96,8 @@ impl<'a> Source<'a> {
         if let Some((file, clip)) = self.parts()? {
             return Ok(LoadedScene { file, splats: Gaussians::Parts(clip), checkpoint_step: None, notes: Vec::new() });
         }
-        self.scene().map(Into::into)
+        let LoadedScene { file, splats, checkpoint_step, notes } = self.scene()?;
+        Ok(LoadedScene { file, splats: Gaussians::Whole(Box::new(splats)), checkpoint_step, notes })
     }
 
     /// Its file, if that is a clip in parts.
@@ -113,14 +105,15 @@ impl<'a> Source<'a> {
         let file = if self.path.is_dir() { final_scene(self.path) } else { Some(self.path.to_owned()) };
         let Some(file) = file else { return Ok(None) };
         let clip: Option<Box<dyn Parts>> = match self.clip {
-            Some(_) => FourDgsParts::open(&file)?.map(|clip| Box::new(clip) as Box<dyn Parts>),
-            None if file.is_file() => PlyParts::open(&file)?.map(|clip| Box::new(clip) as Box<dyn Parts>),
+            Some(_) => FourDgsParts::open(&file)?.map(|clip| Box::new(clip) as _),
+            None if file.is_file() => PlyParts::open(&file)?.map(|clip| Box::new(clip) as _),
             None => None,
         };
         Ok(clip.map(|clip| (file, clip)))
     }
 
-    /// All of its Gaussians, as [`open`] reads them.
+    /// All of its Gaussians. Of a run that has not ended, or that was extended, those of the newest checkpoint, with a message that
+    /// gives its step.
     pub fn scene(&self) -> ivv::Result<LoadedScene> {
         let Some(clip) = &self.clip else { return self.of_path() };
         Ok(self.print(self.path, clip.splats()?, clip.notes()))
@@ -128,21 +121,17 @@ impl<'a> Source<'a> {
 
     fn of_path(&self) -> ivv::Result<LoadedScene> {
         let path = self.path;
-        let read = |file: &Path| -> ivv::Result<LoadedScene> {
-            let scene = formats::read(file)?;
-            Ok(self.print(file, scene.splats, scene.notes))
-        };
-        if let Some(scene) = final_scene(path) {
-            return read(&scene);
-        }
-        if is_run(path) {
+        let scene = final_scene(path);
+        if scene.is_none() && is_run(path) {
             return newest_checkpoint(path);
         }
-        if path.is_dir() && !path.join("meta.json").is_file() {
+        let file = scene.as_deref().unwrap_or(path);
+        if file.is_dir() && !file.join("meta.json").is_file() {
             let reason = "expected a run (run.json) or a SOG scene (meta.json), found neither";
             return Err(Error::data(path, "", reason, "give the folder of a run of `ivv train`, or a scene file"));
         }
-        read(path)
+        let scene = formats::read(file)?;
+        Ok(self.print(file, scene.splats, scene.notes))
     }
 
     /// Prints the notes of the reader that are not printed yet.
@@ -151,12 +140,6 @@ impl<'a> Source<'a> {
         new.for_each(|note| say!("{}: {note}", file.display()));
         LoadedScene { splats, file: file.to_owned(), checkpoint_step: None, notes }
     }
-}
-
-/// Reads the scene of `path`. Of a run that has not ended, or that was extended, it reads the newest checkpoint, and says of which
-/// step that is.
-pub fn open(path: &Path) -> ivv::Result<LoadedScene> {
-    Source::open(path)?.scene()
 }
 
 fn newest_checkpoint(folder: &Path) -> ivv::Result<LoadedScene> {

@@ -2,6 +2,7 @@
 
 use crate::ui::interrupt;
 use crate::ui::screen::{self, alert, out};
+use crate::ui::stderr;
 use clap::error::ErrorKind;
 use ivv::internals::words::count;
 use serde_json::{Value, json};
@@ -63,7 +64,7 @@ fn end(code: u8) -> u8 {
     match screen::finish() {
         Err(fault) if code == 0 => {
             alert!("ivv: {fault}");
-            screen::flush();
+            stderr::finish();
             fault.exit_code()
         }
         _ => code,

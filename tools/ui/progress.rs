@@ -23,8 +23,8 @@ struct Pace {
 }
 
 impl Pace {
-    fn new() -> Self {
-        Pace { start: Instant::now(), last: None, passes: false }
+    fn new(passes: bool) -> Self {
+        Pace { start: Instant::now(), last: None, passes }
     }
 
     /// True if a line is due. Where there is no terminal, after a twentieth of the time so far: some 75 lines an hour.
@@ -38,11 +38,6 @@ impl Pace {
         }
     }
 
-    /// True if the end of the work has a line. Short work has one only on a terminal.
-    fn ends_with_a_line(&self) -> bool {
-        screen::is_terminal() || self.last.is_some() || self.start.elapsed() >= LONG
-    }
-
     fn begin(&mut self, done: u64, total: u64, text: &str) {
         if screen::is_terminal() {
             self.show(done, total, text);
@@ -53,11 +48,11 @@ impl Pace {
     fn show(&mut self, done: u64, total: u64, text: &str) {
         self.last = Some(Instant::now());
         if !screen::is_terminal() {
-            screen::passing_line(text);
-        } else if self.passes {
-            screen::passing_bar(done, total, text);
-        } else {
-            screen::bar(done, total, text);
+            return screen::passing_line(text);
+        }
+        screen::bar(done, total, text);
+        if done >= total && !self.passes {
+            screen::leave_bar();
         }
     }
 }
@@ -82,16 +77,17 @@ pub struct Progress {
 impl Progress {
     /// `total` pieces called `what`; 0 if the first call of [`Progress::reach`] sets it.
     pub fn new(what: &'static str, total: usize) -> Self {
-        Self::begun(what, total, Pace::new())
+        Self::begin(what, total, false)
     }
 
     /// The same during a training, whose own bar continues after it.
     pub fn passing(what: &'static str, total: usize) -> Self {
-        Self::begun(what, total, Pace { passes: true, ..Pace::new() })
+        Self::begin(what, total, true)
     }
 
-    fn begun(what: &'static str, total: usize, mut pace: Pace) -> Self {
+    fn begin(what: &'static str, total: usize, passes: bool) -> Self {
         let text = if total > 0 { format!("{what} 0/{total}") } else { what.to_owned() };
+        let mut pace = Pace::new(passes);
         pace.begin(0, total.max(1) as u64, &text);
         Progress { what, total, done: 0, pace }
     }
@@ -99,8 +95,9 @@ impl Progress {
     /// Counts one more piece, which `note` describes.
     pub fn step(&mut self, note: &str) {
         self.done += 1;
-        let is_last = self.done == self.total && self.pace.ends_with_a_line();
-        if !is_last && !self.pace.is_due() {
+        // Short work has a last line only on a terminal.
+        let has_last = screen::is_terminal() || self.pace.last.is_some() || self.pace.start.elapsed() >= LONG;
+        if !(self.done == self.total && has_last) && !self.pace.is_due() {
             return;
         }
         let seconds = self.pace.start.elapsed().as_secs_f64();
@@ -131,13 +128,9 @@ pub fn watch() -> Watch<'static> {
                 Phase::Review => ("review of what is required", "pictures"),
                 Phase::OffsetErrors => ("errors of time offsets", "cameras"),
             };
-            let (_, progress) = match shown.take().filter(|(known, _)| *known == phase) {
-                Some(known) => shown.insert(known),
-                None if matches!(phase, Phase::Review | Phase::OffsetErrors) => {
-                    shown.insert((phase, Progress::passing(what, 0)))
-                }
-                None => shown.insert((phase, Progress::new(what, 0))),
-            };
+            let passes = matches!(phase, Phase::Review | Phase::OffsetErrors);
+            let known = shown.take().filter(|(known, _)| *known == phase);
+            let (_, progress) = shown.insert(known.unwrap_or_else(|| (phase, Progress::begin(what, 0, passes))));
             if total > 0 {
                 progress.reach(done, total, things);
             }
@@ -169,7 +162,7 @@ pub struct TrainingProgress {
 impl TrainingProgress {
     /// A run of `total` steps of which `before` were done by an earlier process; it ends with the scores of `images`.
     pub fn new(total: u64, before: u64, images: usize) -> Self {
-        let mut pace = Pace::new();
+        let mut pace = Pace::new(false);
         if before < total {
             pace.begin(before, total, &format!("step {before}/{total}, compiling the kernels"));
         }
@@ -212,11 +205,8 @@ impl TrainingProgress {
 /// Seconds as hours, minutes and seconds.
 fn clock(seconds: f64) -> String {
     let s = seconds.round() as u64;
-    if s < 3600 {
-        format!("{}:{:02}", s / 60, s % 60)
-    } else {
-        format!("{}:{:02}:{:02}", s / 3600, s / 60 % 60, s % 60)
-    }
+    let (hours, minutes, s) = (s / 3600, s / 60 % 60, s % 60);
+    if hours == 0 { format!("{minutes}:{s:02}") } else { format!("{hours}:{minutes:02}:{s:02}") }
 }
 
 /// Progress of work in stages of many pieces.
@@ -229,7 +219,7 @@ pub struct StageProgress {
 
 impl StageProgress {
     pub fn new() -> Self {
-        StageProgress { stage: "", first: (0, Instant::now()), pace: Pace::new() }
+        StageProgress { stage: "", first: (0, Instant::now()), pace: Pace::new(false) }
     }
 
     /// Shows a piece, if a line is due. The first and the last of a stage always are.

@@ -10,7 +10,7 @@ use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-/// Writes a line of results on standard output.
+/// Writes results on standard output.
 macro_rules! out {
     ($($part:tt)*) => { $crate::ui::screen::result(&format!($($part)*)) };
 }
@@ -27,7 +27,6 @@ macro_rules! alert {
 
 pub(crate) use {alert, out, say};
 
-/// Clears the line that the cursor is in.
 const CLEAR: &str = "\r\x1b[2K";
 
 struct Screen {
@@ -87,6 +86,11 @@ pub fn print_json(value: &impl serde::Serialize) -> anyhow::Result<()> {
     Ok(())
 }
 
+/// Prints `value` as one line of JSON, or `text` for people.
+pub fn answer(json: bool, value: &serde_json::Value, text: impl std::fmt::Display) {
+    if json { result(&value.to_string()) } else { result(&text.to_string()) }
+}
+
 /// Prints a table whose first column is text.
 pub fn print_table(heads: &[&str], rows: impl IntoIterator<Item = Vec<String>>) {
     result(Table::new(heads, rows).plain().trim_end());
@@ -98,7 +102,7 @@ pub fn has_results() -> bool {
 
 /// A line that --quiet leaves out.
 pub fn message(text: &str) {
-    if !screen().is_quiet {
+    if has_messages() {
         warning(text);
     }
 }
@@ -110,22 +114,13 @@ pub fn warning(text: &str) {
 
 /// A line of progress where no terminal rewrites it. It may be dropped, since a later one follows.
 pub fn passing_line(text: &str) {
-    let screen = screen();
-    if !screen.is_quiet {
+    if has_messages() {
         put_progress(format!("{text}\n"));
     }
 }
 
-/// On a terminal: a bar and a line of progress, which the next one replaces. The last one stays.
+/// On a terminal: a bar and a line of progress, which the next one replaces.
 pub fn bar(done: u64, total: u64, text: &str) {
-    passing_bar(done, total, text);
-    if done >= total {
-        leave_bar();
-    }
-}
-
-/// As [`bar`], but the next one replaces the last one too.
-pub fn passing_bar(done: u64, total: u64, text: &str) {
     let mut screen = screen();
     if screen.is_quiet {
         return;
@@ -164,11 +159,6 @@ pub fn finish() -> ivv::Result<()> {
         let reason = format!("cannot be written: {fault}");
         Err(ivv::Error::data(Path::new("standard output"), "", reason, "free space there or send it elsewhere"))
     })
-}
-
-/// Waits until standard error is written, as far as somebody reads it.
-pub fn flush() {
-    stderr::finish();
 }
 
 /// The writer of logs. It never fails.

@@ -8,14 +8,12 @@ const BAR: usize = 24;
 pub fn fit(done: u64, total: u64, text: &str, columns: usize) -> String {
     let room = columns.saturating_sub(1);
     let cells = BAR.min(room / 5);
-    let filled =
-        if total == 0 { cells } else { (u128::from(done.min(total)) * cells as u128 / u128::from(total)) as usize };
-    let mut line = "█".repeat(filled) + &"░".repeat(cells - filled);
-    if cells > 0 {
-        line.push(' ');
+    if cells == 0 {
+        return shortened(text, room).to_owned();
     }
-    let room = room.saturating_sub(if cells > 0 { cells + 1 } else { 0 });
-    line + shortened(text, room)
+    let filled =
+        (u128::from(done.min(total)) * cells as u128).checked_div(total.into()).unwrap_or(cells as u128) as usize;
+    format!("{}{} {}", "█".repeat(filled), "░".repeat(cells - filled), shortened(text, room - cells - 1))
 }
 
 /// The longest beginning of `text` that fits and ends with a part; if no part fits, as much of the first as fits.

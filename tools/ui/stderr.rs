@@ -36,10 +36,7 @@ fn queue() -> MutexGuard<'static, Queue> {
 }
 
 pub fn put(text: String) {
-    let mut queue = queue();
-    if !queue.has_room(&text, MOST_BYTES) {
-        queue = wait(queue, |queue| queue.has_room(&text, MOST_BYTES));
-    }
+    let mut queue = wait(queue(), |queue| queue.has_room(&text, MOST_BYTES));
     if queue.has_room(&text, MOST_BYTES) {
         queue.add(text);
     } else {

@@ -38,8 +38,7 @@ where
     let file = File::create(path).map_err(|e| cannot_write(path, &e))?;
     let fault = Fault::default();
     let writer = ListWriter { file, end: 0, rest: Vec::new(), fault: fault.clone() };
-    let builder = ChromeLayerBuilder::new().writer(writer).include_args(true).include_locations(false);
-    let (layer, guard) = builder.build();
+    let (layer, guard) = ChromeLayerBuilder::new().writer(writer).include_args(true).include_locations(false).build();
     // Spans of libraries would hide ours.
     let spans = Targets::new().with_target("ivv", log_level.max(Level::DEBUG));
     Ok((Box::new(layer.with_filter(spans)), Trace { path: path.to_owned(), guard, fault }))

@@ -1,8 +1,8 @@
 //! `ivv eval`.
 
 use crate::run::device::DeviceArgs;
-use crate::run::files::{make_folder, read_json};
-use crate::run::scoring::{Scorer, totals, warn_of_shared_pictures};
+use crate::run::files::{make_folder, read_json, totals};
+use crate::run::scoring::{Scorer, warn_of_shared_pictures};
 use crate::run::source::{Gaussians, Source};
 use crate::ui::screen::{alert, out, print_json, print_table};
 use anyhow::Context;
@@ -18,8 +18,7 @@ use std::path::{Path, PathBuf};
 pub struct Args {
     /// The folder of a run of `ivv train`. If it has not ended, its newest checkpoint is scored, into RUN/eval/step-STEP.
     run: PathBuf,
-    /// Another scene to score, with the rendering constants of its file or the usual ones. The scores go to RUN/eval/NAME, named after
-    /// its folder, or after its file with the ending.
+    /// Another scene to score, with the rendering constants of its file or the usual ones. The scores go to RUN/eval/NAME.
     #[arg(long)]
     scene: Option<PathBuf>,
     /// Where the run's capture is now, if it has moved.
@@ -61,12 +60,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         run.constants = run.constants_of_training(source.look.constants);
     }
     let loaded = source.seen()?;
+    let scores = args.run.join("eval");
     let (output, steps) = match (&args.scene, loaded.checkpoint_step) {
-        (Some(scene), _) => {
-            let (name, steps) = own_name(scene)?;
-            (args.run.join("eval").join(name), steps)
-        }
-        (None, Some(step)) => (args.run.join("eval").join(format!("step-{step:08}")), step),
+        (Some(scene), _) => own_name(scene).map(|(name, steps)| (scores.join(name), steps))?,
+        (None, Some(step)) => (scores.join(format!("step-{step:08}")), step),
         (None, None) => (args.run.clone(), totals(&args.run)["steps"].as_u64().unwrap_or(0)),
     };
     make_folder(&output)?;
@@ -94,14 +91,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     };
     let (scores, examples) = scorer.score_all(renderer, size, &loaded.file, &fits, step, &output)?;
     let Some(scores) = scores else {
-        let remedy = "train again with --test-cameras";
-        return Err(ivv::Error::data(
-            &Run::file(&args.run),
-            "test_cameras",
-            "no test camera has an image that shows anything",
-            remedy,
-        )
-        .into());
+        let (reason, remedy) = ("no test camera has an image that shows anything", "train again with --test-cameras");
+        return Err(ivv::Error::data(&Run::file(&args.run), "test_cameras", reason, remedy).into());
     };
     let report = scorer.report(Some(&scores), &examples, &args.run, &output)?;
     if json {
@@ -114,12 +105,11 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 
 fn print(scores: &SceneScores) {
     let Evaluation { views, mean, .. } = &scores.evaluation;
-    let fitted = scores.mean_at_fitted_offsets.as_ref().map(|scores| ("mean at fitted time offsets", scores));
-    let seams = scores
-        .mean_at_seams_and_elsewhere
-        .iter()
-        .flat_map(|both| ["mean at seams", "mean elsewhere"].into_iter().zip(both));
-    let means = [("mean", mean)].into_iter().chain(fitted).chain(seams);
+    let mut means = vec![("mean", mean)];
+    means.extend(scores.mean_at_fitted_offsets.iter().map(|scores| ("mean at fitted time offsets", scores)));
+    if let Some([seams, elsewhere]) = &scores.mean_at_seams_and_elsewhere {
+        means.extend([("mean at seams", seams), ("mean elsewhere", elsewhere)]);
+    }
     let number = |value: Option<f64>, decimals| value.map_or("-".to_owned(), |value| format!("{value:.decimals$}"));
     let row = |(view, s): (&str, &Scores)| {
         let psnr =

@@ -6,7 +6,7 @@ use crate::run::files::make_folder;
 use crate::run::player;
 use crate::run::source::Source;
 use crate::run::views::clip_time;
-use crate::ui::screen::{out, say};
+use crate::ui::screen::{answer, say};
 use anyhow::Context;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use ivv::internals::files::{folder_of, read_file, remove_temporaries, write_atomic};
@@ -34,50 +34,44 @@ pub struct Args {
     clip: ClipArgs,
 }
 
-/// The form of a scene's files.
 #[derive(Clone, Copy, Debug)]
 enum Format {
-    /// A folder with the player and a `.4dgs`.
     Web,
-    /// Both in one file.
     Page,
-    /// A format of the engine's list.
     File(&'static Writer),
 }
 
-/// Names and meanings of the formats with a player; the engine lists the others.
+/// The formats with a player; the engine lists the others.
 const WITH_PLAYER: [(&str, &str, Format); 2] = [
     ("web", "a folder with the player and the scene, for any host of files", Format::Web),
     ("page", "player and scene as one .html", Format::Page),
 ];
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let format = match args.format {
-        Some(format) => format,
-        None => by_ending(&args.output)?,
-    };
+    let format = args.format.map_or_else(|| by_ending(&args.output), Ok)?;
     if let Format::File(writer) = format
         && !format.has_clip()
     {
         args.clip.refuse_without_clip(writer.name, writer.keeps.views)?;
     }
     let source = Source::open(&args.scene)?;
-    remove_left(format, &args.output)?;
+    // Killed exports left files here that are as large as their scenes.
+    let file = scene_file(format, &args.output);
+    let folder = folder_of(&file);
+    if folder.is_dir() {
+        remove_temporaries(folder, 0)?;
+    }
     if args.time.is_none() && format.has_clip() && args.clip.is_as_it_is(&source)? {
         let bytes = read_file(&args.scene).with_context(|| args.scene.display().to_string())?;
-        let written = write_clip(format, &args.output, &bytes)?;
-        if json {
-            out!("{}", serde_json::json!({ "path": args.output.to_string_lossy(), "bytes": written }));
-        } else {
-            out!("{}: the scene as it is, {written} bytes", args.output.display());
-        }
+        let (path, written) = (args.output.to_string_lossy(), write_clip(format, &args.output, &bytes)?);
+        let line = serde_json::json!({ "path": path, "bytes": written });
+        answer(json, &line, format_args!("{path}: the scene as it is, {written} bytes"));
         return Ok(());
     }
     if args.time.is_none()
         && let Some(written) = write_parts(args, format, &source)?
     {
-        let n_read = written.n + written.n_left_out;
-        print(&args.output, &written, n_read, json);
+        print(&args.output, &written, written.n + written.n_left_out, json);
         return Ok(());
     }
     let (splats, least) = (source.scene()?.splats, args.min_opacity);
@@ -120,17 +114,12 @@ fn clip(args: &Args, format: Format, source: &Source, is_still: bool) -> anyhow:
 
 fn print(to: &Path, written: &Written, n_read: usize, json: bool) {
     let Written { n, n_dynamic, sh_degree, bytes, .. } = written;
-    if json {
-        out!(
-            "{}",
-            serde_json::json!({
-                "path": to.to_string_lossy(), "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree,
-                "bytes": bytes,
-            })
-        );
-    } else {
-        out!("{}: {n} of {n_read} Gaussians, {n_dynamic} of them dynamic, {bytes} bytes", to.display());
-    }
+    let path = to.to_string_lossy();
+    let line = serde_json::json!({
+        "path": path, "gaussians": n, "dynamic_gaussians": n_dynamic, "sh_degree": sh_degree, "bytes": bytes,
+    });
+    let text = format_args!("{path}: {n} of {n_read} Gaussians, {n_dynamic} of them dynamic, {bytes} bytes");
+    answer(json, &line, text);
 }
 
 impl Format {
@@ -152,13 +141,6 @@ fn format_parser() -> impl TypedValueParser<Value = Format> {
 
 fn scene_file(format: Format, to: &Path) -> PathBuf {
     if matches!(format, Format::Web) { to.join(player::SCENE) } else { to.to_owned() }
-}
-
-/// Removes what killed exports left where this one writes: files as large as its own.
-fn remove_left(format: Format, to: &Path) -> ivv::Result<()> {
-    let file = scene_file(format, to);
-    let folder = folder_of(&file);
-    if folder.is_dir() { remove_temporaries(folder, 0) } else { Ok(()) }
 }
 
 /// Writes a clip in parts without having it in memory, where source and format allow.

@@ -1,21 +1,21 @@
 //! `ivv inspect`.
 
+use crate::run::files::totals;
 use crate::run::review;
-use crate::run::source::{self, LoadedScene, is_run};
+use crate::run::source::{LoadedScene, Source, is_run};
 use crate::run::views::ViewArgs;
-use crate::ui::screen::{out, print_json, say};
+use crate::ui::screen::{answer, out, print_json, say};
 use ivv::internals::formats::FourDgs;
 use ivv::internals::scene::{Quantiles, Summary, write_views};
 use ivv::internals::train::Review;
 use ivv::internals::words::count;
-use serde_json::Value;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
 #[command(mut_args(of_cameras))]
 pub struct Args {
-    /// A scene file, of any format in the manual's page Files, or the folder of a SOG; or the folder of a run: its scene.ply, or its newest
-    /// checkpoint if it has not ended. With --cameras a capture, or the folder of a run.
+    /// A scene file of any format, or the folder of a run: its scene.ply, or its newest checkpoint. With --cameras a capture or a
+    /// run.
     #[arg(value_name = "SCENE|RUN|CAPTURE")]
     scene: PathBuf,
     /// Instead writes the views of the capture, or of the run's capture, to this file (JSON).
@@ -39,7 +39,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if FourDgs::is(&args.scene) {
         return clip(&args.scene, json);
     }
-    let LoadedScene { file: scene, splats, checkpoint_step, notes } = source::open(&args.scene)?;
+    let LoadedScene { file: scene, splats, checkpoint_step, notes } = Source::open(&args.scene)?.scene()?;
     let reviews = reviews(&scene);
     let summary = splats.by_degree().summary();
     if json {
@@ -72,11 +72,8 @@ fn cameras(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
         args.views.of_capture(source, None)?
     };
     write_views(file, &views)?;
-    if json {
-        out!("{}", serde_json::json!({ "path": file.to_string_lossy(), "views": views.len() }));
-    } else {
-        out!("{}: {}", file.display(), count(views.len(), "view"));
-    }
+    let line = serde_json::json!({ "path": file.to_string_lossy(), "views": views.len() });
+    answer(json, &line, format_args!("{}: {}", file.display(), count(views.len(), "view")));
     Ok(())
 }
 
@@ -155,10 +152,6 @@ fn print(scene: &Path, summary: &Summary) {
 
 /// The reviews of the run of `scene`; empty for another file.
 fn reviews(scene: &Path) -> Vec<Review> {
-    let totals = scene.with_file_name("train.json");
-    let totals: Value = ivv::internals::files::read_file(&totals)
-        .ok()
-        .and_then(|text| serde_json::from_slice(&text).ok())
-        .unwrap_or_default();
+    let totals = totals(scene.parent().unwrap_or(scene));
     serde_json::from_value(totals["reviews"].clone()).unwrap_or_default()
 }

@@ -4,7 +4,7 @@ use crate::run::capture::CaptureArgs;
 use crate::run::capture_report;
 use crate::ui::fault::{self, FaultyCapture};
 use crate::ui::progress::StageProgress;
-use crate::ui::screen::{out, print_json, say};
+use crate::ui::screen::{answer, out, print_json, say};
 use anyhow::Context;
 use ivv::internals::prepare::{
     Estimate, ImageFormat, PrepareSettings, Progress, Share, ShiftBy, Stage, Triangulate, estimate, forecast, prepare,
@@ -25,16 +25,13 @@ pub struct Args {
     /// The capture folder. Run the same command again to continue an interrupted preparation.
     #[arg(short, long)]
     output: PathBuf,
-    /// The folder of the videos or image sequences, if they are not beside the calibration. For plain COLMAP, the folder of images
-    /// inside the source.
+    /// The folder of the footage if it is not beside the calibration; for plain COLMAP, the folder of images inside the source.
     #[arg(long)]
     footage: Option<PathBuf>,
-    /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`, for cameras that did not start together. A negative
-    /// number starts earlier. `timecode` takes them from the time codes of the videos, `sound` from their sound.
+    /// Frames to skip at the start of a camera's footage, as `cam02=3,cam05=-1`. `timecode` and `sound` find them in the videos.
     #[arg(long, value_delimiter = ',', value_name = "CAMERA=FRAMES|timecode|sound")]
     shift: Vec<String>,
-    /// For a folder of videos without calibration, of cameras that move together on one rig: COLMAP places the cameras of every N-th
-    /// frame, and the frames between are interpolated. 1 for every frame.
+    /// For videos without calibration of cameras that move together on one rig: COLMAP places every N-th frame.
     #[arg(long, value_name = "N")]
     moving: Option<u32>,
     /// Size of the images relative to the source's, at most 1.
@@ -43,20 +40,19 @@ pub struct Args {
     /// Format of new images. Images that need no change are copied as they are.
     #[arg(long, value_parser = ["png", "jpg"], default_value = "png")]
     format: String,
-    /// Frames per second of the capture. Frames of videos are paired by time and chosen at this rate, by default the lowest of the
-    /// videos. For image sequences it is the rate at which they were taken, by default 30.
+    /// Frames per second of the capture: by default the lowest of the videos. For image sequences, how they were taken; by default
+    /// 30.
     #[arg(long)]
     fps: Option<f64>,
-    /// Frames for which COLMAP triangulates points: none, the reference frame, or every N-th. By default every frame, unless the
-    /// source has points.
+    /// Frames for which COLMAP triangulates points: none, the reference frame, or every N-th. By default every one if there are no
+    /// points.
     #[arg(long, num_args = 1..=2, value_names = ["none|reference|every", "N"])]
     triangulate: Option<Vec<String>>,
-    /// Photographs of the same place, taken at another time, which train the static scene. If the source has no cameras, COLMAP places
-    /// both together. Otherwise give a capture of them, such as a COLMAP project, in the world of the source.
+    /// Photographs of the same place, taken at another time, for the static scene. If the source has cameras, a capture of them in
+    /// its world.
     #[arg(long = "static", value_name = "PHOTOS")]
     photos: Option<PathBuf>,
-    /// A folder of masks: for videos and image sequences a folder for each camera with a mask for each frame, for photographs NAME.png
-    /// for each. Bright pixels count, black ones are left out.
+    /// A folder of masks: CAMERA/FRAME.png for footage, NAME.png for photographs. Bright pixels count, black ones are left out.
     #[arg(long, value_name = "FOLDER")]
     masks: Option<PathBuf>,
     /// Estimates optical flow. dis: OpenCV's DIS, in Python.
@@ -70,8 +66,7 @@ pub struct Args {
     /// Only estimates time and disk space: prepares four frames from the middle, measures, and removes them.
     #[arg(long)]
     plan: bool,
-    /// Does one stage alone: cameras (if the source has none), images, points or flow. The same command without this does the rest and
-    /// completes the capture.
+    /// Does one stage alone: cameras, images, points or flow. The same command without this completes the capture.
     #[arg(long, conflicts_with_all = ["plan", "force"], value_name = "cameras|images|points|flow", value_parser = stage)]
     only: Option<Stage>,
     /// With `--only`: does the K-th of N parts of the stage. Machines that share a file system can do one each at the same time.
@@ -89,7 +84,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         say!("{forecast}");
         forecast.notes.iter().for_each(|note| say!("note: {note}"));
     }
-    let before = forecast.as_ref().map(|forecast| forecast.notes.clone()).unwrap_or_default();
     let progress_line = Mutex::new(StageProgress::new());
     let report = |progress: Progress| {
         // A thread that panicked while it showed progress is no reason to stop.
@@ -109,7 +103,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         let share = args.part.unwrap_or(Share::ALL);
         prepare_share(&settings, only, share, &report)?;
         drop(progress_line);
-        return print_share(only, share, json);
+        print_share(only, share, json);
+        return Ok(());
     }
     let prepared = prepare(&settings, &report)?;
     drop(progress_line);
@@ -119,7 +114,8 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     } else {
         let format = if prepared.source_format.is_empty() { "unknown format" } else { prepared.source_format };
         out!("source:  {}, {format}", args.source.display());
-        for note in prepared.notes.iter().filter(|note| !before.contains(note)) {
+        let is_known = |note: &&String| forecast.as_ref().is_some_and(|forecast| forecast.notes.contains(note));
+        for note in prepared.notes.iter().filter(|note| !is_known(note)) {
             out!("note:    {note}");
         }
         if !prepared.points.is_empty() {
@@ -133,21 +129,12 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     faulty.map_or(Ok(()), Err)
 }
 
-fn print_share(stage: Stage, share: Share, json: bool) -> anyhow::Result<()> {
+fn print_share(stage: Stage, share: Share, json: bool) {
     let (part, of) = (share.part + 1, share.of);
-    if json {
-        out!("{}", serde_json::json!({ "stage": stage, "part": part, "parts": of }));
-        return Ok(());
-    }
-    let stage = serde_json::to_value(stage)?;
-    let stage = stage.as_str().unwrap_or_default();
-    if of == 1 {
-        out!("{stage}: done")
-    } else {
-        out!("{stage}: part {part} of {of} is done")
-    }
-    out!("next: the remaining stages, then the same command without --only");
-    Ok(())
+    let line = serde_json::json!({ "stage": stage, "part": part, "parts": of });
+    let done = if of == 1 { "done".to_owned() } else { format!("part {part} of {of} is done") };
+    let next = "next: the remaining stages, then the same command without --only";
+    answer(json, &line, format_args!("{}: {done}\n{next}", line["stage"].as_str().unwrap_or_default()));
 }
 
 fn stage(word: &str) -> Result<Stage, String> {
@@ -189,21 +176,17 @@ fn print_plan(estimate: &Estimate, json: bool) -> anyhow::Result<()> {
 
 fn settings(args: &Args) -> anyhow::Result<PrepareSettings> {
     let defaults = PrepareSettings::new(&args.source, &args.output);
-    let shift_by = match args.shift.as_slice() {
-        [word] if word == "timecode" => ShiftBy::Timecode,
-        [word] if word == "sound" => ShiftBy::Sound,
-        _ => ShiftBy::Given,
+    let (shift_by, shifts) = match args.shift.as_slice() {
+        [word] if word == "timecode" => (ShiftBy::Timecode, BTreeMap::new()),
+        [word] if word == "sound" => (ShiftBy::Sound, BTreeMap::new()),
+        words => (ShiftBy::Given, words.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?),
     };
     let capture = args.read.settings();
     let capture = CaptureSettings { fps: args.fps.unwrap_or(capture.fps), ..capture };
     Ok(PrepareSettings {
         footage: args.footage.clone(),
         frames: capture.frames,
-        shifts: if shift_by == ShiftBy::Given {
-            args.shift.iter().map(|word| shift(word)).collect::<anyhow::Result<_>>()?
-        } else {
-            BTreeMap::new()
-        },
+        shifts,
         shift_by,
         fps: args.fps,
         moving: args.moving,

@@ -8,7 +8,7 @@ use crate::run::settings::SettingArgs;
 use crate::run::subprocess::{train_command, wait_for};
 use crate::run::workload::work;
 use crate::ui::interrupt::{Interrupted, Stop};
-use crate::ui::screen::{self, out, say};
+use crate::ui::screen::{self, answer, out, say};
 use anyhow::{Context, ensure};
 use ivv::internals::files::write_atomic;
 use ivv::internals::formats::{PlyParts, read_ply, write_parts};
@@ -52,8 +52,7 @@ struct PlanArgs {
     /// Most frames of a segment: the memory of a training grows with them.
     #[arg(long, default_value_t = 60)]
     frames: u32,
-    /// Makes segments as long as this memory, in bytes on host and device together, allows: for all images of a segment, decoded, and
-    /// for as many Gaussians as `--max-gaussians` and the device allow.
+    /// Makes segments as long as this memory, in bytes on host and device together, allows with `--max-gaussians`.
     #[arg(long, value_name = "BYTES", conflicts_with = "frames")]
     memory: Option<u64>,
     /// Frames that a segment shares with the next one, at most half of it. The segments cross-fade there.
@@ -113,10 +112,9 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     };
     let mut segments = Segments::new(capture.n_frames, frames, args.overlap).map_err(anyhow::Error::msg)?;
     segments.cache_bytes = cache_bytes;
-    let mut run = Run::new(&capture, Constants::default())?;
     // Joined segments have set the constants.
-    let before = Run::read(&args.output);
-    run.constants = before.map_or_else(|_| Constants::default(), |before| before.constants);
+    let constants = Run::read(&args.output).map_or_else(|_| Constants::default(), |before| before.constants);
+    let run = Run::new(&capture, constants)?;
     make_folder(&args.output)?;
     let is_plan = Segments::file(&args.output).is_file();
     let is_another = (!is_plan && Run::file(&args.output).is_file())
@@ -136,10 +134,8 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     }
     let still = segments.still.of(segments.n_frames).len();
     if json {
-        out!(
-            "{}",
-            json!({ "segments": segments.segments, "frames": segments.n_frames, "frames_of_what_rests": still })
-        );
+        let frames = segments.n_frames;
+        out!("{}", json!({ "segments": segments.segments, "frames": frames, "frames_of_what_rests": still }));
         return Ok(());
     }
     out!("{}: the static scene, with {} of {}", args.output.display(), count(still, "frame"), segments.n_frames);
@@ -204,9 +200,8 @@ impl<'a> Jobs<'a> {
                 self.print_path(&self.base());
             }
             Some(word) => {
-                let segment = word.parse().ok().filter(|segment| *segment < n);
-                let segment = segment
-                    .with_context(|| format!("--only: expected base or a segment from 0 to {}, found {word}", n - 1))?;
+                let wrong = || format!("--only: expected base or a segment from 0 to {}, found {word}", n - 1);
+                let segment = word.parse().ok().filter(|segment| *segment < n).with_context(wrong)?;
                 self.train_segment(segment, options, &stop)?;
                 self.print_path(&self.segment(segment));
             }
@@ -234,12 +229,8 @@ impl<'a> Jobs<'a> {
     fn train_segment(&self, segment: usize, options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
         let [from, to] = self.segments.segments[segment];
         say!("segment {segment} of {}: frames {from} to {}", self.segments.segments.len(), to - 1);
-        let own: [OsString; 4] = [
-            "--max-frames".into(),
-            self.segments.frames(segment).to_string().into(),
-            "--base".into(),
-            self.base().into_os_string(),
-        ];
+        let (frames, base) = (self.segments.frames(segment).to_string(), self.base().into_os_string());
+        let own = ["--max-frames".into(), frames.into(), "--base".into(), base];
         self.train(&self.segment(segment), &own, options, stop)
     }
 
@@ -288,22 +279,16 @@ impl<'a> Jobs<'a> {
 
     fn join(&self) -> anyhow::Result<()> {
         let _lock = RunLock::take(self.folder)?;
-        let missing = |folder: &Path| {
-            let remedy = "train it first: `ivv segments run PLAN`";
-            anyhow::Error::from(ivv::Error::data(folder, "", "expected a run that has ended, found none", remedy))
-        };
-        let segments = (0..self.segments.segments.len()).map(|segment| self.segment(segment));
-        for folder in [self.base()].into_iter().chain(segments) {
+        let n_segments = self.segments.segments.len();
+        let folder = |segment: Option<usize>| segment.map_or_else(|| self.base(), |segment| self.segment(segment));
+        for folder in [None].into_iter().chain((0..n_segments).map(Some)).map(folder) {
             if !has_ended(&folder)? {
-                return Err(missing(&folder));
+                let remedy = "train it first: `ivv segments run PLAN`";
+                return Err(ivv::Error::data(&folder, "", "expected a run that has ended, found none", remedy).into());
             }
         }
-        let n_segments = self.segments.segments.len();
         let file = self.folder.join("scene.ply");
-        let read = |segment: Option<usize>| {
-            let folder = segment.map_or_else(|| self.base(), |segment| self.segment(segment));
-            read_ply(&folder.join("scene.ply"))
-        };
+        let read = |segment: Option<usize>| read_ply(&folder(segment).join("scene.ply"));
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
         write_parts(&file, &mut joined, &Look::of(&self.base(), None)?.0.unusual())?;
         // The constants of the jobs, as set by --blur and the like. On a moving rig the jobs trained in a frame with another unit, so
@@ -313,17 +298,11 @@ impl<'a> Jobs<'a> {
         Run { constants: Constants { near, ..base.constants }, ..self.run.clone() }.write(self.folder)?;
         let n_dynamic: usize = joined.parts().iter().map(|part| part.n).sum();
         let n = PlyParts::open(&file)?.map_or(0, |written| written.n_static()) + n_dynamic;
-        if self.json {
-            let path = file.to_string_lossy();
-            out!("{}", json!({ "path": path, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments }));
-            return Ok(());
-        }
-        out!(
-            "{}: {}, {n_dynamic} of them dynamic, of {}",
-            file.display(),
-            count(n, "Gaussian"),
-            count(n_segments, "segment")
-        );
+        let (path, gaussians, segments) = (file.display(), count(n, "Gaussian"), count(n_segments, "segment"));
+        let text = format!("{path}: {gaussians}, {n_dynamic} of them dynamic, of {segments}");
+        let path = file.to_string_lossy();
+        let line = json!({ "path": path, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments });
+        answer(self.json, &line, text);
         Ok(())
     }
 }

@@ -2,13 +2,13 @@
 
 use crate::run::device::DeviceArgs;
 use crate::run::source::Source;
-use crate::ui::screen::out;
+use crate::ui::screen::answer;
 use anyhow::ensure;
-use ivv::internals::files::{Tensor, read_tensors, write_tensors};
+use ivv::Constants;
+use ivv::internals::files::{read_tensors, write_tensors};
 use ivv::internals::scene::{Frame, Splats, View, read_views};
 use ivv::internals::stage::{Accumulation, Gradients, Renderer};
 use serde_json::json;
-use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 #[derive(clap::Args)]
@@ -33,14 +33,14 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    args.constants.checked()?;
+    args.constants.over(Constants::default())?;
     let views = read_views(&args.cameras)?;
     let Some(view) = views.first() else {
         return Err(ivv::Error::data(&args.cameras, "views", "has no view", "add one").into());
     };
     let cotangents = cotangents(args, view)?;
     let source = Source::open(&args.scene)?;
-    let constants = args.constants.checked_over(source.look.constants)?;
+    let constants = args.constants.over(source.look.constants)?;
     let splats = source.scene()?.splats;
     let gpu = args.device.open()?;
     let sums = Accumulation::Slots.on(gpu.caps());
@@ -53,25 +53,35 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return Err(ivv::Error::NonFinite { what, count: u64::from(gradients.n_bad), remedy }.into());
     }
     write_gradients(&args.output, &gradients, &splats)?;
-    let n = splats.len();
-    if json {
-        let path = args.output.to_string_lossy();
-        let line = json!({ "path": path, "view": view.name, "gaussians": n, "visible": report.visible });
-        out!("{line}");
-        return Ok(());
-    }
-    out!("{}: gradients of view `{}`, {} of {n} Gaussians visible", args.output.display(), view.name, report.visible);
+    let (n, seen, path) = (splats.len(), report.visible, args.output.to_string_lossy());
+    let text = format!("{path}: gradients of view `{}`, {seen} of {n} Gaussians visible", view.name);
+    answer(json, &json!({ "path": path, "view": view.name, "gaussians": n, "visible": seen }), text);
     Ok(())
 }
 
 /// The file's cotangents as a frame; outputs that it does not name have none.
 fn cotangents(args: &Args, view: &View) -> anyhow::Result<Frame> {
     let mut tensors = read_tensors(&args.cotangents)?;
-    let (w, h) = (view.intrinsics.width as usize, view.intrinsics.height as usize);
-    let mut take = |name: &str, channels: usize| take(&mut tensors, args, name, w, h, channels);
+    let (width, height) = (view.intrinsics.width, view.intrinsics.height);
+    ensure!(width > 0 && height > 0, "the view has no pixels");
+    let fault = |place: String, reason: String, remedy: &str| ivv::Error::data(&args.cotangents, place, reason, remedy);
+    // `[H][W][channels]` numbers; zeros where the file has none.
+    let mut take = |name: &str, channels: usize| -> ivv::Result<Vec<f32>> {
+        let (w, h) = (width as usize, height as usize);
+        let Some(tensor) = tensors.remove(name) else { return Ok(vec![0.0; w * h * channels]) };
+        let shape: &[usize] = if channels == 1 { &[h, w] } else { &[h, w, channels] };
+        if tensor.shape != shape {
+            let reason = format!("has shape {:?}, expected {shape:?} for this view", tensor.shape);
+            return Err(fault(name.to_owned(), reason, "make it for this view"));
+        }
+        if let Some(at) = tensor.data.iter().position(|x| !x.is_finite()) {
+            return Err(fault(format!("{name}[{at}]"), "is not finite".into(), "replace it by a finite number"));
+        }
+        Ok(tensor.data.iter().map(|x| *x as f32).collect())
+    };
     let frame = Frame {
-        width: view.intrinsics.width,
-        height: view.intrinsics.height,
+        width,
+        height,
         color: take("color", 3)?.as_chunks().0.to_vec(),
         alpha: take("alpha", 1)?,
         depth: take("depth", 1)?,
@@ -80,36 +90,9 @@ fn cotangents(args: &Args, view: &View) -> anyhow::Result<Frame> {
     };
     if let Some(name) = tensors.keys().next() {
         let remedy = "name color, alpha, depth, inverse_depth or flow";
-        return Err(ivv::Error::data(&args.cotangents, name, "unknown output", remedy).into());
+        return Err(fault(name.clone(), "unknown output".into(), remedy).into());
     }
-    ensure!(w * h > 0, "the view has no pixels");
     Ok(frame)
-}
-
-/// Removes `name` from `tensors`: `[H][W][channels]` numbers, zeros if it is missing.
-fn take(
-    tensors: &mut BTreeMap<String, Tensor>,
-    args: &Args,
-    name: &str,
-    w: usize,
-    h: usize,
-    channels: usize,
-) -> ivv::Result<Vec<f32>> {
-    let Some(tensor) = tensors.remove(name) else { return Ok(vec![0.0; w * h * channels]) };
-    let shape: &[usize] = if channels == 1 { &[h, w] } else { &[h, w, channels] };
-    if tensor.shape != shape {
-        let reason = format!("has shape {:?}, expected {shape:?} for this view", tensor.shape);
-        return Err(ivv::Error::data(&args.cotangents, name, reason, "make it for this view"));
-    }
-    if let Some(at) = tensor.data.iter().position(|x| !x.is_finite()) {
-        return Err(ivv::Error::data(
-            &args.cotangents,
-            format!("{name}[{at}]"),
-            "is not finite",
-            "replace it by a finite number",
-        ));
-    }
-    Ok(tensor.data.iter().map(|x| *x as f32).collect())
 }
 
 /// Writes the gradients by parameter, in the order of the file that `splats` came from.

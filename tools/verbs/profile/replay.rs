@@ -2,7 +2,6 @@
 
 use crate::ui::screen::{out, print_json, print_table};
 use crate::verbs::profile::kernels;
-use anyhow::Context;
 use ivv::internals::gpu::{Gpu, KernelInfo};
 use ivv::internals::profile::{Replay, Replayed, read_dispatch};
 use ivv::internals::words::count;
@@ -14,7 +13,7 @@ use std::path::{Path, PathBuf};
 pub struct ReplayArgs {
     /// Runs a dumped dispatch repeatedly.
     #[arg(long, conflicts_with_all = ["subject", "dump", "capture", "cameras", "list"])]
-    replay: Option<PathBuf>,
+    pub replay: Option<PathBuf>,
     /// Kernels to run beside the dumped one, separated by commas: variants of its shader.
     #[arg(long, value_delimiter = ',', requires = "replay")]
     variant: Vec<String>,
@@ -27,14 +26,8 @@ pub struct ReplayArgs {
     watch: bool,
 }
 
-impl ReplayArgs {
-    pub fn file(&self) -> Option<&Path> {
-        self.replay.as_deref()
-    }
-}
-
-pub fn run(args: &ReplayArgs, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
-    let (dispatch, dumped) = read_dispatch(args.file().context("--replay names no file")?)?;
+pub fn run(args: &ReplayArgs, file: &Path, gpu: &Gpu, json: bool) -> anyhow::Result<()> {
+    let (dispatch, dumped) = read_dispatch(file)?;
     let mut variants = vec![dumped];
     for name in &args.variant {
         let kernel = kernels::named("--variant", name)?;

@@ -39,8 +39,6 @@ pub struct LiveRun {
     scenes: tokio::sync::Mutex<Vec<(String, ServedScene)>>,
     /// The last line of the log, and when it was read.
     line: RefCell<(Option<SystemTime>, Value)>,
-    /// The steps of the run, and when its settings were written.
-    total: Cell<(Option<SystemTime>, Option<u64>)>,
     begun: Instant,
     /// Seconds in which scenes were made.
     spent: Cell<f64>,
@@ -51,15 +49,12 @@ pub struct LiveRun {
 impl LiveRun {
     /// The run in `folder`, which need not be there yet; `latest_line` is from its training, if that is in this process.
     pub fn new(folder: &Path, latest_line: Option<LatestLine>, clip: &ClipArgs) -> Self {
-        let clip = Arc::new(clip.unasked());
-        let (scenes, line) = (tokio::sync::Mutex::default(), RefCell::default());
         LiveRun {
             folder: folder.to_owned(),
             latest_line,
-            clip,
-            scenes,
-            line,
-            total: Cell::default(),
+            clip: Arc::new(clip.unasked()),
+            scenes: tokio::sync::Mutex::default(),
+            line: RefCell::default(),
             begun: Instant::now(),
             spent: Cell::new(0.0),
             announced: RefCell::default(),
@@ -79,7 +74,7 @@ impl LiveRun {
         let scene = self.scene_to_announce();
         let step = line["step"].as_u64().unwrap_or(0);
         json!({
-            "name": name, "step": step, "total": self.total().unwrap_or(step), "seconds": line["seconds"],
+            "name": name, "step": step, "total": total_steps(&self.folder).unwrap_or(step), "seconds": line["seconds"],
             "loss": line["loss"], "psnr": line["psnr"], "gaussians": line["gaussians"],
             "ended": final_scene(&self.folder).is_some(), "scene": scene, "report": report,
         })
@@ -94,16 +89,6 @@ impl LiveRun {
             *line = (at, log.lines(Kind::Step).last().cloned().unwrap_or_default());
         }
         line.1.clone()
-    }
-
-    /// Steps of the run, which may be extended.
-    fn total(&self) -> Option<u64> {
-        let at = modified(&self.folder.join("config.json"));
-        let (known_at, known) = self.total.get();
-        if known.is_none() || known_at != at {
-            self.total.set((at, total_steps(&self.folder)));
-        }
-        self.total.get().1
     }
 
     /// The name of the scene that pages show: the newest one, unless scenes have been made for longer than their share of
@@ -152,16 +137,9 @@ impl LiveRun {
             let splats = if is_end { read_scene(&file)? } else { Checkpoint::read(&file)?.splats() };
             clip.bytes(&Source::open(&folder)?, splats)
         });
-        let made = made.await;
+        let made = made.await.ok();
         self.spent.set(self.spent.get() + begun.elapsed().as_secs_f64());
-        let bytes = match made {
-            Ok(Ok(bytes)) => bytes,
-            Ok(Err(fault)) => {
-                tracing::warn!("scene {name}: {fault:#}");
-                return None;
-            }
-            Err(_) => return None,
-        };
+        let bytes = made?.inspect_err(|fault| tracing::warn!("scene {name}: {fault:#}")).ok()?;
         let scene = ServedScene::new(bytes.into());
         if scenes.len() == MOST_SCENES {
             scenes.remove(0);

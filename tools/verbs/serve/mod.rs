@@ -9,7 +9,7 @@ pub use live::LatestLine;
 use crate::run::export_clip::ClipArgs;
 use crate::run::source::{Source, final_scene, is_run};
 use crate::ui::interrupt::Stop;
-use crate::ui::screen::{alert, out, say};
+use crate::ui::screen::{alert, answer, say};
 use anyhow::Context;
 use hyper::Request;
 use hyper_util::rt::{TokioIo, TokioTimer};
@@ -39,8 +39,7 @@ const GLANCE: Duration = Duration::from_millis(100);
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// The folder of a run, or a scene file: a .4dgs is sent as it is, others are converted first. The page of a run that has not ended
-    /// shows its curves, its test views, and the scene of its newest checkpoint.
+    /// A scene file, or the folder of a run, whose page shows curves, test views and the newest checkpoint until it has ended.
     #[arg(value_name = "RUN|SCENE")]
     source: PathBuf,
     /// The port; 0 for any that is free.
@@ -63,16 +62,10 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let stop = Stop::listen()?;
     let listener = listen(*bind, args.port, "--port")?;
     let url = url(&listener)?;
-    if json {
-        out!("{}", serde_json::json!({ "url": url }));
-    } else {
-        out!("{url}  (Ctrl-C ends it)");
-    }
+    answer(json, &serde_json::json!({ "url": url }), format_args!("{url}  (Ctrl-C ends it)"));
     if !bind.is_loopback() {
-        alert!(
-            "warning: anyone who can reach {} can view the scene",
-            url.trim_start_matches("http://").trim_end_matches('/')
-        );
+        let address = url.trim_start_matches("http://").trim_end_matches('/');
+        alert!("warning: anyone who can reach {address} can view the scene");
     }
     serve(listener, || Site::new(content, *bind, names), &|| stop.is_asked())
 }

@@ -95,17 +95,13 @@ impl Site {
             Content::Scene(scene) if path == SCENE => return of_scene(scene, request),
             Content::File(file) if path == SCENE => match ServedScene::of_file(file, None) {
                 Ok(scene) => return of_scene(&scene, request),
-                Err(_) => {
-                    plain_text(StatusCode::NOT_FOUND, "expected the file of the scene, found none that can be read")
-                }
+                Err(_) => not_found("expected the file of the scene, found none that can be read"),
             },
             Content::Scene(_) | Content::File(_) => of_part(PLAYER_FILES, path),
             Content::Run(live) => match path.strip_prefix("at/").and_then(|rest| rest.split_once('/')) {
                 Some((name, SCENE)) => match live.scene(name).await {
                     Some(scene) => return of_scene(&scene, request),
-                    None => {
-                        plain_text(StatusCode::NOT_FOUND, "expected one of the newest scenes, found none of this name")
-                    }
+                    None => not_found("expected one of the newest scenes, found none of this name"),
                 },
                 Some((_, rest)) => of_part(PLAYER_FILES, rest),
                 None if path == "report.html" => of_report(live),
@@ -166,10 +162,7 @@ fn of_scene<B>(scene: &ServedScene, request: &Request<B>) -> Response<StaticBody
 /// The report so far. It is a page of its own, without scripts.
 fn of_report(live: &LiveRun) -> Response<Full<Bytes>> {
     let Some(report) = live.report() else {
-        return plain_text(
-            StatusCode::NOT_FOUND,
-            "expected a report, found none yet: it comes with the first evaluation",
-        );
+        return not_found("expected a report, found none yet: it comes with the first evaluation");
     };
     let mut answer = of_bytes(StatusCode::OK, "text/html; charset=utf-8", report.into());
     let policy = HeaderValue::from_static("default-src 'none'; style-src 'unsafe-inline'; img-src data:");
@@ -192,28 +185,26 @@ fn part_of(asked: &str, length: usize) -> ByteRange {
         return ByteRange::Whole;
     };
     let number = |text: &str| text.parse::<usize>().ok().filter(|_| text.bytes().all(|byte| byte.is_ascii_digit()));
-    let range = match (from, to) {
-        ("", last) => number(last).map(|last| length.saturating_sub(last)..length),
-        (from, "") => number(from).map(|from| from..length),
-        (from, to) => number(from)
-            .zip(number(to))
-            .filter(|(from, to)| from <= to)
-            .map(|(from, to)| from..to.saturating_add(1).min(length)),
+    let range = match (number(from), number(to)) {
+        (None, Some(last)) if from.is_empty() => length.saturating_sub(last)..length,
+        (Some(from), None) if to.is_empty() => from..length,
+        (Some(from), Some(to)) if from <= to => from..to.saturating_add(1).min(length),
+        _ => return ByteRange::Whole,
     };
-    match range {
-        None => ByteRange::Whole,
-        Some(range) if range.is_empty() => ByteRange::Beyond,
-        Some(range) => ByteRange::Part(range),
-    }
+    if range.is_empty() { ByteRange::Beyond } else { ByteRange::Part(range) }
 }
 
 /// A file of the page; its first one where none is named.
 fn of_part(parts: &'static [PlayerFile], name: &str) -> Response<Full<Bytes>> {
     let name = if name.is_empty() { "index.html" } else { name };
     parts.iter().find(|part| part.name == name).map_or_else(
-        || plain_text(StatusCode::NOT_FOUND, "expected a file of the page, found none of this name"),
+        || not_found("expected a file of the page, found none of this name"),
         |part| of_bytes(StatusCode::OK, part.media_type, Bytes::from_static(part.text.as_bytes())),
     )
+}
+
+fn not_found(text: &'static str) -> Response<Full<Bytes>> {
+    plain_text(StatusCode::NOT_FOUND, text)
 }
 
 fn plain_text(status: StatusCode, text: &'static str) -> Response<Full<Bytes>> {

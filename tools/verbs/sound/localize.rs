@@ -1,5 +1,6 @@
 //! `ivv sound localize`.
 
+use crate::run::export_clip::check_metres;
 use crate::run::files::{make_folder, write_json};
 use crate::ui::screen::out;
 use crate::verbs::synth::size;
@@ -25,8 +26,8 @@ pub struct Args {
     /// The folder for a track of each speaker (.csv), scene.json for `ivv sound render`, and localize.json.
     #[arg(short, long)]
     output: PathBuf,
-    /// The folder of the keypoints: <camera>.json (MMPose's of a video), or a folder <camera> or <camera>_json with a file
-    /// for each frame (OpenPose, Pose2Sim, MMPose's of pictures). By default keypoints/ of the capture.
+    /// The folder of the keypoints, one file or folder per camera: MMPose, OpenPose, Pose2Sim. By default keypoints/ of the
+    /// capture.
     #[arg(long)]
     keypoints: Option<PathBuf>,
     /// Time offsets of the cameras: offsets.json of a run on this capture, or the run's folder.
@@ -50,10 +51,7 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    if let Some(metres) = args.metres_per_unit {
-        let is_scale = metres.is_finite() && metres > 0.0;
-        anyhow::ensure!(is_scale, "--metres-per-unit: expected a positive number, found {metres}");
-    }
+    args.metres_per_unit.map_or(Ok(()), check_metres)?;
     let mut rig = Rig::open(&args.capture)?;
     if let Some(offsets) = &args.offsets {
         let table = offsets.join("offsets.json");

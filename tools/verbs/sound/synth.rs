@@ -1,7 +1,7 @@
 //! `ivv sound synth`.
 
 use crate::run::files::{make_folder, read_json};
-use crate::ui::screen::out;
+use crate::ui::screen::answer;
 use anyhow::Context;
 use glam::{DQuat, DVec3};
 use ivv::internals::sound::FS;
@@ -39,12 +39,9 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     write_path(&head, &args.output.join("path.csv"))?;
     write(args.output.join("truth.wav"), &truth, Depth::Float32)?;
     let seconds = truth.len() as f64 / f64::from(FS);
-    if json {
-        let path = args.output.to_string_lossy();
-        out!("{}", serde_json::json!({ "path": path, "seconds": seconds, "hrtf": hrtf.meta }));
-    } else {
-        out!("{}: {seconds:.2} s as heard through {}", args.output.display(), hrtf.meta.title);
-    }
+    let path = args.output.to_string_lossy();
+    let text = format!("{path}: {seconds:.2} s as heard through {}", hrtf.meta.title);
+    answer(json, &serde_json::json!({ "path": path, "seconds": seconds, "hrtf": hrtf.meta }), text);
     Ok(())
 }
 

@@ -9,8 +9,7 @@ use std::path::PathBuf;
 
 #[derive(clap::Args)]
 pub struct Args {
-    /// A capture: the project's own folder, COLMAP, transforms.json or Dynamic3DGaussians; see `ivv check`. With --resume only if it
-    /// has moved.
+    /// A capture, see `ivv check`. With --resume only if it has moved.
     #[arg(required_unless_present_any = ["resume", "list_settings"])]
     pub capture: Option<PathBuf>,
     /// The run folder, for run.json, config.json, train.jsonl, train.json, checkpoints, scene.ply, eval.json, renders and report.html.
@@ -18,11 +17,11 @@ pub struct Args {
     pub output: Option<PathBuf>,
     #[command(flatten)]
     pub settings: SettingArgs,
-    /// Bytes of images to decode ahead. By default a quarter of the machine's memory, divided by the processes of the run on it.
+    /// Bytes of images to decode ahead. By default a quarter of the machine's memory, for all processes of the run on it.
     #[arg(long)]
     pub cache_bytes: Option<u64>,
-    /// Bytes of images to keep in device memory, which saves decoding and copying them. By default three quarters of what the memory
-    /// plan leaves free, or none if the device uses host memory.
+    /// Bytes of images to keep in device memory. By default three quarters of what the plan leaves free; none if it is host
+    /// memory.
     #[arg(long)]
     pub device_image_bytes: Option<u64>,
     /// Steps between two lines of train.jsonl.
@@ -30,21 +29,18 @@ pub struct Args {
     pub log_every: u64,
     #[command(flatten)]
     pub read: CaptureArgs,
-    /// A cameras file (JSON) of views, in the capture's world, from which the scene will be seen: training keeps the space just before
-    /// them clear. run.json and the report name them. Do not give the cameras that you test on.
+    /// A cameras file of views from which the scene will be seen, not of test views: training keeps the space just before them
+    /// clear.
     #[arg(long, conflicts_with = "resume")]
     pub viewpoints: Option<PathBuf>,
-    /// Continues the run in the run folder from its newest checkpoint, with its settings, cameras and constants. --steps or --epochs
-    /// change its length, also after its end: learning rates and density control are then those of a run of the new length, which may
-    /// raise the rates and lower the scores for a while.
+    /// Continues the run in the run folder from its newest checkpoint. --steps or --epochs change its length, also after its end.
     #[arg(long)]
     pub resume: bool,
-    /// Trains the dynamic part on top of a finished run on the same cameras. That run's static Gaussians, time offsets and poses stay
-    /// fixed. The new run starts with its dynamic Gaussians in this part of the clip, and with new ones from motion in the images.
+    /// Trains the dynamic part on top of a finished run on the same cameras, whose static Gaussians, time offsets and poses stay
+    /// fixed.
     #[arg(long, value_name = "RUN", conflicts_with = "resume")]
     pub base: Option<PathBuf>,
-    /// Replaces the run in the run folder, with all that `ivv` wrote for it. It is removed only after capture and settings are checked
-    /// and the first Gaussians are made.
+    /// Replaces the run in the run folder, once capture and settings are checked and the first Gaussians are made.
     #[arg(long, conflicts_with = "resume")]
     pub overwrite: bool,
     #[command(flatten)]
@@ -72,8 +68,7 @@ pub struct InsteadArgs {
     /// With `--plan`: plans for another card: H200, RTX4090, RX7900XTX or A770.
     #[arg(long, value_name = "CARD", requires = "plan")]
     pub card: Option<String>,
-    /// Only lists the settings of a run: default, unit, range, meaning, and the presets that change each. With NAME, such as density or
-    /// lr.scale, those whose names begin with it.
+    /// Only lists the settings of a run; with NAME, such as density or lr.scale, those whose names begin with it.
     #[arg(long, value_name = "NAME", num_args = 0..=1, conflicts_with_all = ["capture", "output", "resume", "plan"])]
     pub list_settings: Option<Option<String>>,
     /// Only writes the first Gaussians of the run to this file, a PLY in the capture's own frame.

@@ -2,7 +2,7 @@
 
 use crate::run::files::write_scene;
 use crate::ui::progress::Progress;
-use crate::ui::screen::out;
+use crate::ui::screen::answer;
 use crate::verbs::train::args::Args;
 use crate::verbs::train::setup;
 use ivv::internals::formats::Own;
@@ -20,15 +20,11 @@ pub fn write(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
     drop(progress);
     write_scene(file, &initial.splats, &capture.normalisation(), &Own::new())?;
     let bytes = std::fs::metadata(file).map_or(0, |file| file.len());
-    if json {
-        let line = serde_json::json!({
-            "path": file.to_string_lossy(), "from": initial.from, "gaussians": initial.splats.len(),
-            "dynamic_gaussians": initial.splats.motion.len(), "bytes": bytes, "counts": initial.counts,
-            "ratio": initial.counts.map(|counts| counts.ratio()),
-        });
-        out!("{line}");
-    } else {
-        out!("{}: {initial}; {bytes} bytes", file.display());
-    }
+    let line = serde_json::json!({
+        "path": file.to_string_lossy(), "from": initial.from, "gaussians": initial.splats.len(),
+        "dynamic_gaussians": initial.splats.motion.len(), "bytes": bytes, "counts": initial.counts,
+        "ratio": initial.counts.map(|counts| counts.ratio()),
+    });
+    answer(json, &line, format_args!("{}: {initial}; {bytes} bytes", file.display()));
     Ok(())
 }

@@ -40,8 +40,8 @@ use std::sync::PoisonError;
 use std::time::Instant;
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    if instead(args, json)? {
-        return Ok(());
+    if let Some(done) = instead(args, json) {
+        return done;
     }
     let begun = Instant::now();
     let stop = Stop::listen()?;
@@ -72,7 +72,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         None => Session::begin(gpu.clone(), capture, config.clone(), options)?,
     };
     let capture = session.capture().clone();
-    setup.replace(output)?;
+    setup.replace()?;
     setup.extend(&mut session)?;
     if !team.leads() {
         return follow(session, *total, &Schedule::new(&args.schedule, *total), &team, &stop);
@@ -120,19 +120,15 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     })
 }
 
-/// Does what `args` ask for instead of a training; returns false if they ask for a training.
-fn instead(args: &Args, json: bool) -> anyhow::Result<bool> {
+/// Does what `args` ask for instead of a training.
+fn instead(args: &Args, json: bool) -> Option<anyhow::Result<()>> {
     let InsteadArgs { plan, list_settings, only_init, card: _ } = &args.instead;
-    if let Some(name) = list_settings {
-        list_settings::print(name.as_deref().unwrap_or_default(), json)?;
-    } else if let Some(frames) = plan {
-        plan::print(args, *frames, json)?;
-    } else if let Some(file) = only_init {
-        initial_scene::write(args, file, json)?;
-    } else {
-        return Ok(false);
+    match (list_settings, plan, only_init) {
+        (Some(name), _, _) => Some(list_settings::print(name.as_deref().unwrap_or_default(), json)),
+        (_, Some(frames), _) => Some(plan::print(args, *frames, json)),
+        (_, _, Some(file)) => Some(initial_scene::write(args, file, json)),
+        _ => None,
     }
-    Ok(true)
 }
 
 /// Takes the steps of a run whose folder another process writes.
@@ -149,8 +145,7 @@ fn follow(mut session: Session, total: u64, schedule: &Schedule, team: &Team, st
             return Err(Interrupted("the first process wrote a checkpoint; continue with --resume").into());
         }
         if schedule.is_checkpoint_due(session.steps()) {
-            let (splats, step) = (session.trainer().splats()?, session.steps());
-            team.agree(&splats, step)?;
+            team.agree(&session.trainer().splats()?, session.steps())?;
         }
     }
     team.finish();
@@ -165,7 +160,7 @@ struct Training<'scope, 'env> {
     session: Session<'env>,
     /// The processes that share the steps.
     team: Team,
-    /// Where checkpoints and reports are written.
+    /// Of checkpoints and reports.
     writer: BackgroundWriter<'scope, 'env>,
     total: u64,
     checkpoints: PathBuf,
@@ -174,7 +169,7 @@ struct Training<'scope, 'env> {
     schedule: Schedule<'env>,
     progress: TrainingProgress,
     log: Log,
-    /// For the page that shows the run.
+    /// For the page of --view.
     latest_line: LatestLine,
     start: Instant,
     /// Seconds of steps in processes before this one.
@@ -196,18 +191,18 @@ impl Training<'_, '_> {
                 self.session.step()?;
             }
             let step = self.session.steps();
-            if self.schedule.is_evaluation_due(step) || self.schedule.is_checkpoint_due(step) {
+            let is_checkpoint_due = self.schedule.is_checkpoint_due(step);
+            if self.schedule.is_evaluation_due(step) || is_checkpoint_due {
                 self.session.wait()?;
             }
             self.settle()?;
             let is_stopped = self.team.any(stop.is_asked())?;
-            if !is_stopped && self.schedule.is_checkpoint_due(step) && self.team.size() > 1 {
-                let splats = self.session.trainer().splats()?;
-                self.team.agree(&splats, step)?;
+            if !is_stopped && is_checkpoint_due && self.team.size() > 1 {
+                self.team.agree(&self.session.trainer().splats()?, step)?;
             }
             let scored = if is_stopped { None } else { self.evaluate(step)? };
-            if scored.is_some() || self.schedule.is_checkpoint_due(step) || is_stopped {
-                self.write(scored, self.schedule.is_checkpoint_due(step) || is_stopped)?;
+            if scored.is_some() || is_checkpoint_due || is_stopped {
+                self.write(scored, is_checkpoint_due || is_stopped)?;
             }
             if is_stopped {
                 self.writer.wait()?;
@@ -220,11 +215,9 @@ impl Training<'_, '_> {
 
     fn profile(&mut self) -> anyhow::Result<()> {
         let Some(profiled) = self.session.profile()? else { return Ok(()) };
-        let gpu = self.scorer.gpu;
         let passes = profiled.passes.iter().map(TimedPass::from).collect();
-        let line = ProfiledStep { step: self.session.steps(), passes, bytes_by_buffer: gpu.device().memory().0 };
-        self.log.push(Kind::Profile, &line)?;
-        Ok(())
+        let (step, bytes_by_buffer) = (self.session.steps(), self.scorer.gpu.device().memory().0);
+        Ok(self.log.push(Kind::Profile, &ProfiledStep { step, passes, bytes_by_buffer })?)
     }
 
     /// Starts to write `scored`, and a checkpoint if it `is_due` or the scores are the best so far.
@@ -243,14 +236,12 @@ impl Training<'_, '_> {
                     checkpoint.write(&folder)?;
                     log.write()?;
                 }
-                if let Some(psnr) = best {
-                    Checkpoint::keep_best(&folder, step, psnr)?;
-                }
-                Ok(())
+                best.map_or(Ok(()), |psnr| Checkpoint::keep_best(&folder, step, psnr))
             };
-            let show = || match scored {
-                Some((splats, sample)) => scorer.write_progress(&splats, sample, step, total, &log, &output),
-                None => Ok(()),
+            let show = || {
+                scored.map_or(Ok(()), |(splats, sample)| {
+                    scorer.write_progress(&splats, sample, step, total, &log, &output)
+                })
             };
             in_parallel(save, show)
         })?;
@@ -273,12 +264,10 @@ impl Training<'_, '_> {
         if !is_lost
             && !is_kept
             && let Ok(rescued) = self.session.rescue()
+            && rescued.write(&self.checkpoints).is_ok()
         {
-            let written = rescued.write(&self.checkpoints);
-            if written.is_ok() {
-                // The log is not needed to resume.
-                let _ = self.log.write();
-            }
+            // The log is not needed to resume.
+            let _ = self.log.write();
         }
         rescue::describe(error, self.session.trainer().ended(), &self.checkpoints, self.output)
     }
@@ -350,9 +339,10 @@ impl Training<'_, '_> {
 
     /// The last point of the curve from the scores of all test images: the same images as those before it.
     fn last_of(&self, scores: &SceneScores) -> Option<Evaluation> {
-        let name = |(camera, frame): &(usize, u32)| (self.scorer.capture.cameras[*camera].name.as_str(), *frame);
-        let some: Vec<(&str, u32)> = self.some_test.iter().map(name).collect();
-        scores.evaluation.of(|camera, frame| some.contains(&(camera, frame)))
+        let cameras = &self.scorer.capture.cameras;
+        let is_one =
+            |name: &str, frame: u32| self.some_test.iter().any(|at| cameras[at.0].name == name && at.1 == frame);
+        scores.evaluation.of(is_one)
     }
 
     /// Warns, after an evaluation, when the scores have begun to fall.
@@ -418,14 +408,15 @@ impl Training<'_, '_> {
         if json {
             return print_json(&totals);
         }
-        let quality = scores.as_ref().map_or(
-            "no test images that count (name some with --test-cameras; an image that its mask hides has no score)"
-                .to_owned(),
-            |scores| {
-                let Evaluation { mean, views, .. } = &scores.evaluation;
+        let quality = match &scores {
+            Some(SceneScores { evaluation: Evaluation { mean, views, .. }, .. }) => {
                 format!("{}: PSNR {:.2} dB, SSIM {:.4}", count(views.len(), "test image"), mean.psnr, mean.ssim)
-            },
-        );
+            }
+            None => {
+                "no test images that count (name some with --test-cameras; an image that its mask hides has no score)"
+                    .into()
+            }
+        };
         if !offsets.is_empty() {
             time_offsets::print(&offsets);
         }

@@ -60,20 +60,11 @@ pub fn print(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()>
     }
     let gigabytes = |bytes: u64| format!("{:.1} GB", bytes as f64 / 1e9);
     let of = if frames == capture.n_frames { String::new() } else { format!(", by {} of them", capture.n_frames) };
-    out!(
-        "{}, {}{of}, {}",
-        count(capture.cameras.len(), "camera"),
-        count(frames, "frame"),
-        count(images, "training image")
-    );
+    let (cameras, n_frames) = (count(capture.cameras.len(), "camera"), count(frames, "frame"));
+    out!("{cameras}, {n_frames}{of}, {}", count(images, "training image"));
     out!("steps    {}, {} each", count(steps, "step"), count(config.batch, "image"));
-    out!(
-        "device   {} with {} ({}), and {} of images",
-        gigabytes(plan.full.bytes()),
-        count(most, "Gaussian"),
-        plan.bound_by,
-        gigabytes(plan.image_bytes)
-    );
+    let (full, gaussians) = (gigabytes(plan.full.bytes()), count(most, "Gaussian"));
+    out!("device   {full} with {gaussians} ({}), and {} of images", plan.bound_by, gigabytes(plan.image_bytes));
     out!("host     {} of decoded images at a time, of {} in all", gigabytes(plan.cache_bytes), gigabytes(decoded));
     let kept = Checkpoint::MOST_KEPT;
     out!("disk     {kept} checkpoints of {}; the images are {}", gigabytes(checkpoint), gigabytes(of_images));
@@ -93,13 +84,9 @@ fn card_gpu(card: &Card, device: &DeviceArgs) -> ivv::Result<Arc<Gpu>> {
 fn file_bytes(capture: &Capture) -> f64 {
     let cameras = capture.cameras.iter().filter(|camera| !camera.is_test);
     let shots: Vec<_> = cameras.flat_map(|camera| &camera.shots).collect();
-    let size = |path: &std::path::Path| std::fs::metadata(path).map_or(0, |data| data.len());
-    let bytes: u64 = shots
-        .iter()
-        .map(|shot| {
-            size(&shot.image)
-                + [&shot.mask, &shot.depth, &shot.flow].into_iter().flatten().map(|path| size(path)).sum::<u64>()
-        })
-        .sum();
+    let files = shots.iter().flat_map(|shot| {
+        [Some(&shot.image), shot.mask.as_ref(), shot.depth.as_ref(), shot.flow.as_ref()].into_iter().flatten()
+    });
+    let bytes: u64 = files.map(|file| std::fs::metadata(file).map_or(0, |data| data.len())).sum();
     bytes as f64 / shots.len().max(1) as f64
 }

@@ -13,7 +13,7 @@ use ivv::internals::files::remove_temporaries;
 use ivv::internals::gpu::Gpu;
 use ivv::internals::scene::capture::{Capture, CaptureSettings};
 use ivv::internals::scene::read_views;
-use ivv::internals::settings::{Constants, Setting};
+use ivv::internals::settings::Constants;
 use ivv::internals::train::{Base, Checkpoint, Config, DueEvents, Run, RunLock, Session, all_settings};
 use ivv::internals::words::count;
 use serde_json::Value;
@@ -56,7 +56,7 @@ impl TrainingSetup {
             capture = base.calibrated(capture)?;
         } else if config.holds_static {
             let remedy = "name with --base the run that has the static scene, or leave holds_static out";
-            let file = args.settings.file().unwrap_or(Path::new("settings"));
+            let file = args.settings.config.as_deref().unwrap_or(Path::new("settings"));
             return Err(Error::data(file, "holds_static", "is true, but no --base is given", remedy).into());
         }
         let capture = training_capture(capture, &config);
@@ -64,7 +64,7 @@ impl TrainingSetup {
         if leads {
             warn_of_shared_pictures(&run);
         }
-        run.constants = args.constants.checked_over(Constants::default())?;
+        run.constants = args.constants.over(Constants::default())?;
         let total = config.total(n_training_images(&capture)?);
         let output = folder(args)?;
         let checkpoints = output.join("checkpoints");
@@ -84,27 +84,27 @@ impl TrainingSetup {
         let resumed = base.map(begin).transpose()?;
         let setup = TrainingSetup { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces };
         if leads && !replaces {
-            setup.write_settings(&setup.output)?;
+            setup.write_settings()?;
         }
         Ok(setup)
     }
 
-    /// Removes the run in `folder` that this one replaces, if any. Call it after capture and settings are checked.
-    pub fn replace(&self, folder: &Path) -> ivv::Result<()> {
+    /// Removes the run that this one replaces, if any. Call it after capture and settings are checked.
+    pub fn replace(&self) -> ivv::Result<()> {
         if !self.replaces {
             return Ok(());
         }
-        remove_run(folder, &self.run)?;
-        self.write_settings(folder)
+        remove_run(&self.output, &self.run)?;
+        self.write_settings()
     }
 
-    fn write_settings(&self, folder: &Path) -> ivv::Result<()> {
-        write_json(&folder.join("config.json"), &self.config)?;
+    fn write_settings(&self) -> ivv::Result<()> {
+        write_json(&self.output.join("config.json"), &self.config)?;
         // No other file has what a run takes from its base. If it is killed before its next checkpoint, it resumes from this one.
         if let Some(base) = &self.resumed {
             base.write(&self.checkpoints)?;
         }
-        self.run.write(folder)
+        self.run.write(&self.output)
     }
 
     fn resumed_run(args: &Args, leads: bool) -> anyhow::Result<Self> {
@@ -198,7 +198,7 @@ impl TrainingSetup {
         // If the run is killed before its next checkpoint, it still keeps the new length.
         let due = DueEvents { density: false, ..now };
         Checkpoint { due, ..session.checkpoint()? }.write(&self.checkpoints)?;
-        write_json(&self.checkpoints.with_file_name("config.json"), &self.config)?;
+        write_json(&self.output.join("config.json"), &self.config)?;
         let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;
         say!(
             "the run now has {} instead of {}: its schedule is stretched, and {:.0} % done becomes {:.0} % done. Learning \
@@ -260,10 +260,11 @@ fn check_is_run(folder: &Path) -> ivv::Result<()> {
         Err(e) => return fault(format!("cannot be listed: {e}")),
     };
     names.sort();
-    let more = if names.len() > 5 { ", ..." } else { "" };
-    names.truncate(5);
-    let holds =
-        if names.is_empty() { "it is empty".to_owned() } else { format!("it holds {}{more}", names.join(", ")) };
+    let holds = match names.len() {
+        0 => "it is empty".to_owned(),
+        1..=5 => format!("it holds {}", names.join(", ")),
+        _ => format!("it holds {}, ...", names[..5].join(", ")),
+    };
     fault(format!("is not the folder of a run: it has no run.json; {holds}"))
 }
 
@@ -282,8 +283,8 @@ fn settings_of_a_run_without_checkpoint(folder: &Path, file: &Path) -> ivv::Resu
 /// The settings that the `file` of a run lacks because an earlier version did not have them; `None` if it has all.
 fn new_since(file: &Path) -> Option<String> {
     let written: Value = read_json(file, "").ok()?;
-    let lacks = |setting: &&Setting| setting.of(&written).is_none();
-    let names: Vec<&str> = all_settings().filter(lacks).map(|setting| setting.name).collect();
+    let lacking = all_settings().filter(|setting| setting.of(&written).is_none());
+    let names: Vec<&str> = lacking.map(|setting| setting.name).collect();
     (!names.is_empty()).then(|| names.join(", "))
 }
 
