@@ -1,5 +1,4 @@
-//! `ivv`: the command line. `verbs` has a file or folder per verb, `run` what they share about scenes and runs, `ui` the
-//! terminal and how the program ends. The manual's page `errors.md` lists the exit codes.
+//! `ivv`: the command line. `verbs` has a file or folder per verb, `run` what they share, `ui` the terminal and exit codes.
 
 mod run;
 mod ui;
@@ -45,11 +44,9 @@ enum Verb {
     Prepare(prepare::Args),
     /// Lists all faults of a capture, and its contents.
     Check(check::Args),
-    /// Shows the contents of a scene: static and dynamic Gaussians, SH degree, bytes, extent. Or writes the views of a capture as a
-    /// cameras file.
+    /// Shows the contents of a scene: Gaussians, SH degree, bytes, extent. Or writes the views of a capture as a cameras file.
     Inspect(inspect::Args),
-    /// Renders views of a run or a scene, one file per view and format, named after the view; or a video along a path, with
-    /// sound, or around the scene.
+    /// Renders views of a run or a scene into files named after them; or a video along a path or around the scene.
     Render(render::Args),
     /// Sound: finds speakers, and renders the sound along a path.
     Sound(sound::Args),
@@ -59,8 +56,7 @@ enum Verb {
     Segments(segments::Args),
     /// Scores the test views of a run again, and writes its report.
     Eval(eval::Args),
-    /// Compares settings: trains each arm of a study with several seeds on captures, and tabulates and plots the scores. Or compares
-    /// finished runs, and adds them to a history.
+    /// Compares settings by training the arms of a study on captures, or compares finished runs.
     Bench(bench::Args),
     /// Measures each pass of a step or a frame against the limits of the device; dumps and replays single kernels.
     Profile(profile::Args),

@@ -63,7 +63,7 @@ pub enum ShiftBy {
 }
 
 /// Stages, each of which needs all of those before it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Stage {
     Cameras,

@@ -1,14 +1,12 @@
 //! How a scene is rendered: what its run or its file says.
 
-use crate::run::files::{is_run, read_json};
+use crate::run::files::{config_of, is_run};
 use crate::ui::screen::{alert, say};
 use ivv::Constants;
 use ivv::internals::formats::{self, FourDgs, Own, Rendering, list, ply_own};
 use ivv::internals::train::{Config, Run};
 use std::ffi::OsStr;
 use std::path::Path;
-
-const RUN: &str = "give the folder of a run of `ivv train`";
 
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Look {
@@ -53,9 +51,9 @@ impl Look {
     fn of_run(folder: &Path) -> Self {
         let read = || -> ivv::Result<Self> {
             let constants = Run::read(folder)?.constants_of_capture();
-            let config = folder.join("config.json");
             // Segments that were joined have none of their own.
-            let config: Option<Config> = if config.is_file() { Some(read_json(&config, RUN)?) } else { None };
+            let has_config = folder.join("config.json").is_file();
+            let config = has_config.then(|| config_of(folder)).transpose()?;
             Ok(Look { constants, background: config.map(|config| config.background) })
         };
         read().unwrap_or_else(|fault| {

@@ -18,8 +18,7 @@ pub struct PoseRow {
     shift: f64,
 }
 
-/// The cameras with learnt poses. Also writes `cameras.json` into `output`: the training views from these poses, in the capture's own
-/// world.
+/// The cameras with learnt poses. Writes the training views from these, in the capture's world, to `cameras.json` in `output`.
 pub fn table(trainer: &mut Trainer, scorer: &Scorer, output: &Path) -> ivv::Result<Vec<PoseRow>> {
     let Scorer { capture, run, .. } = scorer;
     let world = run.world.inverse();

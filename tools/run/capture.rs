@@ -1,5 +1,6 @@
 //! The options of all verbs that read a capture: `check`, `prepare`, `train`, `render`, `inspect` and `segments`.
 
+use crate::run::files::word;
 use crate::run::settings::contradiction;
 use crate::ui::screen::say;
 use ivv::internals::prepare::{Recognised, recognise};
@@ -44,16 +45,8 @@ pub struct CaptureArgs {
     #[arg(long)]
     foreground_masks: bool,
     /// Meaning of the images' alpha: the background shows through it, or it is also the mask of the foreground.
-    #[arg(long, value_parser = alpha, default_value = "background", value_name = "background|mask")]
+    #[arg(long, value_parser = word::<Alpha>, default_value = "background", value_name = "background|mask")]
     alpha: Alpha,
-}
-
-fn alpha(word: &str) -> Result<Alpha, String> {
-    match word {
-        "background" => Ok(Alpha::Background),
-        "mask" => Ok(Alpha::Mask),
-        _ => Err("expected background or mask".to_owned()),
-    }
 }
 
 impl CaptureArgs {

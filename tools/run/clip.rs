@@ -1,14 +1,14 @@
 //! The clip of a scene: its length and start, the views to begin from, its sound, and how it is rendered.
 
 use crate::run::appearance::Look;
-use crate::run::files::read_json;
+use crate::run::files::config_of;
 use crate::run::source::{Source, is_run};
 use crate::ui::screen::say;
 use anyhow::ensure;
 use ivv::Constants;
 use ivv::internals::formats::{Clock, FourDgs, Sounds};
 use ivv::internals::scene::{View, read_views};
-use ivv::internals::train::{Config, Run};
+use ivv::internals::train::Run;
 use std::path::Path;
 
 const FPS: f64 = 30.0;
@@ -73,8 +73,8 @@ fn start_of(run: &Run) -> f64 {
     f64::from(frames.from) / (run.held.fps * f64::from(frames.every))
 }
 
-/// When the clip of the scene in `file` begins, seconds of its capture: that of the run which the file lies in, where that
-/// `is_its`; else 0.
+/// When the clip of the scene in `file` begins, seconds of its capture, by the run that the file lies in and that `is_its`; else
+/// 0.
 pub fn start_in_run(file: &Path, is_its: impl Fn(&Run) -> bool) -> f64 {
     let run = file.ancestors().find_map(|folder| Run::read(folder).ok().filter(&is_its));
     run.map_or(0.0, |run| start_of(&run))
@@ -89,10 +89,10 @@ fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
         );
         return Ok(Vec::new());
     }
-    let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
+    let background = config_of(folder)?.background;
     let capture = run.open_capture(None)?.transformed(&run.world.inverse());
     let filming = capture.cameras.iter().enumerate().filter(|(_, camera)| camera.films());
     let first = filming.filter_map(|(index, camera)| Some((index, camera.shots.first()?.frame)));
-    let view = |(index, frame)| Ok(View { background: config.background, ..capture.view(index, frame)? });
+    let view = |(index, frame)| Ok(View { background, ..capture.view(index, frame)? });
     first.map(view).collect()
 }

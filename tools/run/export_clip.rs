@@ -124,8 +124,7 @@ impl ClipArgs {
         Ok(WriteOptions { grades: found.grades, ..options })
     }
 
-    /// Writes a `.4dgs` of the clip in parts that `source` is, one part after the other; says what it holds. `None` where
-    /// `source` is no such clip, or a file that can be so small has to be looked for.
+    /// Writes a `.4dgs` part by part; `None` if `source` is no clip in parts, or --min-psnr or --target-size need the whole.
     pub fn write_parts(&self, source: &Source, to: &Path) -> anyhow::Result<Option<Written>> {
         let (None, Some((_, mut parts))) = (self.goal()?, source.parts()?) else { return Ok(None) };
         let clip = self.clip(source, false)?;

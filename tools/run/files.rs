@@ -3,7 +3,7 @@
 use ivv::internals::files::{read_file, write_atomic};
 use ivv::internals::formats::{Own, write_ply_with};
 use ivv::internals::scene::{Similarity, Splats};
-use ivv::internals::train::Run;
+use ivv::internals::train::{Config, Run};
 use std::path::Path;
 
 pub fn is_run(path: &Path) -> bool {
@@ -25,13 +25,23 @@ pub fn read_json<T: serde::de::DeserializeOwned>(file: &Path, remedy: &str) -> i
     serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
 }
 
+/// Parses the value of an option that JSON has under the same name.
+pub fn word<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, serde_json::Error> {
+    serde_json::from_value(text.into())
+}
+
+/// The settings of the run in `folder`.
+pub fn config_of(folder: &Path) -> ivv::Result<Config> {
+    read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")
+}
+
 /// `train.json` of the run in `folder`, or null: a run that was copied without it still has scores.
 pub fn totals(folder: &Path) -> serde_json::Value {
     read_json(&folder.join("train.json"), "").unwrap_or_default()
 }
 
-/// Writes the Gaussians of a run in the capture's own frame. `world` maps that frame to the frame of training; `own` says how they are
-/// rendered.
+/// Writes the Gaussians of a run in the capture's frame. `world` maps that to the frame of training; `own` has rendering
+/// constants.
 pub fn write_scene(path: &Path, splats: &Splats, world: &Similarity, own: &Own) -> ivv::Result<()> {
     if !world.is_exact_in_f32() {
         tracing::warn!(

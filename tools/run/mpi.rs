@@ -1,5 +1,4 @@
-//! [`Ranks`] by MPI. Calls of MPI wait for the other processes, so a thread of its own makes them: if the others are gone, the training
-//! thread can stop waiting and write a checkpoint.
+//! [`Ranks`] by MPI. A thread of its own makes the calls: if the others are gone, training can stop waiting and write a checkpoint.
 
 use crate::ui::interrupt::Stop;
 use anyhow::Context;
@@ -15,8 +14,7 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 const POLL: Duration = Duration::from_millis(50);
-/// How long to wait for the others after such a request. A launcher kills all processes soon after it, Open MPI by default after a
-/// second.
+/// How long to wait for the others after such a request: Open MPI kills all processes after a second.
 const PATIENCE: Duration = Duration::from_millis(250);
 /// Most numbers of a call: MPI counts with 31 bits.
 const MOST: usize = 1 << 26;

@@ -49,20 +49,15 @@ pub fn mean(passes: impl IntoIterator<Item = TimedPass>, n: usize) -> Vec<TimedP
     sum.into_iter().map(|line| line.times(1.0 / n.max(1) as f64)).collect()
 }
 
-/// The sum of all passes, called `label`; `None` if there is no pass.
-pub fn total(passes: &[TimedPass], label: &str) -> Option<TimedPass> {
-    let (first, rest) = passes.split_first()?;
-    let mut sum = TimedPass { label: label.to_owned(), ..first.clone() };
-    rest.iter().for_each(|pass| sum.add(pass));
-    Some(TimedPass { units: 0.0, ..sum })
-}
-
-pub fn print(passes: &[TimedPass], what: &str) {
-    let Some(total) = total(passes, what) else { return };
-    let (ms, units) = (format!("ms/{what}"), format!("units/{what}"));
+/// Prints the passes of a view, and their sum.
+pub fn print(passes: &[TimedPass]) {
+    let Some((first, rest)) = passes.split_first() else { return };
+    let mut total = TimedPass { label: "view".to_owned(), ..first.clone() };
+    rest.iter().for_each(|pass| total.add(pass));
+    total.units = 0.0;
     let row = |TimedPass { label, dispatches, units, ms }: &TimedPass| {
         let share = format!("{:.1}%", 100.0 * ms / total.ms);
         vec![label.clone(), format!("{dispatches:.0}"), format!("{ms:.3}"), share, format!("{units:.0}")]
     };
-    print_table(&["pass", "calls", &ms, "share", &units], passes.iter().chain([&total]).map(row));
+    print_table(&["pass", "calls", "ms/view", "share", "units/view"], passes.iter().chain([&total]).map(row));
 }

@@ -96,9 +96,8 @@ impl Scorer<'_> {
         in_parallel(write_strip, || report.write(&output.join("report.html")))
     }
 
-    /// Scores the scene of `renderer`, from the file `scene`, on all test views, and again at the time offsets `fits` by camera if there
-    /// are any. Writes eval.json and the renders into `output`. Returns the scores, and some views for the report; `None` if there is no
-    /// test view, or masks hide all.
+    /// Scores the scene of `renderer`, from the file `scene`, on all test views, and again at the time offsets `fits` by camera.
+    /// Writes eval.json and renders into `output`. No scores if there is no test view, or masks hide all.
     pub fn score_all(
         &self,
         mut renderer: Renderer,

@@ -1,13 +1,13 @@
 //! The scene that a verb is given: a scene file, or the folder of a run, which may not have ended.
 
 use crate::run::appearance::Look;
-use crate::run::files::{read_json, totals};
+use crate::run::files::{config_of, totals};
 use crate::ui::screen::say;
 use ivv::internals::formats::{self, FourDgs, FourDgsParts, PlyParts};
 use ivv::internals::gpu::Gpu;
 use ivv::internals::scene::{Parts, Splats};
 use ivv::internals::stage::Renderer;
-use ivv::internals::train::{Checkpoint, Config, Run};
+use ivv::internals::train::{Checkpoint, Run};
 use ivv::{Constants, Error};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -51,12 +51,10 @@ pub struct LoadedScene<G = Splats> {
 }
 
 pub fn total_steps(folder: &Path) -> Option<u64> {
-    let config: Config = read_json(&folder.join("config.json"), "").ok()?;
-    Some(config.total(Run::read(folder).ok()?.held.training_images as u64))
+    Some(config_of(folder).ok()?.total(Run::read(folder).ok()?.held.training_images as u64))
 }
 
-/// The scene of the run in `folder`, if the run has ended. A run that was extended has a checkpoint that is newer than the scene: of a
-/// step before its new end, or of that end while its scene is still to be written.
+/// The scene of the run in `folder`, if it has ended. A run that was extended has a checkpoint newer than its scene.
 pub fn final_scene(folder: &Path) -> Option<PathBuf> {
     let scene = folder.join("scene.ply");
     let checkpoints = folder.join("checkpoints");
@@ -112,8 +110,7 @@ impl<'a> Source<'a> {
         Ok(clip.map(|clip| (file, clip)))
     }
 
-    /// All of its Gaussians. Of a run that has not ended, or that was extended, those of the newest checkpoint, with a message that
-    /// gives its step.
+    /// All of its Gaussians; of a run that has not ended those of the newest checkpoint, whose step a message gives.
     pub fn scene(&self) -> ivv::Result<LoadedScene> {
         let Some(clip) = &self.clip else { return self.of_path() };
         Ok(self.print(self.path, clip.splats()?, clip.notes()))

@@ -38,8 +38,7 @@ pub enum Origin {
     Fitted,
 }
 
-/// Writes the table of a run into `output`, with the offsets of test cameras that were `fitted` afterwards; empty if the run learns no
-/// offset.
+/// Writes offsets.json into `output`, with the offsets `fitted` to test cameras; empty if the run learns no offset.
 pub fn table(
     trainer: &mut Trainer,
     scorer: &Scorer,

@@ -1,9 +1,9 @@
 //! `train.json`: the totals of a run.
 
-use crate::run::pass_times::{TimedPass, mean, total};
-use ivv::internals::gpu::Gpu;
+use crate::run::pass_times::{TimedPass, mean};
+use crate::run::scoring::Scorer;
 use ivv::internals::scene::Splats;
-use ivv::internals::train::{Config, Kind, Log, Run};
+use ivv::internals::train::{Kind, Log};
 use serde_json::{Value, json};
 
 /// A profiled step in train.jsonl.
@@ -14,37 +14,17 @@ pub struct ProfiledStep {
     pub bytes_by_buffer: std::collections::BTreeMap<String, u64>,
 }
 
-#[derive(serde::Serialize)]
-pub struct Seconds {
-    /// Since this process began.
-    pub seconds: f64,
-    /// CPU time; see [`cpu_seconds`].
-    pub cpu_seconds: Option<f64>,
-    /// In steps and density control, since the run began.
-    pub seconds_stepping: f64,
-    /// The same per step.
-    pub seconds_per_step: f64,
-    /// Waiting for images.
-    pub waited_for_images_s: f64,
-}
-
-pub fn totals(
-    gpu: &Gpu,
-    steps_done: u64,
-    splats: &Splats,
-    run: &Run,
-    config: &Config,
-    log: &Log,
-    seconds: &Seconds,
-) -> anyhow::Result<Value> {
+/// The totals of a run of `steps_done` steps, but for times and scores.
+pub fn totals(scorer: &Scorer, steps_done: u64, splats: &Splats, log: &Log) -> anyhow::Result<Value> {
+    let Scorer { gpu, run, config, .. } = scorer;
     let summary = splats.summary();
     let lines = log.lines(Kind::Profile).map(|line| serde_json::from_value::<ProfiledStep>(line.clone()));
     let mut profiled: Vec<ProfiledStep> = lines.collect::<Result<_, _>>()?;
     let steps: Vec<u64> = profiled.iter().map(|p| p.step).collect();
     let bytes_by_buffer = profiled.last_mut().map(|p| std::mem::take(&mut p.bytes_by_buffer));
     let passes = mean(profiled.into_iter().flat_map(|p| p.passes), steps.len());
-    let sum = total(&passes, "step");
-    let mut value = json!({
+    let ms = passes.iter().map(|pass| pass.ms).reduce(|sum, ms| sum + ms);
+    Ok(json!({
         "version": env!("CARGO_PKG_VERSION"),
         // Set by the project's scripts when they build.
         "revision": option_env!("IVV_REVISION").filter(|revision| !revision.is_empty()),
@@ -59,16 +39,8 @@ pub fn totals(
         "peak_bytes": gpu.device().memory().1,
         "host_peak_bytes": host_peak_bytes(),
         "bytes_by_buffer": bytes_by_buffer,
-        "profile": {
-            "steps": steps,
-            "ms": sum.as_ref().map(|sum| sum.ms),
-            "passes": passes,
-        },
-    });
-    if let (Value::Object(all), Value::Object(times)) = (&mut value, serde_json::to_value(seconds)?) {
-        all.extend(times);
-    }
-    Ok(value)
+        "profile": { "steps": steps, "ms": ms, "passes": passes },
+    }))
 }
 
 /// Peak memory of this process, including a software driver; `None` except on Linux.
@@ -78,8 +50,7 @@ fn host_peak_bytes() -> Option<u64> {
     Some(1024 * line.trim().strip_suffix(" kB")?.parse::<u64>().ok()?)
 }
 
-/// CPU time of this process so far, over all threads and including a software driver; `None` except on Linux. Unlike wall time it
-/// hardly depends on what else runs on the machine.
+/// CPU time of this process over all threads, with a software driver; `None` except on Linux. Depends less on load than wall time.
 pub fn cpu_seconds() -> Option<f64> {
     // Linux counts in hundredths of a second here, whatever its clock rate.
     const TICKS: f64 = 100.0;

@@ -1,11 +1,12 @@
 //! The views of a verb: from a capture, from a run's capture, or from a cameras file.
 
 use crate::run::capture::{self, CaptureArgs};
-use crate::run::files::read_json;
+use crate::run::files::config_of;
 use anyhow::{bail, ensure};
+use ivv::internals::files::folder_of;
 use ivv::internals::scene::capture::{Capture, CaptureSettings};
 use ivv::internals::scene::{View, read_views};
-use ivv::internals::train::{Config, Run};
+use ivv::internals::train::Run;
 use std::ops::Range;
 use std::path::Path;
 
@@ -30,12 +31,10 @@ fn frames(text: &str) -> Result<Range<u32>, String> {
         "" => Ok(otherwise),
         text => text.parse::<u32>().map_err(|_| fault()),
     };
-    let range = match text.split_once(':') {
-        Some((from, to)) => bound(from, 0)?..bound(to, u32::MAX)?,
-        None => {
-            let frame = text.parse::<u32>().map_err(|_| fault())?;
-            frame..frame.saturating_add(1)
-        }
+    let range = match (text.split_once(':'), text.parse::<u32>()) {
+        (Some((from, to)), _) => bound(from, 0)?..bound(to, u32::MAX)?,
+        (None, Ok(frame)) => frame..frame.saturating_add(1),
+        (None, Err(_)) => return Err(fault()),
     };
     if range.is_empty() { Err(fault()) } else { Ok(range) }
 }
@@ -75,8 +74,7 @@ impl ViewArgs {
         Ok(())
     }
 
-    /// A view of each chosen image of `capture`, camera by camera. At a given `time` a static camera has one view. Photographs, which
-    /// were taken at another time than the clip, must be named.
+    /// A view of each chosen image, camera by camera; at a given `time` one of a static camera. Photographs must be named.
     pub fn of(&self, capture: &Capture, time: Option<f64>) -> anyhow::Result<Vec<View>> {
         let has = |name: &String| capture.cameras.iter().any(|camera| camera.name == *name);
         if let Some(name) = self.names.iter().find(|name| !has(name)) {
@@ -107,10 +105,9 @@ impl ViewArgs {
     pub fn of_run(&self, folder: &Path, moved_to: Option<&Path>, time: Option<f64>) -> anyhow::Result<Vec<View>> {
         let run = Run::read(folder)?;
         self.agree_with(&run)?;
-        let config: Config = read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")?;
         let capture = run.open_capture(moved_to)?;
-        let views = self.of(&capture, time)?;
-        Ok(views.into_iter().map(|view| View { background: config.background, ..view }).collect())
+        let background = config_of(folder)?.background;
+        Ok(self.of(&capture, time)?.into_iter().map(|view| View { background, ..view }).collect())
     }
 
     pub fn of_capture(&self, path: &Path, time: Option<f64>) -> anyhow::Result<Vec<View>> {
@@ -119,14 +116,11 @@ impl ViewArgs {
 
     /// The views of `path`: a cameras file, a transforms.json or the folder of a capture.
     pub fn of_cameras(&self, path: &Path, time: Option<f64>) -> anyhow::Result<Vec<View>> {
-        let is_transforms =
-            path.file_name().is_some_and(|name| name == "transforms.json" || name == "transforms_train.json");
         if path.is_dir() {
             return self.of_capture(path, time);
         }
-        if is_transforms {
-            let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty());
-            return self.of_capture(folder.unwrap_or(Path::new(".")), time);
+        if path.file_name().is_some_and(|name| name == "transforms.json" || name == "transforms_train.json") {
+            return self.of_capture(folder_of(path), time);
         }
         ensure!(
             !self.choose(),

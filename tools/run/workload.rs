@@ -5,8 +5,8 @@ use ivv::internals::scene::capture::Capture;
 use ivv::internals::train::{Config, ImageMemory, Limits, Setup, Workload};
 use ivv::internals::vk::DeviceKind;
 
-/// A training on `capture` with the most Gaussians that `config` allows, all dynamic if it is a clip, and with `cache_bytes` of decoded
-/// images in host memory; and the limits of the device.
+/// A training with the most Gaussians that `config` allows, all dynamic in a clip, and `cache_bytes` of decoded images; and the
+/// device's limits.
 pub fn work(capture: &Capture, config: &Config, gpu: &Gpu, cache_bytes: u64) -> ivv::Result<(Workload, Limits)> {
     let n = config.max_gaussians as u64;
     let n_dynamic = if capture.n_frames > 1 { n } else { 0 };

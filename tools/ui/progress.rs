@@ -169,8 +169,7 @@ impl TrainingProgress {
         TrainingProgress { total, psnr: None, first: None, images, seconds_of_an_image: 0.0, pace }
     }
 
-    /// Shows a step, if a line is due. Rate and time left include all work between the steps; the time left includes the final
-    /// scores, once an image was scored.
+    /// Shows a step, if a line is due. The time left includes the final scores, once an image was scored.
     pub fn show(&mut self, report: &StepReport) {
         let (first, since) = *self.first.get_or_insert_with(|| (report.step, Instant::now()));
         if report.step != self.total && !self.pace.is_due() {

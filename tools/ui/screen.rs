@@ -1,7 +1,5 @@
-//! All that `ivv` writes: results on standard output; messages, logs and progress on standard error.
-//!
-//! Output that cannot be written never stops the work, and messages that nobody reads never delay it. Such messages are lost. Lost
-//! results are an error at the end ([`finish`]), unless the reader closed the pipe.
+//! All that `ivv` writes: results on standard output; messages, logs and progress on standard error. Output that cannot be written
+//! never stops the work; messages are lost then, and lost results are an error at the end.
 
 use crate::ui::status_line;
 use crate::ui::stderr::{self, put, put_progress};

@@ -3,8 +3,7 @@
 /// Most cells of the bar.
 const BAR: usize = 24;
 
-/// A bar of `done` of `total` and `text`, in fewer than `columns` columns, because text in the last column would wrap. Parts of `text`,
-/// separated by commas, that do not fit are cut whole from its end.
+/// A bar and `text` in fewer than `columns` columns, as text in the last one would wrap. Parts between commas are cut whole.
 pub fn fit(done: u64, total: u64, text: &str, columns: usize) -> String {
     let room = columns.saturating_sub(1);
     let cells = BAR.min(room / 5);

@@ -1,6 +1,5 @@
 //! Standard error, written by a thread of its own, so that a pipe that nobody reads, or a paused terminal, delays neither work nor
-//! signals. The queue is bounded. It drops progress first, and other lines only if the reader takes nothing for a while; their number
-//! is written once it reads again.
+//! signals. The queue is bounded: it drops progress first, and other lines only if the reader takes nothing for a while.
 
 use std::collections::VecDeque;
 use std::io::{self, Write};

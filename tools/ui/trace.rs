@@ -29,8 +29,7 @@ type Fault = Arc<Mutex<Option<io::Error>>>;
 /// A layer that receives the spans of all threads.
 pub type Spans<S> = Box<dyn Layer<S> + Send + Sync>;
 
-/// Begins the file `path`, which replaces an existing one: the phases of the command and of each step, and at
-/// [`Level::TRACE`] each pass of the device.
+/// Begins the file `path`: the phases of the command and of each step, and at [`Level::TRACE`] each pass of the device.
 pub fn begin<S>(path: &Path, log_level: Level) -> ivv::Result<(Spans<S>, Trace)>
 where
     S: tracing::Subscriber + for<'span> tracing_subscriber::registry::LookupSpan<'span> + Send + Sync,
@@ -63,8 +62,7 @@ fn cannot_write(path: &Path, fault: &io::Error) -> Error {
     Error::data(path, "", format!("the trace cannot be written: {fault}"), "free space or choose another file")
 }
 
-/// Writes entries so that the file is a complete list at any time, because a command may be killed. So it is not written under a
-/// temporary name. An error ends the trace and nothing else.
+/// Keeps the file a complete list at any time, because a command may be killed. An error ends the trace and nothing else.
 struct ListWriter {
     file: File,
     /// Where the last whole entry ends.

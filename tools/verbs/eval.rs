@@ -1,14 +1,14 @@
 //! `ivv eval`.
 
 use crate::run::device::DeviceArgs;
-use crate::run::files::{make_folder, read_json, totals};
+use crate::run::files::{config_of, make_folder, totals};
 use crate::run::scoring::{Scorer, warn_of_shared_pictures};
 use crate::run::source::{Gaussians, Source};
 use crate::ui::screen::{alert, out, print_json, print_table};
 use anyhow::Context;
 use ivv::internals::scene::Mapped;
 use ivv::internals::stage::Renderer;
-use ivv::internals::train::{Config, Evaluation, METRICS_OF, Run, SceneScores, SceneSize, Scores};
+use ivv::internals::train::{Evaluation, METRICS_OF, Run, SceneScores, SceneSize, Scores};
 use ivv::internals::words::count;
 use std::collections::BTreeMap;
 use std::ffi::{OsStr, OsString};
@@ -31,8 +31,7 @@ pub struct Args {
     device: DeviceArgs,
 }
 
-/// The name of the scores of `scene`, and the steps of its run, or 0. The name is that of its folder if it is a scene.ply, else that of
-/// its file with the ending, since files of several formats may be of one scene.
+/// The name of the scores of `scene`, from its folder or file, and the steps of its run, or 0.
 fn own_name(scene: &Path) -> anyhow::Result<(OsString, u64)> {
     let path = std::fs::canonicalize(scene).with_context(|| format!("{}: cannot be found", scene.display()))?;
     let of_folder = path.file_name() == Some(OsStr::new("scene.ply"));
@@ -44,7 +43,7 @@ fn own_name(scene: &Path) -> anyhow::Result<(OsString, u64)> {
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     let mut run = Run::read(&args.run)?;
-    let config: Config = read_json(&args.run.join("config.json"), "give the folder of a run of `ivv train`")?;
+    let config = config_of(&args.run)?;
     let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
     let capture = run.in_training(capture);
     if !changes.is_empty() {

@@ -2,6 +2,7 @@
 
 use crate::run::capture::CaptureArgs;
 use crate::run::capture_report;
+use crate::run::files::word;
 use crate::ui::fault::{self, FaultyCapture};
 use crate::ui::progress::StageProgress;
 use crate::ui::screen::{answer, out, print_json, say};
@@ -67,7 +68,7 @@ pub struct Args {
     #[arg(long)]
     plan: bool,
     /// Does one stage alone: cameras, images, points or flow. The same command without this completes the capture.
-    #[arg(long, conflicts_with_all = ["plan", "force"], value_name = "cameras|images|points|flow", value_parser = stage)]
+    #[arg(long, conflicts_with_all = ["plan", "force"], value_name = "cameras|images|points|flow", value_parser = word::<Stage>)]
     only: Option<Stage>,
     /// With `--only`: does the K-th of N parts of the stage. Machines that share a file system can do one each at the same time.
     #[arg(long, value_name = "K/N", requires = "only", value_parser = part)]
@@ -137,16 +138,6 @@ fn print_share(stage: Stage, share: Share, json: bool) {
     answer(json, &line, format_args!("{}: {done}\n{next}", line["stage"].as_str().unwrap_or_default()));
 }
 
-fn stage(word: &str) -> Result<Stage, String> {
-    match word {
-        "cameras" => Ok(Stage::Cameras),
-        "images" => Ok(Stage::Images),
-        "points" => Ok(Stage::Points),
-        "flow" => Ok(Stage::Flow),
-        _ => Err("expected cameras, images, points or flow".to_owned()),
-    }
-}
-
 fn part(word: &str) -> Result<Share, String> {
     let parsed = word.split_once('/').and_then(|(part, of)| Some((part.parse::<u32>().ok()?, of.parse::<u32>().ok()?)));
     match parsed {
@@ -210,12 +201,12 @@ fn shift(word: &str) -> anyhow::Result<(String, f64)> {
 }
 
 fn triangulate(words: &[String]) -> anyhow::Result<Triangulate> {
-    let words: Vec<&str> = words.iter().map(String::as_str).collect();
-    match words.as_slice() {
-        ["none"] => Ok(Triangulate::None),
-        ["reference"] => Ok(Triangulate::Reference),
-        ["every"] => Ok(Triangulate::Every(1)),
-        ["every", n] => Ok(Triangulate::Every(n.parse().with_context(|| format!("--triangulate every {n}"))?)),
-        _ => anyhow::bail!("--triangulate takes none, reference or every N, not `{}`", words.join(" ")),
+    let words = words.join(" ");
+    match (words.as_str(), words.strip_prefix("every ")) {
+        ("none", _) => Ok(Triangulate::None),
+        ("reference", _) => Ok(Triangulate::Reference),
+        ("every", _) => Ok(Triangulate::Every(1)),
+        (_, Some(n)) => Ok(Triangulate::Every(n.parse().with_context(|| format!("--triangulate {words}"))?)),
+        _ => anyhow::bail!("--triangulate takes none, reference or every N, not `{words}`"),
     }
 }

@@ -33,11 +33,22 @@ pub struct Args {
 enum Verb {
     /// Cuts a clip into segments that share frames, and writes the jobs that train them.
     Plan(Box<PlanArgs>),
-    /// Trains the static scene, then the dynamic Gaussians of each segment, then joins them; or does one of these jobs. Finished jobs are skipped, and
-    /// interrupted ones continue.
-    Run(RunArgs),
+    /// Trains the static scene, then the segments, then joins them; or does one of these jobs. Finished jobs are skipped.
+    Run {
+        /// A folder that `ivv segments plan` made.
+        plan: PathBuf,
+        /// One job alone: `base`, the static scene, or the number of a segment, from 0.
+        #[arg(long, value_name = "base|N")]
+        only: Option<String>,
+        /// More options for `ivv train`, such as --device.
+        #[arg(last = true)]
+        options: Vec<OsString>,
+    },
     /// Joins the scenes of the segments into PLAN/scene.ply, which `render`, `eval`, `export` and others take as that of a run.
-    Join(JoinArgs),
+    Join {
+        /// A folder that `ivv segments plan` made, all of whose segments are trained.
+        plan: PathBuf,
+    },
 }
 
 #[derive(clap::Args)]
@@ -67,29 +78,11 @@ struct PlanArgs {
     device: DeviceArgs,
 }
 
-#[derive(clap::Args)]
-struct RunArgs {
-    /// A folder that `ivv segments plan` made.
-    plan: PathBuf,
-    /// One job alone: `base`, the static scene, or the number of a segment, from 0.
-    #[arg(long, value_name = "base|N")]
-    only: Option<String>,
-    /// More options for `ivv train`, such as --device.
-    #[arg(last = true)]
-    options: Vec<OsString>,
-}
-
-#[derive(clap::Args)]
-struct JoinArgs {
-    /// A folder that `ivv segments plan` made, all of whose segments are trained.
-    plan: PathBuf,
-}
-
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     match &args.verb {
         Verb::Plan(args) => plan(args, json),
-        Verb::Run(args) => Jobs::open(&args.plan, json)?.run(args.only.as_deref(), &args.options),
-        Verb::Join(args) => Jobs::open(&args.plan, json)?.join(),
+        Verb::Run { plan, only, options } => Jobs::open(plan, json)?.run(only.as_deref(), options),
+        Verb::Join { plan } => Jobs::open(plan, json)?.join(),
     }
 }
 
@@ -170,7 +163,7 @@ fn longest_within(
     Ok((frames, Some(u64::from(frames) * of_frame)))
 }
 
-/// The jobs of a plan.
+/// The jobs of a plan: the static scene, which is `None`, and the segments.
 struct Jobs<'a> {
     folder: &'a Path,
     segments: Segments,
@@ -183,78 +176,68 @@ impl<'a> Jobs<'a> {
         Ok(Jobs { folder, segments: Segments::read(folder)?, run: Run::read(folder)?, json })
     }
 
-    fn base(&self) -> PathBuf {
-        self.folder.join("base")
+    fn all(&self) -> impl Iterator<Item = Option<usize>> {
+        [None].into_iter().chain((0..self.segments.segments.len()).map(Some))
     }
 
-    fn segment(&self, segment: usize) -> PathBuf {
-        self.folder.join(format!("segment-{segment:04}"))
+    fn folder(&self, job: Option<usize>) -> PathBuf {
+        self.folder.join(job.map_or_else(|| "base".to_owned(), |segment| format!("segment-{segment:04}")))
     }
 
     fn run(&self, only: Option<&str>, options: &[OsString]) -> anyhow::Result<()> {
         let stop = Stop::listen()?;
         let n = self.segments.segments.len();
-        match only {
-            Some("base") => {
-                self.train_base(options, &stop)?;
-                self.print_path(&self.base());
+        let job = match only {
+            None => {
+                self.all().try_for_each(|job| self.train(job, options, &stop))?;
+                return self.join();
             }
+            Some("base") => None,
             Some(word) => {
                 let wrong = || format!("--only: expected base or a segment from 0 to {}, found {word}", n - 1);
-                let segment = word.parse().ok().filter(|segment| *segment < n).with_context(wrong)?;
-                self.train_segment(segment, options, &stop)?;
-                self.print_path(&self.segment(segment));
+                Some(word.parse().ok().filter(|segment| *segment < n).with_context(wrong)?)
             }
-            None => {
-                self.train_base(options, &stop)?;
-                (0..n).try_for_each(|segment| self.train_segment(segment, options, &stop))?;
-                self.join()?;
-            }
+        };
+        self.train(job, options, &stop)?;
+        if self.json {
+            out!("{}", json!({ "path": self.folder(job).to_string_lossy() }));
         }
         Ok(())
     }
 
-    /// Prints where the run of a single job is.
-    fn print_path(&self, folder: &Path) {
-        if self.json {
-            out!("{}", json!({ "path": folder.to_string_lossy() }));
+    /// Does a job in a process of its own, which frees its memory at its end; resumes its run, or skips one that has ended.
+    fn train(&self, job: Option<usize>, options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
+        let Segments { segments, still, .. } = &self.segments;
+        let folder = self.folder(job);
+        match job {
+            None => say!("the static scene"),
+            Some(job) => {
+                say!("segment {job} of {}: frames {} to {}", segments.len(), segments[job][0], segments[job][1] - 1)
+            }
         }
-    }
-
-    fn train_base(&self, options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
-        say!("the static scene");
-        self.train(&self.base(), &["--max-frames".into(), self.segments.still.to_string().into()], options, stop)
-    }
-
-    fn train_segment(&self, segment: usize, options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
-        let [from, to] = self.segments.segments[segment];
-        say!("segment {segment} of {}: frames {from} to {}", self.segments.segments.len(), to - 1);
-        let (frames, base) = (self.segments.frames(segment).to_string(), self.base().into_os_string());
-        let own = ["--max-frames".into(), frames.into(), "--base".into(), base];
-        self.train(&self.segment(segment), &own, options, stop)
-    }
-
-    /// Trains into `folder`, in a process of its own, which frees its memory at its end. Resumes a run that has not ended, and skips
-    /// one that has.
-    fn train(&self, folder: &Path, own: &[OsString], options: &[OsString], stop: &Stop) -> anyhow::Result<()> {
-        if has_ended(folder)? {
+        if has_ended(&folder)? {
             say!("{}: is done", folder.display());
             return Ok(());
         }
         let mut command = train_command()?;
-        command.arg("-o").arg(folder);
+        command.arg("-o").arg(&folder);
         let mut options = options.to_vec();
-        if Run::file(folder).is_file() {
+        if Run::file(&folder).is_file() {
             command.arg("--resume");
             without_viewpoints(&mut options);
         } else {
-            command.arg(&self.run.capture).arg("--config").arg(self.folder.join("config.json")).args(own);
-            command.args(CaptureArgs::words(&self.run.capture_settings));
+            let frames = job.map_or(*still, |segment| self.segments.frames(segment));
+            command.arg(&self.run.capture).arg("--config").arg(self.folder.join("config.json"));
+            command.arg("--max-frames").arg(frames.to_string()).args(CaptureArgs::words(&self.run.capture_settings));
+            if job.is_some() {
+                command.arg("--base").arg(self.folder(None));
+            }
             if !self.run.test_cameras.is_empty() {
                 command.arg("--test-cameras").arg(self.run.test_cameras.join(","));
             }
         }
-        if let Some(bytes) = self.segments.cache_bytes.filter(|_| !options.iter().any(is_cache)) {
+        let sets_cache = options.iter().any(|option| option.as_encoded_bytes().starts_with(b"--cache-bytes"));
+        if let Some(bytes) = self.segments.cache_bytes.filter(|_| !sets_cache) {
             command.arg("--cache-bytes").arg(bytes.to_string());
         }
         if self.json {
@@ -279,37 +262,30 @@ impl<'a> Jobs<'a> {
 
     fn join(&self) -> anyhow::Result<()> {
         let _lock = RunLock::take(self.folder)?;
-        let n_segments = self.segments.segments.len();
-        let folder = |segment: Option<usize>| segment.map_or_else(|| self.base(), |segment| self.segment(segment));
-        for folder in [None].into_iter().chain((0..n_segments).map(Some)).map(folder) {
+        for folder in self.all().map(|job| self.folder(job)) {
             if !has_ended(&folder)? {
                 let remedy = "train it first: `ivv segments run PLAN`";
                 return Err(ivv::Error::data(&folder, "", "expected a run that has ended, found none", remedy).into());
             }
         }
         let file = self.folder.join("scene.ply");
-        let read = |segment: Option<usize>| read_ply(&folder(segment).join("scene.ply"));
+        let read = |job: Option<usize>| read_ply(&self.folder(job).join("scene.ply"));
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
-        write_parts(&file, &mut joined, &Look::of(&self.base(), None)?.0.unusual())?;
+        let base = self.folder(None);
+        write_parts(&file, &mut joined, &Look::of(&base, None)?.0.unusual())?;
         // The constants of the jobs, as set by --blur and the like. On a moving rig the jobs trained in a frame with another unit, so
         // convert the near plane.
-        let base = Run::read(&self.base())?;
+        let base = Run::read(&base)?;
         let near = (f64::from(base.constants.near) * (self.run.world.scale / base.world.scale)) as f32;
         Run { constants: Constants { near, ..base.constants }, ..self.run.clone() }.write(self.folder)?;
         let n_dynamic: usize = joined.parts().iter().map(|part| part.n).sum();
         let n = PlyParts::open(&file)?.map_or(0, |written| written.n_static()) + n_dynamic;
-        let (path, gaussians, segments) = (file.display(), count(n, "Gaussian"), count(n_segments, "segment"));
-        let text = format!("{path}: {gaussians}, {n_dynamic} of them dynamic, of {segments}");
-        let path = file.to_string_lossy();
+        let (path, n_segments) = (file.to_string_lossy(), self.segments.segments.len());
         let line = json!({ "path": path, "gaussians": n, "dynamic_gaussians": n_dynamic, "segments": n_segments });
-        answer(self.json, &line, text);
+        let (gaussians, segments) = (count(n, "Gaussian"), count(n_segments, "segment"));
+        answer(self.json, &line, format_args!("{path}: {gaussians}, {n_dynamic} of them dynamic, of {segments}"));
         Ok(())
     }
-}
-
-/// True if an option sets the bytes of images that are decoded ahead.
-fn is_cache(option: &OsString) -> bool {
-    option.to_str().is_some_and(|option| option.starts_with("--cache-bytes"))
 }
 
 /// Removes the file of viewpoints: a resumed run has them.

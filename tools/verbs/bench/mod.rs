@@ -5,15 +5,17 @@ mod date;
 
 use crate::run::files::{make_folder, read_json, write_json};
 use crate::run::settings::patch;
-use crate::run::subprocess::TrainingProcess;
+use crate::run::subprocess::train_command;
 use crate::ui::screen::{out, print_json, say};
 use crate::verbs::bench::captures::{StudyCapture, named};
 use crate::verbs::bench::date::today;
 use anyhow::Context;
-use ivv::internals::files::write_atomic;
+use ivv::internals::files::{folder_of, write_atomic};
 use ivv::internals::study::{Arm, Bench, BenchRun, Entry, History, RunOf, RunResult, Study, differences};
-use ivv::internals::train::{Config, merge};
+use ivv::internals::train::{Config, Run, merge};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
+use std::process::Stdio;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -81,8 +83,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 
 /// Compares finished runs, and adds them to the history if one is given.
 fn of_runs(args: &Args) -> anyhow::Result<Bench> {
-    let read = |run: &PathBuf| RunResult::read(run);
-    let results = args.runs.iter().map(read).collect::<ivv::Result<Vec<_>>>()?;
+    let results = args.runs.iter().map(|run| RunResult::read(run)).collect::<ivv::Result<Vec<_>>>()?;
     let found: Vec<(&Path, RunResult)> = args.runs.iter().map(PathBuf::as_path).zip(results.iter().cloned()).collect();
     let bench = Bench::of_runs(&found, today())?;
     if let Some(file) = &args.history {
@@ -111,11 +112,8 @@ fn of_study(args: &Args, name: &str, output: &Path) -> anyhow::Result<Bench> {
     let shared = shared(args)?;
     let has_lpips = |arm: &Arm| arm.settings["loss"]["lpips"].as_f64().is_some_and(|weight| weight > 0.0);
     if let Some(arm) = study.arms.iter().find(|arm| has_lpips(arm) && shared.loss.lpips_weights.is_none()) {
-        anyhow::bail!(
-            "{}: the arm {} needs the weights of LPIPS; give them with --set loss.lpips_weights=FILE",
-            study.title,
-            arm.key
-        );
+        let remedy = "give them with --set loss.lpips_weights=FILE";
+        anyhow::bail!("{}: the arm {} needs the weights of LPIPS; {remedy}", study.title, arm.key);
     }
     // Open all captures before training on the first.
     let captures = named(&args.captures)?;
@@ -165,6 +163,56 @@ struct Job<'a> {
     folder: PathBuf,
 }
 
+impl Job<'_> {
+    /// Trains the run, unless that has been done. Its settings and its log go to files beside its folder.
+    fn train(&self, args: &Args) -> anyhow::Result<()> {
+        let Job { capture, config, folder, .. } = self;
+        make_folder(folder_of(folder))?;
+        let settings = sibling(folder, ".json");
+        let path = std::path::absolute(&capture.path)?;
+        let is_done = folder.join("eval.json").is_file()
+            && read_json::<Config>(&settings, "remove it").is_ok_and(|before| before == *config)
+            && Run::read(folder).is_ok_and(|run| run.capture == path && capture.summaries.contains(&run.held));
+        if is_done {
+            return Ok(());
+        }
+        // If this run fails before it replaces them, scores of a run with other settings must not pass for its own.
+        if let Err(fault) = std::fs::remove_file(folder.join("eval.json"))
+            && fault.kind() != ErrorKind::NotFound
+        {
+            return Err(fault).with_context(|| format!("{}: earlier scores cannot be removed", folder.display()));
+        }
+        write_json(&settings, config)?;
+        let log = sibling(folder, ".log");
+        let remedy = "free space or choose another folder with -o";
+        let log = std::fs::File::create(&log)
+            .map_err(|e| ivv::Error::data(&log, "", format!("the log of a run cannot be made: {e}"), remedy))?;
+        let mut command = train_command()?;
+        if args.jobs > 1 && std::env::var_os("LP_NUM_THREADS").is_none() {
+            // Lavapipe: several runs with one thread each are faster than one run after the other with all threads.
+            command.env("LP_NUM_THREADS", "0");
+        }
+        command
+            .arg(&capture.path)
+            .args(["--overwrite", "--eval-every", "0", "-o"])
+            .arg(folder)
+            .arg("--config")
+            .arg(&settings);
+        command.args(args.device.iter().flat_map(|device| ["--device", device]));
+        command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(log);
+        let status = command.status().context("`ivv train` cannot be started")?;
+        anyhow::ensure!(status.success(), "{}: the run ended with {status}; see its .log", folder.display());
+        Ok(())
+    }
+}
+
+/// The path of `folder` with `ending` behind its whole name: the name of a preset may have a dot.
+fn sibling(folder: &Path, ending: &str) -> PathBuf {
+    let mut path = folder.as_os_str().to_owned();
+    path.push(ending);
+    path.into()
+}
+
 /// All runs, arm by arm. With each seed another arm is first, so that other load on the machine slows all alike.
 fn jobs<'a>(
     study: &'a Study,
@@ -195,23 +243,12 @@ fn jobs<'a>(
 /// Trains the missing runs, --jobs at a time. After an error no other starts.
 fn train(args: &Args, jobs: &[Job]) -> anyhow::Result<()> {
     let (next, fault) = (AtomicUsize::new(0), Mutex::new(None));
-    let one = |job: &Job| {
-        let Job { capture, config, folder, .. } = job;
-        let process = TrainingProcess {
-            capture: &capture.path,
-            summaries: &capture.summaries,
-            device: args.device.as_deref(),
-            is_concurrent: args.jobs > 1,
-        };
-        make_folder(folder.parent().context("a run has a folder above it")?)?;
-        process.train(folder, config)
-    };
     let work = || {
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             let Some(job) = jobs.get(index) else { break };
             say!("run {} of {}: {}", index + 1, jobs.len(), job.folder.display());
-            if let Err(error) = one(job) {
+            if let Err(error) = job.train(args) {
                 next.store(jobs.len(), Ordering::Relaxed);
                 fault.lock().unwrap_or_else(std::sync::PoisonError::into_inner).get_or_insert(error);
             }

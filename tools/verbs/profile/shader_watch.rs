@@ -1,6 +1,4 @@
-//! `ivv profile --replay FILE --watch`: a kernel compiled again whenever a shader changes.
-//!
-//! The compiler is that of the build: its script is run again for the one kernel.
+//! `ivv profile --replay FILE --watch`: a kernel compiled again, by the build's script, whenever a shader changes.
 
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::screen::{alert, say};

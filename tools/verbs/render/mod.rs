@@ -15,7 +15,7 @@ use crate::ui::screen::{alert, out, print_json};
 use crate::verbs::render::picture::{Format, check_finite};
 use crate::verbs::render::video::{Film, PathArgs, VideoJob};
 use ivv::Constants;
-use ivv::internals::formats::FourDgs;
+use ivv::internals::formats::{Clock, FourDgs};
 use ivv::internals::scene::View;
 use ivv::internals::sound::rig::Rig;
 use ivv::internals::stage::{Destination, FrameReport, Outputs, Renderer};
@@ -71,14 +71,14 @@ struct ViewReport {
 }
 
 impl Args {
-    /// Frames per second and number of frames of the clip, if known.
-    fn clip(&self, source: &Source, run: Option<&Run>) -> ivv::Result<Option<(f64, u32)>> {
+    fn clock(&self, source: &Source, run: Option<&Run>) -> ivv::Result<Option<Clock>> {
         match (run, &self.capture) {
-            (Some(run), _) => Ok(Some((run.held.fps, run.held.frames))),
+            (Some(run), _) => Ok(Some(Clock { fps: run.held.fps, frames: run.held.frames })),
             (None, Some(capture)) => {
-                Rig::open_with(capture, &self.views.settings()).map(|rig| Some((rig.fps, rig.n_frames)))
+                let Rig { fps, n_frames, .. } = Rig::open_with(capture, &self.views.settings())?;
+                Ok(Some(Clock { fps, frames: n_frames }))
             }
-            (None, None) => Ok(source.clip.as_ref().map(FourDgs::clock).map(|clock| (clock.fps, clock.frames))),
+            (None, None) => Ok(source.clip.as_ref().map(FourDgs::clock)),
         }
     }
 
@@ -104,7 +104,7 @@ impl Args {
             None => {}
         }
         let background = source.look.background.unwrap_or_default();
-        Ok(Some(Film::along(&self.film, path, self.clip(source, run)?, self.time, background)?))
+        Ok(Some(Film::along(&self.film, path, self.clock(source, run)?, self.time, background)?))
     }
 
     /// The views that the options ask for.
@@ -178,7 +178,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         print_json(&report)?;
     } else if let Some(passes) = &profile {
         print_counts(&reports);
-        pass_times::print(passes, "view");
+        pass_times::print(passes);
         out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
     }
     Ok(())

@@ -11,6 +11,7 @@ use crate::verbs::render::picture::check_finite;
 use crate::verbs::synth::size;
 use anyhow::Context;
 use ivv::Constants;
+use ivv::internals::formats::Clock;
 use ivv::internals::scene::{FlowModel, Intrinsics, Orbit, View};
 use ivv::internals::sound::hrtf::HrtfSet;
 use ivv::internals::sound::path::{HeadPath, read_path};
@@ -81,8 +82,7 @@ pub struct Film {
     size: (u32, u32),
     /// Vertical, degrees.
     fov: f64,
-    /// Frames of the capture per second, and how many.
-    clip: Option<(f64, u32)>,
+    clip: Option<Clock>,
     times: Times,
     background: [f32; 3],
     n_frames: usize,
@@ -93,16 +93,16 @@ impl Film {
     pub fn along(
         args: &PathArgs,
         path: &Path,
-        clip: Option<(f64, u32)>,
+        clip: Option<Clock>,
         time: Option<f64>,
         background: [f32; 3],
     ) -> anyhow::Result<Film> {
         let head = read_path(path, None)?;
         let times = time.map_or(Times::Path, Times::Fixed);
-        let fps = args.fps.or(head.camera.map(|camera| camera.fps)).or(clip.map(|clip| clip.0)).unwrap_or(FPS);
+        let fps = args.fps.or(head.camera.map(|camera| camera.fps)).or(clip.map(|clip| clip.fps)).unwrap_or(FPS);
         // A path of one pose shows the whole clip.
         let seconds = match (head.track.poses(), clip) {
-            ([_], Some((fps, n_frames))) => f64::from(n_frames.saturating_sub(1)) / fps,
+            ([_], Some(Clock { fps, frames })) => f64::from(frames.saturating_sub(1)) / fps,
             (poses, _) => poses[poses.len() - 1].t - poses[0].t,
         };
         let n_frames = n_frames(seconds, fps).map_err(|reason| {
@@ -114,7 +114,7 @@ impl Film {
         Film { path: head, fps, size, fov, clip, times, background, n_frames }.with_lens(args)
     }
 
-    /// Once around the point that `views` look at, in `seconds`, through `span` of normalised time, by default that of the views, or at
+    /// Once around the point that `views` look at, in `seconds`, through `span` of normalised time or that of the views, or at
     /// `time`.
     pub fn around(
         args: &PathArgs,
@@ -172,10 +172,10 @@ impl Film {
                 let done = frame as f64 / self.n_frames.saturating_sub(1).max(1) as f64;
                 (first + done * (last - first), true)
             }
-            Times::Path => self.clip.map_or((0.0, true), |(fps, n_frames)| {
+            Times::Path => self.clip.map_or((0.0, true), |Clock { fps, frames }| {
                 let at = (self.start() + frame as f64 / self.fps) * fps;
-                let last = f64::from(n_frames.saturating_sub(1));
-                (at.clamp(0.0, last) / f64::from(n_frames.max(1)), (-1e-6..=last + 1e-6).contains(&at))
+                let last = f64::from(frames.saturating_sub(1));
+                (at.clamp(0.0, last) / f64::from(frames.max(1)), (-1e-6..=last + 1e-6).contains(&at))
             }),
         }
     }
@@ -183,19 +183,16 @@ impl Film {
     /// Warns of frames outside of the clip; refuses a film without any other frame.
     fn within_clip(&self) -> anyhow::Result<()> {
         let n_outside = (0..self.n_frames).filter(|frame| !self.time(*frame).1).count();
-        let (fps, n_frames) = self.clip.unwrap_or((FPS, 1));
-        let seconds = f64::from(n_frames.saturating_sub(1)) / fps;
+        let Clock { fps, frames } = self.clip.unwrap_or(Clock { fps: FPS, frames: 1 });
+        let clip = format!("the clip, which lasts from 0 to {:.3} s", f64::from(frames.saturating_sub(1)) / fps);
+        let remedy = "check that they are in seconds of the clip, or give --time";
         anyhow::ensure!(
             n_outside < self.n_frames,
-            "expected a path within the clip, which lasts from 0 to {seconds:.3} s, found none of its times there; check that \
-             they are in seconds of the clip, or give --time"
+            "expected a path within {clip}, found none of its times there; {remedy}"
         );
         if n_outside > 0 {
-            alert!(
-                "{n_outside} of {} lie outside of the clip, which lasts from 0 to {seconds:.3} s; they show its first or last \
-                 moment",
-                count(self.n_frames, "frame")
-            );
+            let frames = count(self.n_frames, "frame");
+            alert!("{n_outside} of {frames} lie outside of {clip}; they show its first or last moment");
         }
         Ok(())
     }
@@ -210,7 +207,7 @@ impl Film {
             pose: pose.world_to_camera(),
             time,
             time_offset: 0.0,
-            flow_dt: self.clip.map_or(1.0, |(_, n_frames)| 1.0 / f64::from(n_frames)),
+            flow_dt: self.clip.map_or(1.0, |clip| 1.0 / f64::from(clip.frames)),
             background: self.background,
             flow_model: FlowModel::Velocity,
             next_pose: None,
@@ -314,7 +311,7 @@ fn sound(args: &PathArgs, film: &Film, file: &Path, output: &Path) -> anyhow::Re
         wav.display()
     );
     // The times of another clip, such as that of --capture, are its own.
-    let start = start_in_run(file, |run: &Run| film.clip == Some((run.held.fps, run.held.frames)));
+    let start = start_in_run(file, |run: &Run| film.clip == Some(Clock { fps: run.held.fps, frames: run.held.frames }));
     let of_capture = |pose: &HeadPose| HeadPose { t: start + pose.t, ..*pose };
     let head = PoseTrack::new(film.path.track.poses().iter().map(of_capture).collect())?;
     let rendered = render(&scene, &head, &hrtf, &RenderConfig::default())?;

@@ -18,15 +18,14 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::task::{Context, Poll, ready};
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// How often the run is polled for a page, and after how many polls without news an empty line tests whether the page is still there.
+/// How often the run is polled, and after how many polls without news an empty line tests whether the page is still there.
 const POLL: Duration = Duration::from_millis(500);
 const QUIET_POLLS: u32 = 20;
 /// Scenes in memory: the one on the page and the next one.
 const MOST_SCENES: usize = 2;
 /// Share of the time for making scenes for the page; the rest is for the training.
 const SHARE: f64 = 0.02;
-/// The prefix of the name of a final scene. A time follows, because a run may be extended and end again. Other scenes are named by
-/// their step.
+/// The prefix of a final scene's name; a time follows, as a run may end again. Other scenes are named by their step.
 const END: &str = "end-";
 
 /// The latest line of the log of a training in this process.
@@ -61,8 +60,7 @@ impl LiveRun {
         }
     }
 
-    /// The state for a page: step, total, seconds, loss, psnr, gaussians; the newest scene's name and the report's time, null
-    /// where there is none.
+    /// The state for a page, with the newest scene's name and the report's time, or null.
     fn state(&self) -> Value {
         let line = match &self.latest_line {
             Some(line) => line.lock().unwrap_or_else(PoisonError::into_inner).clone(),

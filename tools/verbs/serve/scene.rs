@@ -56,8 +56,7 @@ impl ServedScene {
         ServedScene { tag: tag(&bytes), data: Data::Memory(bytes) }
     }
 
-    /// Those of a file, which is read as it is sent. A `temporary` file is removed with the scene, or at once if an open file needs no
-    /// name, so that a killed server leaves nothing behind.
+    /// A file, read as it is sent. A `temporary` one is removed with the scene, or at once where an open file needs no name.
     pub fn of_file(path: &Path, temporary: Option<TemporaryFile>) -> ivv::Result<Self> {
         let fault = |fault: io::Error| cannot_read(path, &fault);
         let file = open_file(path).map_err(fault)?;

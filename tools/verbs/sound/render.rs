@@ -1,5 +1,6 @@
 //! `ivv sound render`.
 
+use crate::run::files::word;
 use crate::ui::screen::out;
 use ivv::internals::sound::geometry::Mode;
 use ivv::internals::sound::hrtf::{HrtfSet, Lookup};
@@ -28,10 +29,10 @@ pub struct Args {
     #[arg(long, default_value = "sphere")]
     hrtf: PathBuf,
     /// paper2d: the paper's, on the horizon. paper3d: with elevation. physical: with delay and Doppler, for metric scenes.
-    #[arg(long, default_value = "paper2d", value_parser = mode)]
+    #[arg(long, default_value = "paper2d", value_parser = word::<Mode>)]
     mode: Mode,
     /// aligned: responses between the measured directions. nearest: the measured one.
-    #[arg(long, default_value = "aligned", value_parser = lookup)]
+    #[arg(long, default_value = "aligned", value_parser = word::<Lookup>)]
     lookup: Lookup,
     /// Loudness of the result, LUFS. By default unchanged, with peaks below -1 dBTP.
     #[arg(long, allow_hyphen_values = true)]
@@ -42,23 +43,6 @@ pub struct Args {
     /// Also write the sound field at the head's place as first-order AmbiX (W, Y, Z, X), for players that turn the head.
     #[arg(long)]
     ambix: Option<PathBuf>,
-}
-
-fn mode(text: &str) -> Result<Mode, String> {
-    match text {
-        "paper2d" => Ok(Mode::Paper2d),
-        "paper3d" => Ok(Mode::Paper3d),
-        "physical" => Ok(Mode::Physical),
-        _ => Err("paper2d, paper3d or physical".into()),
-    }
-}
-
-fn lookup(text: &str) -> Result<Lookup, String> {
-    match text {
-        "aligned" => Ok(Lookup::Aligned),
-        "nearest" => Ok(Lookup::Nearest),
-        _ => Err("aligned or nearest".into()),
-    }
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {

@@ -47,9 +47,6 @@ pub struct Args {
     pub schedule: ScheduleArgs,
     #[command(flatten)]
     pub instead: InsteadArgs,
-    /// Prints the mean time of every pass of a step.
-    #[arg(long)]
-    pub profile: bool,
     /// Shows the training in a browser, at this port of this machine: its curves, test views, and the scene of the newest checkpoint.
     #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8080")]
     pub view: Option<u16>,

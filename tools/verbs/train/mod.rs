@@ -12,14 +12,14 @@ use crate::run::appearance::Look;
 use crate::run::background::{BackgroundWriter, in_parallel};
 use crate::run::camera_poses;
 use crate::run::files::{write_json, write_scene};
-use crate::run::pass_times::{self, TimedPass};
+use crate::run::pass_times::TimedPass;
 use crate::run::ranks::Team;
 use crate::run::rescue;
 use crate::run::review;
 use crate::run::schedule::Schedule;
 use crate::run::scoring::{SampleScores, Scorer};
 use crate::run::time_offsets;
-use crate::run::totals::{ProfiledStep, Seconds, cpu_seconds, totals};
+use crate::run::totals::{ProfiledStep, cpu_seconds, totals};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::{TrainingProgress, watch};
 use crate::ui::screen::{alert, be_quiet, out, print_json, say};
@@ -34,6 +34,7 @@ use ivv::internals::train::{
 };
 use ivv::internals::vk::DeviceKind;
 use ivv::internals::words::count;
+use serde_json::json;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::PoisonError;
@@ -249,8 +250,7 @@ impl Training<'_, '_> {
         if scorer.gpu.caps().kind == DeviceKind::Cpu { self.writer.wait() } else { Ok(()) }
     }
 
-    /// Saves what is left of a run that `error` ends, the last step if the device still answers, and adds to the error what is saved and
-    /// how to continue.
+    /// Saves what is left of a run that `error` ends, and adds to the error what is saved and how to continue.
     fn failed(&mut self, error: anyhow::Error) -> anyhow::Error {
         if error.downcast_ref::<Interrupted>().is_some() {
             return error;
@@ -365,33 +365,37 @@ impl Training<'_, '_> {
         write_scene(&scene, &splats, &world, &own)?;
         // Score the scene of the file.
         let splats = world.splats(&splats);
-        let seconds_stepping = self.seconds_before + self.session.seconds();
-        let seconds = Seconds {
-            seconds: self.start.elapsed().as_secs_f64(),
-            cpu_seconds: cpu_seconds(),
-            seconds_stepping,
-            seconds_per_step: seconds_stepping / step.max(1) as f64,
-            waited_for_images_s: self.session.waited(),
-        };
+        let (seconds, cpu_seconds) = (self.start.elapsed().as_secs_f64(), cpu_seconds());
+        let stepping = self.seconds_before + self.session.seconds();
+        let per_step = stepping / step.max(1) as f64;
         let fits = if self.args.schedule.fit_offsets { self.scorer.fitted_offsets(&splats)? } else { BTreeMap::new() };
         let offsets = time_offsets::table(self.session.trainer(), &self.scorer, &fits, output)?;
         let poses = camera_poses::table(self.session.trainer(), &self.scorer, output)?;
-        let Scorer { gpu, run, config, .. } = self.scorer;
-        let mut totals = totals(gpu, step, &splats, run, config, &self.log, &seconds)?;
-        totals["reviews"] = self.log.lines(Kind::Review).cloned().collect();
-        if self.team.size() > 1 {
-            totals["ranks"] = serde_json::to_value(self.session.trainer().shared())?;
-        }
-        totals["plan"] = serde_json::to_value(self.session.plan())?;
-        totals["depth_priors"] = serde_json::to_value(&self.session.priors().depth)?;
-        totals["backdrop"] = (splats.len() - trained.len()).into();
-        totals["offsets"] = serde_json::to_value(&offsets)?;
-        totals["poses"] = serde_json::to_value(&poses)?;
+        let mut totals = totals(&self.scorer, step, &splats, &self.log)?;
         let agreement = time_offsets::agreement(&offsets);
-        totals["offset_error"] = agreement.map(|agreement| agreement.rms_error).into();
-        totals["offset_correlation"] = agreement.and_then(|agreement| agreement.correlation).into();
+        for (name, value) in [
+            ("seconds", json!(seconds)),
+            ("cpu_seconds", json!(cpu_seconds)),
+            // In steps and density control, since the run began.
+            ("seconds_stepping", json!(stepping)),
+            ("seconds_per_step", json!(per_step)),
+            ("waited_for_images_s", json!(self.session.waited())),
+            ("reviews", self.log.lines(Kind::Review).cloned().collect()),
+            ("plan", json!(self.session.plan())),
+            ("depth_priors", json!(self.session.priors().depth)),
+            ("backdrop", json!(splats.len() - trained.len())),
+            ("offsets", json!(offsets)),
+            ("poses", json!(poses)),
+            ("offset_error", json!(agreement.map(|agreement| agreement.rms_error))),
+            ("offset_correlation", json!(agreement.and_then(|agreement| agreement.correlation))),
+        ] {
+            totals[name] = value;
+        }
+        if self.team.size() > 1 {
+            totals["ranks"] = json!(self.session.trainer().shared());
+        }
         write_json(&output.join("train.json"), &totals)?;
-        let renderer = Renderer::new(gpu.clone(), &splats, run.constants)?;
+        let renderer = Renderer::new(self.scorer.gpu.clone(), &splats, self.scorer.run.constants)?;
         let (scores, examples) =
             self.scorer.score_all(renderer, SceneSize::of(&splats), &scene, &fits, step, output)?;
         if let Some(scores) = &scores {
@@ -421,13 +425,8 @@ impl Training<'_, '_> {
             time_offsets::print(&offsets);
         }
         camera_poses::print(&poses);
-        let (n, step) = (splats.len(), seconds.seconds_per_step);
-        let step = if step < 0.1 { format!("{:.2} ms", 1e3 * step) } else { format!("{step:.3} s") };
-        out!("{quality}; {}, {step} a step; {}", count(n, "Gaussian"), report.display());
-        if self.args.profile {
-            let passes = totals["profile"]["passes"].clone();
-            pass_times::print(&serde_json::from_value::<Vec<TimedPass>>(passes)?, "step");
-        }
+        let step = if per_step < 0.1 { format!("{:.2} ms", 1e3 * per_step) } else { format!("{per_step:.3} s") };
+        out!("{quality}; {}, {step} a step; {}", count(splats.len(), "Gaussian"), report.display());
         Ok(())
     }
 }

@@ -37,8 +37,7 @@ pub struct TrainingSetup {
 }
 
 impl TrainingSetup {
-    /// The run of `args`. Nothing is written or removed before all input is read and checked, and nothing at all unless this process
-    /// `leads` the run.
+    /// The run of `args`. Nothing is written before all input is checked, and nothing at all unless this process `leads` the run.
     pub fn new(args: &Args, leads: bool) -> anyhow::Result<Self> {
         if args.resume { Self::resumed_run(args, leads) } else { Self::new_run(args, leads) }
     }
