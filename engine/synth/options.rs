@@ -1,8 +1,9 @@
 //! How large a synthetic capture is, and what disturbs it.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+/// Where the cameras stand.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Rig {
     /// On an arc of 110 degrees along the near side of the room, in two heights, looking at its middle.
@@ -65,7 +66,9 @@ pub struct Options {
     pub photos: Option<u32>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// Named options.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Preset {
     /// For tests.
     Tiny,
@@ -81,20 +84,7 @@ pub enum Preset {
 }
 
 impl Preset {
-    pub const ALL: [Preset; 6] =
-        [Preset::Tiny, Preset::Small, Preset::Hard, Preset::Outward, Preset::Study, Preset::Room];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Preset::Tiny => "tiny",
-            Preset::Small => "small",
-            Preset::Hard => "hard",
-            Preset::Outward => "outward",
-            Preset::Study => "study",
-            Preset::Room => "room",
-        }
-    }
-
+    /// Its options. All but `Hard` and `Study` have true clocks, all but `Hard` true colours; the priors of all are noisy.
     pub fn options(self, seed: u64) -> Options {
         let small = Options {
             seed,
@@ -131,14 +121,6 @@ impl Preset {
 
 impl Rig {
     pub const ALL: [Rig; 3] = [Rig::Inward, Rig::Outward, Rig::Moving];
-
-    pub fn name(self) -> &'static str {
-        match self {
-            Rig::Inward => "inward",
-            Rig::Outward => "outward",
-            Rig::Moving => "moving",
-        }
-    }
 }
 
 impl Options {

@@ -8,7 +8,7 @@ use ivv::internals::train::{Config, Setup, from_points, initialise};
 
 /// The capture of a rig, as it is written to a folder of the test's own.
 fn capture(test: &str, rig: Rig) -> Capture {
-    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("train-rigs-{test}-{}", rig.name()));
+    let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("train-rigs-{test}-{rig:?}"));
     let options = Options { rig, frames: 2, samples: 1, ..Preset::Small.options(5) };
     write_capture(&folder, &options, 2, &mut |_, _| {}).unwrap();
     Capture::open(&folder).unwrap()
@@ -47,7 +47,7 @@ fn a_small_rig_is_measured_by_what_it_sees_and_one_around_its_scene_by_its_lense
         let mut far: Vec<f64> = capture.points.iter().map(|point| distance(point.position, extent.center)).collect();
         far.sort_unstable_by(f64::total_cmp);
         let median = far[far.len() / 2];
-        println!("{}: lenses {lenses:.2}, median {median:.2}, extent {:.2}", rig.name(), extent.radius);
+        println!("{rig:?}: lenses {lenses:.2}, median {median:.2}, extent {:.2}", extent.radius);
         if rig == Rig::Inward {
             assert!((extent.radius - lenses).abs() <= 1e-12 * lenses, "{} is not {lenses}", extent.radius);
         } else {
@@ -149,7 +149,7 @@ fn room_is_left_amid_neighbours_that_look_the_same_way() {
 fn no_room_is_left_where_no_camera_looks_or_cameras_move() {
     for rig in [Rig::Outward, Rig::Moving] {
         let (cameras, between) = lenses(&capture("nowhere", rig));
-        assert!(cameras.len() > 4 && between.is_empty(), "{}: {} lenses", rig.name(), between.len());
+        assert!(cameras.len() > 4 && between.is_empty(), "{rig:?}: {} lenses", between.len());
     }
 }
 

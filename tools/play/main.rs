@@ -155,7 +155,8 @@ fn run(args: &Args) -> anyhow::Result<()> {
     let stop = Stop::listen()?;
     let no_display = "expected a display, found none; set DISPLAY to that of an X server, or use `ivv serve`";
     let events = EventLoop::new().context(no_display)?;
-    let gpu = args.device.open_with(vk::surface_extensions(&events.owned_display_handle())?, args.validation)?;
+    let surface = vk::surface_extensions(&events.owned_display_handle())?;
+    let gpu = args.device.open_as(vk::DeviceChoice { surface, validation: args.validation, ..args.device.choice() })?;
     let navigator = Navigator::new(&views, &*some(&mut shown.splats)?);
     let is_still = shown.splats.are_static() && setting.sounds.is_empty();
     let renderer = shown.splats.renderer(gpu, setting.constants)?;

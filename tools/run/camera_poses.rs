@@ -52,11 +52,10 @@ pub fn verdict(pixels: f64, are_learnt: bool) -> String {
 pub fn print(rows: &[PoseRow]) {
     let median = |of: fn(&PoseRow) -> f64| median_high(rows.iter().map(of)).unwrap_or(0.0);
     let Some(most) = rows.iter().max_by(|a, b| a.turn_degrees.total_cmp(&b.turn_degrees)) else { return };
+    let (cameras, turn, shift) = (count(rows.len(), "camera"), median(|row| row.turn_degrees), median(|row| row.shift));
     out!(
-        "poses of {}: turned by {:.3} degrees and shifted by {:.4} of the capture's units (medians); {} turned most, by {:.3} degrees",
-        count(rows.len(), "camera"),
-        median(|row| row.turn_degrees),
-        median(|row| row.shift),
+        "poses of {cameras}: turned by {turn:.3} degrees and shifted by {shift:.4} of the capture's units (medians); {} turned \
+         most, by {:.3} degrees",
         most.camera,
         most.turn_degrees
     );

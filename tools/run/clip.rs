@@ -80,7 +80,7 @@ pub fn start_in_run(file: &Path, is_its: impl Fn(&Run) -> bool) -> f64 {
     run.map_or(0.0, |run| start_of(&run))
 }
 
-/// The first view of each training camera of the run in `folder` that films; none where its capture is gone, which is said.
+/// The first view of each filming training camera of the run in `folder`; none, with a message, if its capture is gone.
 fn of_training_cameras(folder: &Path, run: &Run) -> anyhow::Result<Vec<View>> {
     if !run.capture.exists() {
         let gone = run.capture.display();

@@ -3,7 +3,6 @@
 use crate::ui::screen::say;
 use ivv::internals::gpu::{Gpu, Options};
 use ivv::internals::vk::DeviceChoice;
-use std::ffi::CStr;
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -23,10 +22,9 @@ pub struct DeviceArgs {
 impl DeviceArgs {
     /// Opens the device, and prints its name and why it was chosen.
     pub fn open(&self) -> ivv::Result<Arc<Gpu>> {
-        self.open_with(Vec::new(), false)
+        self.open_as(self.choice())
     }
 
-    /// The choice alone, without the cache of pipelines.
     pub fn choice(&self) -> DeviceChoice {
         DeviceChoice {
             device: self.device.clone(),
@@ -36,25 +34,17 @@ impl DeviceArgs {
         }
     }
 
-    /// As [`DeviceArgs::open`]; if the options name none, the `nth` of several equal ones.
-    pub fn open_nth(&self, nth: usize) -> ivv::Result<Arc<Gpu>> {
-        self.open_choice(DeviceChoice { pipeline_cache: cache_folder(), nth, ..self.choice() })
-    }
-
-    /// As [`DeviceArgs::open`], with the extensions `surface` for windows, and with the validation layer, which writes to the log.
-    pub fn open_with(&self, surface: Vec<&'static CStr>, validation: bool) -> ivv::Result<Arc<Gpu>> {
-        self.open_choice(DeviceChoice { pipeline_cache: cache_folder(), surface, validation, ..self.choice() })
-    }
-
-    fn open_choice(&self, choice: DeviceChoice) -> ivv::Result<Arc<Gpu>> {
-        let gpu = Arc::new(Gpu::open(&Options { device: choice, ..Options::default() })?);
+    /// Opens the device of `choice`, with the cache of pipelines.
+    pub fn open_as(&self, choice: DeviceChoice) -> ivv::Result<Arc<Gpu>> {
+        let device = DeviceChoice { pipeline_cache: cache_folder(), ..choice };
+        let gpu = Arc::new(Gpu::open(&Options { device, ..Options::default() })?);
         say!("device: {} ({})", gpu.caps().name, gpu.chosen_because());
         Ok(gpu)
     }
 }
 
 /// `$XDG_CACHE_HOME/ivv` or `~/.cache/ivv`.
-pub fn cache_folder() -> Option<PathBuf> {
+fn cache_folder() -> Option<PathBuf> {
     let cache = std::env::var_os("XDG_CACHE_HOME").map(PathBuf::from);
     cache.or_else(|| Some(PathBuf::from(std::env::var_os("HOME")?).join(".cache"))).map(|c| c.join("ivv"))
 }

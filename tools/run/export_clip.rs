@@ -47,7 +47,7 @@ pub struct ClipArgs {
     /// Writes the file even if the format, which cannot hold all colours, changes those of more than 1 in 10 Gaussians.
     #[arg(long)]
     clamp_colors: bool,
-    /// True for a file that nobody asked for: it is stored quickly, and without messages.
+    /// Stores quickly, and without messages.
     #[arg(skip)]
     is_silent: bool,
     #[command(flatten)]
@@ -55,7 +55,7 @@ pub struct ClipArgs {
 }
 
 impl ClipArgs {
-    /// These options for files that nobody asked for by name: nothing is said of them, and what they cannot hold is cut.
+    /// These options for a file that is only shown: without messages, and what it cannot hold is cut.
     pub fn unasked(&self) -> Self {
         ClipArgs { is_silent: true, ..self.clone() }
     }

@@ -78,15 +78,15 @@ pub struct Source<'a> {
     pub clip: Option<FourDgs>,
     pub look: Look,
     /// The notes on `look`, already printed.
-    told: Vec<String>,
+    notes: Vec<String>,
 }
 
 impl<'a> Source<'a> {
     /// Reads how a scene is rendered, and all of a `.4dgs` but its Gaussians.
     pub fn open(path: &'a Path) -> ivv::Result<Self> {
         let clip = if FourDgs::is(path) { Some(FourDgs::open(path)?) } else { None };
-        let (look, told) = Look::of(path, clip.as_ref())?;
-        Ok(Source { path, clip, look, told })
+        let (look, notes) = Look::of(path, clip.as_ref())?;
+        Ok(Source { path, clip, look, notes })
     }
 
     /// Its Gaussians; those of a clip in parts are read as views need them.
@@ -133,7 +133,7 @@ impl<'a> Source<'a> {
 
     /// Prints the notes of the reader that are not printed yet.
     fn print(&self, file: &Path, splats: Splats, notes: Vec<String>) -> LoadedScene {
-        let new = notes.iter().filter(|note| !self.told.contains(note));
+        let new = notes.iter().filter(|note| !self.notes.contains(note));
         new.for_each(|note| say!("{}: {note}", file.display()));
         LoadedScene { splats, file: file.to_owned(), checkpoint_step: None, notes }
     }

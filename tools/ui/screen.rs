@@ -143,7 +143,7 @@ pub fn is_terminal() -> bool {
         .get_or_init(|| io::stderr().is_terminal() && std::env::var_os("TERM").is_none_or(|term| term != "dumb"))
 }
 
-/// Whether to colour standard error: on a terminal, without NO_COLOR (<https://no-color.org>).
+/// True if standard error is coloured: on a terminal, without NO_COLOR (<https://no-color.org>).
 pub fn has_colours() -> bool {
     is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|no| no.is_empty())
 }

@@ -1,7 +1,7 @@
 //! `ivv devices`.
 
 use crate::ui::screen::{out, print_json};
-use ivv::internals::vk::{Device, DeviceChoice, list_devices};
+use ivv::internals::vk::{Caps, Device, DeviceChoice, list_devices};
 
 #[derive(clap::Args)]
 pub struct Args {
@@ -25,39 +25,29 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
         return print_json(&report);
     }
     for (index, device) in devices.iter().enumerate() {
-        let caps = match device {
-            Ok(caps) => caps,
-            Err(reason) => {
-                out!("{index}: unusable: {reason}");
-                continue;
-            }
-        };
-        let yes = |b: bool| if b { "yes" } else { "no" };
-        out!("{index}: {} ({:?}), Vulkan {}, {}", caps.name, caps.kind, caps.api, caps.driver.trim());
-        out!(
-            "   subgroups of {} lanes ({} to {}, {}), workgroups of up to {}, {} KiB shared",
-            caps.subgroup_size,
-            caps.subgroup_min,
-            caps.subgroup_max,
-            if caps.subgroup_pinned { "pinned" } else { "fixed" },
-            caps.max_workgroup,
-            caps.max_shared_bytes >> 10,
-        );
-        out!(
-            "   bindings of up to {} MiB, allocations of up to {} MiB, device memory {} MiB, {} of them free",
-            caps.max_binding_bytes >> 20,
-            caps.max_allocation_bytes >> 20,
-            caps.heap_bytes >> 20,
-            caps.budget_bytes >> 20,
-        );
-        out!(
-            "   push descriptors {}, timestamps {}, 64-bit atomics {}, half precision {}",
-            yes(caps.push_descriptors),
-            yes(caps.timestamp_ns > 0.0),
-            yes(caps.int64_atomics),
-            yes(caps.float16),
-        );
+        match device {
+            Ok(caps) => print(index, caps),
+            Err(reason) => out!("{index}: unusable: {reason}"),
+        }
     }
     out!("picked: {} ({why})", picked.caps().name);
     Ok(())
+}
+
+fn print(index: usize, caps: &Caps) {
+    let Caps { name, kind, api, driver, .. } = caps;
+    out!("{index}: {name} ({kind:?}), Vulkan {api}, {}", driver.trim());
+    let Caps { subgroup_size, subgroup_min: least, subgroup_max: most, max_workgroup, .. } = caps;
+    let (how, kib) = (if caps.subgroup_pinned { "pinned" } else { "fixed" }, caps.max_shared_bytes >> 10);
+    out!(
+        "   subgroups of {subgroup_size} lanes ({least} to {most}, {how}), workgroups of up to {max_workgroup}, {kib} KiB shared"
+    );
+    let [binding, allocation] = [caps.max_binding_bytes >> 20, caps.max_allocation_bytes >> 20];
+    let [heap, free] = [caps.heap_bytes >> 20, caps.budget_bytes >> 20];
+    out!(
+        "   bindings of up to {binding} MiB, allocations of up to {allocation} MiB, device memory {heap} MiB, {free} of them free"
+    );
+    let has = [caps.push_descriptors, caps.timestamp_ns > 0.0, caps.int64_atomics, caps.float16];
+    let [push, times, atomics, half] = has.map(|has| if has { "yes" } else { "no" });
+    out!("   push descriptors {push}, timestamps {times}, 64-bit atomics {atomics}, half precision {half}");
 }

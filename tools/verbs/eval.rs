@@ -130,12 +130,7 @@ fn print(scores: &SceneScores) {
         None => out!("LPIPS is not measured: the run has no weights for it (`--set loss.lpips_weights=FILE`)"),
     }
     out!("of {METRICS_OF}");
-    out!(
-        "{} of SH degree {}, {} bytes; {:.1} frames per second on {}",
-        count(scores.gaussians, "Gaussian"),
-        scores.sh_degree,
-        scores.bytes,
-        scores.frames_per_second,
-        scores.device
-    );
+    let SceneScores { sh_degree, bytes, frames_per_second, device, .. } = scores;
+    let n = count(scores.gaussians, "Gaussian");
+    out!("{n} of SH degree {sh_degree}, {bytes} bytes; {frames_per_second:.1} frames per second on {device}");
 }

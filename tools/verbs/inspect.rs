@@ -96,13 +96,9 @@ fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
         }
     }
     notes.iter().for_each(|note| say!("{}: {note}", scene.display()));
-    out!(
-        "clip:          {:.3} s in {}, by {}; temporal factors from {:.4}",
-        contents.duration_sec,
-        count(contents.chunk_intervals.len(), "chunk"),
-        contents.library,
-        contents.cutoff
-    );
+    let (seconds, cutoff) = (contents.duration_sec, contents.cutoff);
+    let (chunks, library) = (count(contents.chunk_intervals.len(), "chunk"), &contents.library);
+    out!("clip:          {seconds:.3} s in {chunks}, by {library}; temporal factors from {cutoff:.4}");
     for source in file.sounds().sources() {
         let kind = if source.spatial { "from a place" } else { "from everywhere" };
         out!("sound:         `{}`, {:.3} s of {}, {kind}", source.name, source.duration_sec, source.codec);
@@ -111,30 +107,20 @@ fn clip(scene: &Path, json: bool) -> anyhow::Result<()> {
 }
 
 fn print(scene: &Path, summary: &Summary) {
-    let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
+    let mib = |bytes: u64| format!("{:.1}", bytes as f64 / f64::from(1 << 20));
+    let Summary { n, n_static, n_dynamic, sh_degree, .. } = summary;
+    let n = count(*n, "Gaussian");
+    out!("{}: {n}, {n_static} static and {n_dynamic} dynamic, SH degree {sh_degree}", scene.display());
+    let degrees = [summary.static_by_degree, summary.dynamic_by_degree];
+    let [of_static, of_dynamic] = degrees.map(|counts| counts.map(|n| n.to_string()).join(" / "));
+    let parameters = mib(summary.parameter_bytes);
     out!(
-        "{}: {}, {} static and {} dynamic, SH degree {}",
-        scene.display(),
-        count(summary.n, "Gaussian"),
-        summary.n_static,
-        summary.n_dynamic,
-        summary.sh_degree
+        "modelled:      {parameters} MiB of parameters; SH degree 0 / 1 / 2 / 3: {of_static} static, {of_dynamic} dynamic"
     );
-    let by_degree = |counts: [usize; 4]| counts.map(|n| n.to_string()).join(" / ");
-    out!(
-        "modelled:      {:.1} MiB of parameters; SH degree 0 / 1 / 2 / 3: {} static, {} dynamic",
-        mib(summary.parameter_bytes),
-        by_degree(summary.static_by_degree),
-        by_degree(summary.dynamic_by_degree)
-    );
-    out!("as PLY:        {} bytes each, {:.1} MiB in all", summary.ply_bytes_per_gaussian, mib(summary.ply_bytes));
-    out!(
-        "on the device: {:.1} MiB: geometry {:.1}, motion {:.1}, SH by band {}",
-        mib(summary.device.total),
-        mib(summary.device.geometry),
-        mib(summary.device.motion),
-        summary.device.sh_bands.iter().map(|b| format!("{:.1}", mib(*b))).collect::<Vec<_>>().join(" + ")
-    );
+    out!("as PLY:        {} bytes each, {} MiB in all", summary.ply_bytes_per_gaussian, mib(summary.ply_bytes));
+    let [total, geometry, motion] = [summary.device.total, summary.device.geometry, summary.device.motion].map(mib);
+    let bands = summary.device.sh_bands.iter().map(|bytes| mib(*bytes)).collect::<Vec<_>>().join(" + ");
+    out!("on the device: {total} MiB: geometry {geometry}, motion {motion}, SH by band {bands}");
     if let Some(b) = &summary.bounds {
         out!("extent:        {:?} to {:?}; 98 % within {:?} to {:?}", b.min, b.max, b.p01, b.p99);
     }

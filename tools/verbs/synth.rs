@@ -1,9 +1,8 @@
 //! `ivv synth`.
 
+use crate::run::files::word;
 use crate::ui::progress::Progress;
 use crate::ui::screen::answer;
-use anyhow::Context;
-use clap::builder::PossibleValuesParser;
 use ivv::internals::synth::{Options, Preset, Rig, write_capture};
 use ivv::internals::words::count;
 use std::path::PathBuf;
@@ -16,8 +15,8 @@ pub struct Args {
     /// tiny: 6 cameras, 64 x 48, 8 frames. small: 10 cameras, 128 x 96, 12 frames. hard: small with --offsets --colors --masks and
     /// noise in images and priors. outward: small with 12 cameras that look outward. study: small with 40 frames and --offsets. room: 20 cameras,
     /// 480 x 360, 60 frames.
-    #[arg(long, default_value = "small", value_parser = PossibleValuesParser::new(Preset::ALL.map(Preset::name)))]
-    preset: String,
+    #[arg(long, default_value = "small", value_parser = word::<Preset>)]
+    preset: Preset,
     /// Seed of colours, textures, speeds and all noise.
     #[arg(long, default_value_t = 42)]
     seed: u64,
@@ -35,8 +34,8 @@ pub struct Args {
     bent: bool,
     /// The placement of the cameras: inward on an arc, outward on a hemisphere of 0.5 m, or moving outward. By default the
     /// preset's.
-    #[arg(long, value_parser = PossibleValuesParser::new(Rig::ALL.map(Rig::name)))]
-    rig: Option<String>,
+    #[arg(long, value_parser = word::<Rig>, value_name = "inward|outward|moving")]
+    rig: Option<Rig>,
     /// Cameras in all, instead of the preset's.
     #[arg(long)]
     cameras: Option<u32>,
@@ -52,43 +51,36 @@ pub struct Args {
 }
 
 pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
-    let options = options(args)?;
+    let options = options(args);
     let mut progress = Progress::new("synth", 0);
     let threads = ivv::internals::parallel::threads();
     let summary = write_capture(&args.output, &options, threads, &mut |done, total| {
         progress.reach(done, total, "pictures, point clouds and recordings");
     })?;
     let path = args.output.to_string_lossy();
+    let (cameras, n_tests, frames) =
+        (count(summary.cameras, "camera"), summary.test_cameras, count(summary.frames, "frame"));
+    let (images, Options { width, height, .. }) = (count(summary.images, "image"), &options);
+    let (points, outliers) = (count(summary.points, "point"), summary.outliers);
     let text = format!(
-        "{path}: {} ({} for testing), {}, {} of {} x {}, {} ({} outliers)",
-        count(summary.cameras, "camera"),
-        summary.test_cameras,
-        count(summary.frames, "frame"),
-        count(summary.images, "image"),
-        options.width,
-        options.height,
-        count(summary.points, "point"),
-        summary.outliers,
+        "{path}: {cameras} ({n_tests} for testing), {frames}, {images} of {width} x {height}, {points} ({outliers} outliers)"
     );
     answer(json, &serde_json::json!({ "path": path, "options": options, "summary": summary }), text);
     Ok(())
 }
 
-fn options(args: &Args) -> anyhow::Result<Options> {
-    let preset = Preset::ALL.into_iter().find(|preset| preset.name() == args.preset).context("no such preset")?;
-    let mut options = preset.options(args.seed);
+fn options(args: &Args) -> Options {
+    let mut options = args.preset.options(args.seed);
     options.offsets |= args.offsets;
     options.colors |= args.colors;
     options.masks |= args.masks;
     options.bent = args.bent;
-    if let Some(rig) = Rig::ALL.into_iter().find(|rig| args.rig.as_deref() == Some(rig.name())) {
-        options.rig = rig;
-    }
+    options.rig = args.rig.unwrap_or(options.rig);
     options.cameras = args.cameras.unwrap_or(options.cameras);
     options.frames = args.frames.unwrap_or(options.frames);
     options.photos = args.photos;
     (options.width, options.height) = args.size.unwrap_or((options.width, options.height));
-    Ok(options)
+    options
 }
 
 /// WIDTHxHEIGHT.

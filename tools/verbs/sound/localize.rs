@@ -157,26 +157,16 @@ fn loudness(sound: &[f32], fps: f64, n_frames: usize) -> Vec<f64> {
 fn print(args: &Args, found: &Localized, scene: Option<&Path>) {
     let report = &found.report;
     let n_mouths: usize = report.mouths.values().sum();
-    out!(
-        "{}, {}, {}; cameras agree on {:.0} % of them",
-        count(report.frames, "frame"),
-        count(report.mouths.len(), "camera"),
-        count(n_mouths, "mouth"),
-        100.0 * report.agreeing
-    );
+    let (frames, cameras) = (count(report.frames, "frame"), count(report.mouths.len(), "camera"));
+    let (mouths, percent) = (count(n_mouths, "mouth"), 100.0 * report.agreeing);
+    out!("{frames}, {cameras}, {mouths}; cameras agree on {percent:.0} % of them");
     if report.agreeing < FEW_AGREE {
         out!("few cameras agree: check --image-size, --first-frame and the cameras' names");
     }
     for (source, track) in report.sources.iter().zip(&found.tracks) {
-        let flags: Vec<String> = source.flags.iter().map(|(flag, n)| format!("{n} {flag}")).collect();
-        out!(
-            "{}: {}; {:.1} views, {:.2} px, standard deviation {:.4} units",
-            source.id,
-            flags.join(", "),
-            source.mean_views,
-            source.reproj_px,
-            source.worst_sd
-        );
+        let flags = source.flags.iter().map(|(flag, n)| format!("{n} {flag}")).collect::<Vec<_>>().join(", ");
+        let (id, views, px, sd) = (&source.id, source.mean_views, source.reproj_px, source.worst_sd);
+        out!("{id}: {flags}; {views:.1} views, {px:.2} px, standard deviation {sd:.4} units");
         if track.samples.iter().any(|sample| sample.flag == Flag::Approx) {
             out!("  approx: placed by the nose, about 7 cm from the mouth");
         }
@@ -184,11 +174,10 @@ fn print(args: &Args, found: &Localized, scene: Option<&Path>) {
     if report.is_scale_estimated {
         out!("smoothing takes a scene unit for {:.2} m, from the width of mouths", report.metres_per_unit);
     }
+    let output = args.output.display();
     match scene {
         Some(scene) => out!("{}", scene.display()),
-        None if found.tracks.is_empty() => out!("{}: no speaker was found", args.output.display()),
-        None => {
-            out!("{}: tracks only, no scene: the capture has no recording audio/<camera>.wav", args.output.display())
-        }
+        None if found.tracks.is_empty() => out!("{output}: no speaker was found"),
+        None => out!("{output}: tracks only, no scene: the capture has no recording audio/<camera>.wav"),
     }
 }

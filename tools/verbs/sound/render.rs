@@ -83,25 +83,18 @@ fn print(rendered: &Rendered, output: &Path, seconds: f64) {
         out!("      sha256 {}", report.hrtf.sha256);
     }
     for SourceReport { id, gain_db: [low, high], clamped, beyond_6_db, unseen, jumps } in &report.sources {
+        let [near, unseen, beyond] = [clamped, unseen, beyond_6_db].map(|part| 100.0 * part);
         out!(
-            "source {id}: {low:+.1} to {high:+.1} dB against the recording; at the smallest distance {:.0} % of the time; {:.0} % of its \
-             places were not seen; {jumps} jumps",
-            100.0 * clamped,
-            100.0 * unseen
+            "source {id}: {low:+.1} to {high:+.1} dB against the recording; at the smallest distance {near:.0} % of the time; \
+             {unseen:.0} % of its places were not seen; {jumps} jumps"
         );
         if *beyond_6_db > OFTEN {
             out!(
-                "  for {:.0} % of the clip the level differs by more than 6 dB from the recording, so its room sound is scaled too",
-                100.0 * beyond_6_db
+                "  for {beyond:.0} % of the clip the level is over 6 dB from the recording's, so its room sound is scaled too"
             );
         }
     }
     let lufs = report.loudness.lufs.map_or("silent".into(), |lufs| format!("{:.1} LUFS", lufs + report.gain_db));
-    out!(
-        "{}: {:.2} s, {lufs}, gain {:+.1} dB; {:.0} times real time",
-        output.display(),
-        report.seconds,
-        report.gain_db,
-        report.seconds / seconds.max(1e-9)
-    );
+    let (length, gain, pace) = (report.seconds, report.gain_db, report.seconds / seconds.max(1e-9));
+    out!("{}: {length:.2} s, {lufs}, gain {gain:+.1} dB; {pace:.0} times real time", output.display());
 }

@@ -45,7 +45,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// What `truth.json` of a synthetic capture says of its source.
+/// `truth.json` of a synthetic capture.
 #[derive(serde::Deserialize)]
 struct Truth {
     source: TrueSource,

@@ -50,13 +50,13 @@ pub fn print(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()>
     let reads = if decoded <= cache_bytes { images.min(seen) } else { seen };
     let (of_images, read) = ((each * images as f64) as u64, (each * reads as f64) as u64);
     if json {
-        let told = json!({
+        let plan = json!({
             "cameras": capture.cameras.len(), "frames": frames, "training_images": images, "steps": steps, "batch": config.batch,
             "gaussians": most, "bound_by": plan.bound_by, "device_bytes": plan.full.bytes(),
             "device_image_bytes": plan.image_bytes, "cache_bytes": plan.cache_bytes, "decoded_bytes": decoded,
             "checkpoint_bytes": checkpoint, "image_file_bytes": of_images, "bytes_read": read,
         });
-        return print_json(&told);
+        return print_json(&plan);
     }
     let gigabytes = |bytes: u64| format!("{:.1} GB", bytes as f64 / 1e9);
     let of = if frames == capture.n_frames { String::new() } else { format!(", by {} of them", capture.n_frames) };

@@ -15,6 +15,7 @@ use ivv::internals::scene::capture::{Capture, CaptureSettings};
 use ivv::internals::scene::read_views;
 use ivv::internals::settings::Constants;
 use ivv::internals::train::{Base, Checkpoint, Config, DueEvents, Run, RunLock, Session, all_settings};
+use ivv::internals::vk::DeviceChoice;
 use ivv::internals::words::count;
 use serde_json::Value;
 use std::path::{Path, PathBuf};
@@ -77,7 +78,7 @@ impl TrainingSetup {
             let remedy = "continue it with --resume, replace it with --overwrite, or choose another folder with -o";
             return Err(Error::data(&output, "", "already holds a run", remedy).into());
         }
-        let gpu = args.device.open_nth(local_rank())?;
+        let gpu = device(args)?;
         config.check_on(&gpu, total)?;
         let begin = |base: Base| base.begin(&capture, &run, config.clone(), total, &mut watch());
         let resumed = base.map(begin).transpose()?;
@@ -121,41 +122,37 @@ impl TrainingSetup {
         check_agreement(args, &planned, &run)?;
         if let (true, Some(new)) = (leads, new_since(&file)) {
             alert!(
-                "another version of ivv started the run, without these settings, which now have their defaults: {new}. To \
-                 have one method throughout, train again from the start"
+                "another version of ivv started the run, without these settings, which now have their defaults: {new}; to \
+                 avoid that, train again from the start"
             );
         }
         let (capture, changes) = run.compare_capture(args.capture.as_deref())?;
         if leads && !changes.is_empty() {
+            let path = capture.path.display();
             alert!(
-                "warning: {} differs from what the run has trained on so far: {changes}. It continues with the capture as it is now; to have one \
-                 capture throughout, restore it, or train again from the start",
-                capture.path.display()
+                "warning: {path} differs from what the run has trained on so far: {changes}. To avoid that, restore it"
             );
         }
         let capture = training_capture(capture, &planned);
-        if let Some(path) = &args.capture {
-            let now = std::path::absolute(path).unwrap_or_else(|_| path.clone());
-            if leads && now != run.capture {
-                say!("the capture is now at {}", now.display());
-                run.capture = now;
-                run.write(folder)?;
-            }
+        let now = args.capture.as_ref().map(|path| std::path::absolute(path).unwrap_or_else(|_| path.clone()));
+        if let Some(now) = now.filter(|now| leads && *now != run.capture) {
+            say!("the capture is now at {}", now.display());
+            run.capture = now;
+            run.write(folder)?;
         }
         let n_images = n_training_images(&capture)?;
         let planned_total = checkpoint.as_ref().map_or(planned.total(n_images), |checkpoint| checkpoint.total);
         let asked = args.settings.extended(&planned);
         let total = if asked == planned { planned_total } else { asked.total(n_images) };
         let done = checkpoint.as_ref().map_or(0, |checkpoint| checkpoint.step);
+        let n = count(done, "step");
         ensure!(
             total >= done,
-            "the run has done {}: expected at least as many, found {total}; give more with --steps or --epochs, or train in another \
-             folder",
-            count(done, "step")
+            "the run has done {n}: expected at least as many, found {total}; raise --steps or --epochs"
         );
         let is_extended = total != planned_total;
         let config = if is_extended { asked } else { planned };
-        let gpu = args.device.open_nth(local_rank())?;
+        let gpu = device(args)?;
         config.check_on(&gpu, total)?;
         if checkpoint.is_none() {
             say!("no checkpoint was written yet: the run starts again with its own settings");
@@ -176,11 +173,9 @@ impl TrainingSetup {
         }
         let n = session.trainer().n_gaussians();
         if let Some(room) = session.trainer().room_to_grow().filter(|room| 20 * u64::from(*room) < u64::from(n)) {
+            let (room, most) = (count(room, "Gaussian"), self.config.max_gaussians);
             alert!(
-                "warning: density control has no room: it may add {} to the {n} that there are, of the {} that max_gaussians allows. \
-                 Give a larger --max-gaussians",
-                count(room, "Gaussian"),
-                self.config.max_gaussians
+                "warning: density control may only add {room} to the {n} that there are; raise --max-gaussians above {most}"
             );
         }
     }
@@ -198,15 +193,12 @@ impl TrainingSetup {
         let due = DueEvents { density: false, ..now };
         Checkpoint { due, ..session.checkpoint()? }.write(&self.checkpoints)?;
         write_json(&self.output.join("config.json"), &self.config)?;
-        let percent = |total: u64| 100.0 * checkpoint.step as f64 / total.max(1) as f64;
+        let before = checkpoint.total;
+        let [was, is] = [before, self.total].map(|total| 100.0 * checkpoint.step as f64 / total.max(1) as f64);
         say!(
-            "the run now has {} instead of {}: its schedule is stretched, and {:.0} % done becomes {:.0} % done. Learning \
-             rates, density control and all else that follows the schedule go on as at that point of a run of the new \
-             length, so the rates may rise and the scores fall for a while",
+            "the run now has {} instead of {before}, so {was:.0} % done becomes {is:.0} % done: rates and density control go on \
+             as in a run of that length, and the scores may fall for a while",
             count(self.total, "step"),
-            checkpoint.total,
-            percent(checkpoint.total),
-            percent(self.total)
         );
         Ok(())
     }
@@ -214,6 +206,11 @@ impl TrainingSetup {
 
 fn folder(args: &Args) -> anyhow::Result<PathBuf> {
     args.output.clone().context("give the run folder, -o FOLDER")
+}
+
+/// The device that `args` name; of several equal ones the one of this process.
+fn device(args: &Args) -> ivv::Result<Arc<Gpu>> {
+    args.device.open_as(DeviceChoice { nth: local_rank(), ..args.device.choice() })
 }
 
 /// The capture that `args` name, read for a run of `config`.
@@ -295,9 +292,8 @@ fn check_agreement(args: &Args, config: &Config, run: &Run) -> anyhow::Result<()
     if differ.is_empty() {
         return Ok(());
     }
+    let differ = differ.join("; ");
     bail!(
-        "a resumed run keeps its settings, and other flags contradict them: {}; leave these flags out, or train anew in \
-         another folder (--steps and --epochs can change)",
-        differ.join("; ")
+        "a resumed run keeps its settings but for its length, and flags contradict them: {differ}; leave these flags out"
     )
 }

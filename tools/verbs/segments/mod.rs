@@ -122,7 +122,10 @@ fn plan(args: &PlanArgs, json: bool) -> anyhow::Result<()> {
     run.write(&args.output)?;
     write_json(&args.output.join("config.json"), &config)?;
     let n = segments.segments.len();
-    for (name, text) in [("Snakefile", snakefile(n)), ("slurm.sh", slurm(n))] {
+    for (name, text) in [
+        ("Snakefile", include_str!("Snakefile").replace("@N@", &n.to_string())),
+        ("slurm.sh", include_str!("slurm.sh").replace("@LAST@", &(n - 1).to_string())),
+    ] {
         write_atomic(&args.output.join(name), |to| to.write_all(text.as_bytes()))?;
     }
     let still = segments.still.of(segments.n_frames).len();
@@ -151,13 +154,12 @@ fn longest_within(
     let of_frame = work.image_bytes.div_ceil(u64::from(capture.n_frames.max(1))).max(1);
     let frames = memory.saturating_sub(of_scene.bytes()) / of_frame;
     let least = u64::from(args.overlap.saturating_add(2).max(args.overlap.saturating_mul(2)).min(capture.n_frames));
+    let (bytes, gaussians) = (of_scene.bytes(), count(of_scene.gaussians, "Gaussian"));
     ensure!(
         frames >= least,
-        "--memory {memory}: expected at least {}: {} take {} bytes, and the images of a frame {of_frame}; give more, \
-         or allow fewer with --max-gaussians",
-        of_scene.bytes() + least * of_frame,
-        count(of_scene.gaussians, "Gaussian"),
-        of_scene.bytes(),
+        "--memory {memory}: expected at least {}: {gaussians} take {bytes} bytes, and the images of a frame {of_frame}; give \
+         more, or allow fewer with --max-gaussians",
+        bytes + least * of_frame,
     );
     let frames = u32::try_from(frames).unwrap_or(u32::MAX).min(capture.n_frames);
     Ok((frames, Some(u64::from(frames) * of_frame)))
@@ -305,51 +307,4 @@ fn has_ended(folder: &Path) -> ivv::Result<bool> {
     // An extended run has passed the step of its last totals.
     let newest = Checkpoint::newest_step(&folder.join("checkpoints"))?;
     Ok(newest.is_none_or(|step| totals["steps"].as_u64().is_some_and(|steps| step <= steps)))
-}
-
-/// The jobs for Snakemake, which runs those whose files are not there, here or on a cluster.
-fn snakefile(n: usize) -> String {
-    format!(
-        "# Written by `ivv segments plan`. On this machine: snakemake --cores 1. On a cluster: with an executor of Snakemake.
-N = {n}
-
-
-rule all:
-    input: \"scene.ply\"
-
-
-rule base:
-    output: \"base/train.json\"
-    shell: \"ivv segments run . --only base\"
-
-
-rule segment:
-    input: \"base/train.json\"
-    output: \"segment-{{segment}}/train.json\"
-    shell: \"ivv segments run . --only {{wildcards.segment}}\"
-
-
-rule join:
-    input: expand(\"segment-{{segment:04d}}/train.json\", segment=range(N))
-    output: \"scene.ply\"
-    shell: \"ivv segments join .\"
-"
-    )
-}
-
-/// The jobs for Slurm: an array of the segments between the two that are alone.
-fn slurm(n: usize) -> String {
-    let last = n - 1;
-    format!(
-        "#!/usr/bin/env bash
-# Written by `ivv segments plan`. Options of sbatch, such as --partition and --gpus=1, are passed on:
-#   cd PLAN && bash slurm.sh --gpus=1
-# A job that failed is done again by a second call: what is there is not done again.
-set -euo pipefail
-base=$(sbatch --parsable \"$@\" --job-name=ivv-base --wrap='ivv segments run . --only base')
-segments=$(sbatch --parsable \"$@\" --job-name=ivv-segment --dependency=\"afterok:$base\" --array=0-{last} \\
-    --wrap='ivv segments run . --only \"$SLURM_ARRAY_TASK_ID\"')
-sbatch \"$@\" --job-name=ivv-join --dependency=\"afterok:$segments\" --wrap='ivv segments join .'
-"
-    )
 }
