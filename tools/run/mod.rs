@@ -4,7 +4,6 @@ pub mod appearance;
 pub mod background;
 pub mod camera_poses;
 pub mod capture;
-pub mod capture_report;
 pub mod clip;
 pub mod constants;
 pub mod device;

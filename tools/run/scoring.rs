@@ -86,11 +86,10 @@ impl Scorer<'_> {
         let folder = output.join("renders").join("progress");
         make_folder(&folder)?;
         let write_strip = || strip(&examples).write_png(folder.join(format!("{step:08}.png")));
-        let size = SceneSize::of(splats);
-        let scores =
-            SceneScores::new(&output.join("checkpoints"), size, &self.gpu.caps().name, self.near(), evaluation);
+        let Scorer { gpu, run, config, .. } = self;
+        let (size, near) = (SceneSize::of(splats), run.constants_of_capture().near);
+        let scores = SceneScores::new(&output.join("checkpoints"), size, &gpu.caps().name, near, evaluation);
         let name = format!("{}, step {step} of {total}", name_of(output));
-        let Scorer { run, config, .. } = self;
         let (scores, totals) = (Some(&scores), &serde_json::Value::Null);
         let report = Report { name: &name, run, config, totals, log, scores, examples: &examples };
         in_parallel(write_strip, || report.write(&output.join("report.html")))
@@ -121,9 +120,19 @@ impl Scorer<'_> {
         let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, write)?;
         warn_of_lpips(&mut meter);
         let Some(evaluation) = evaluation else { return Ok((None, Vec::new())) };
-        let mut scores = SceneScores::new(scene, size, &self.gpu.caps().name, self.near(), evaluation);
+        let near = self.run.constants_of_capture().near;
+        let mut scores = SceneScores::new(scene, size, &self.gpu.caps().name, near, evaluation);
         scores.lpips_trunk = meter.trunk().map(|trunk| trunk.to_string());
-        scores.mean_at_fitted_offsets = self.at_offsets(fits, &mut renderer, &mut meter, &frames, step)?;
+        if !fits.is_empty() {
+            let offsets = fits.iter().map(|(camera, fit)| (*camera, fit.offset)).collect();
+            let sight = Sight { offsets, ..Sight::new(self.capture, self.config.background) };
+            let mut progress = Progress::new("evaluation at fitted offsets", frames.len());
+            let evaluation = evaluate(&mut renderer, &mut meter, &sight, &frames, step, |camera, frame, _| {
+                progress.step(&self.image_name(camera, frame));
+                Ok(())
+            })?;
+            scores.mean_at_fitted_offsets = evaluation.map(|evaluation| evaluation.mean);
+        }
         scores.mean_at_seams_and_elsewhere = seams(output, &scores.evaluation)?;
         write_json(&output.join("eval.json"), &scores)?;
         let mut examples = Vec::new();
@@ -160,33 +169,8 @@ impl Scorer<'_> {
         cameras.into_iter().map(fit).collect()
     }
 
-    fn near(&self) -> f32 {
-        self.run.constants_of_capture().near
-    }
-
     fn image_name(&self, camera: usize, frame: u32) -> String {
         format!("{} frame {frame}", self.capture.cameras[camera].name)
-    }
-
-    fn at_offsets(
-        &self,
-        fits: &BTreeMap<usize, OffsetFit>,
-        renderer: &mut Renderer,
-        meter: &mut Meter,
-        frames: &[(usize, u32)],
-        step: u64,
-    ) -> ivv::Result<Option<Scores>> {
-        if fits.is_empty() {
-            return Ok(None);
-        }
-        let offsets = fits.iter().map(|(camera, fit)| (*camera, fit.offset)).collect();
-        let sight = Sight { offsets, ..Sight::new(self.capture, self.config.background) };
-        let mut progress = Progress::new("evaluation at fitted offsets", frames.len());
-        let scored = evaluate(renderer, meter, &sight, frames, step, |camera, frame, _| {
-            progress.step(&self.image_name(camera, frame));
-            Ok(())
-        })?;
-        Ok(scored.map(|evaluation| evaluation.mean))
     }
 
     /// Writes the report into `output`, with the training log of `run_folder`; returns its path.

@@ -1,7 +1,6 @@
 //! `ivv check`.
 
 use crate::run::capture::{self, CaptureArgs};
-use crate::run::capture_report::print;
 use crate::ui::fault::{self, FaultyCapture};
 use std::path::PathBuf;
 
@@ -19,7 +18,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if json {
         fault::results(&report, faulty.as_ref())?;
     } else {
-        print(&report);
+        capture::print_report(&report);
     }
     faulty.map_or(Ok(()), Err)
 }

@@ -1,7 +1,6 @@
 //! `ivv prepare`.
 
-use crate::run::capture::CaptureArgs;
-use crate::run::capture_report;
+use crate::run::capture::{CaptureArgs, print_report};
 use crate::run::files::word;
 use crate::ui::fault::{self, FaultyCapture};
 use crate::ui::progress::StageProgress;
@@ -125,7 +124,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
             let mean = counts.sum::<usize>() as f64 / prepared.points.len() as f64;
             out!("points:  {mean:.0} a frame, {least} to {most}, of {}", count(prepared.points.len(), "frame"));
         }
-        capture_report::print(&prepared.report);
+        print_report(&prepared.report);
     }
     faulty.map_or(Ok(()), Err)
 }
