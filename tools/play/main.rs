@@ -20,7 +20,7 @@ mod ui {
 }
 mod window;
 
-use crate::run::clip::{refuse_stretched, setting};
+use crate::run::clip::{Setting, refuse_stretched, setting};
 use crate::run::device::DeviceArgs;
 use crate::run::source::{Gaussians, Source};
 use crate::ui::interrupt::{Interrupted, Stop};
@@ -132,24 +132,24 @@ fn some(gaussians: &mut Gaussians) -> ivv::Result<Cow<'_, Splats>> {
 
 fn run(args: &Args) -> anyhow::Result<()> {
     let source = Source::open(&args.source)?;
-    let mut setting = setting(&source, args.seconds, args.cameras.as_deref())?;
-    let views = std::mem::take(&mut setting.views);
-    let length = setting.clock.map_or(0.0, |clock| clock.seconds());
+    let Setting { clip: mut known, start } = setting(&source, args.seconds, args.cameras.as_deref())?;
+    let views = std::mem::take(&mut known.views);
+    let length = known.clock.map_or(0.0, |clock| clock.seconds());
     if let Some(at) = args.at {
         ensure!((0.0..=length).contains(&at), "--at: expected seconds of the clip, 0 to {length}, found {at}");
     }
     let named = |name: &String| {
-        let known = || views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
+        let names = || views.iter().map(|view| view.name.as_str()).collect::<Vec<_>>().join(", ");
         let found = views.iter().position(|view| view.name == *name);
-        found.with_context(|| format!("--camera {name}: there is no view of this name; there are: {}", known()))
+        found.with_context(|| format!("--camera {name}: there is no view of this name; there are: {}", names()))
     };
     let current = args.camera.as_ref().map_or(Ok(0), named)?;
     if let Some(scene) = &args.sound {
-        setting.sounds = ivv::internals::sound::clip::sounds(&SoundScene::read(scene)?, setting.start, length)?;
+        known.sounds = ivv::internals::sound::clip::sounds(&SoundScene::read(scene)?, start, length)?;
     } else {
-        refuse_stretched(args.seconds, &setting.sounds)?;
+        refuse_stretched(args.seconds, &known.sounds)?;
     }
-    let hrtf = if setting.sounds.is_empty() { None } else { Some(HrtfSet::open(&args.hrtf)?) };
+    let hrtf = if known.sounds.is_empty() { None } else { Some(HrtfSet::open(&args.hrtf)?) };
     let mut shown = source.seen()?;
 
     let stop = Stop::listen()?;
@@ -158,17 +158,17 @@ fn run(args: &Args) -> anyhow::Result<()> {
     let surface = vk::surface_extensions(&events.owned_display_handle())?;
     let gpu = args.device.open_as(vk::DeviceChoice { surface, validation: args.validation, ..args.device.choice() })?;
     let navigator = Navigator::new(&views, &*some(&mut shown.splats)?);
-    let is_still = shown.splats.are_static() && setting.sounds.is_empty();
-    let renderer = shown.splats.renderer(gpu, setting.constants)?;
+    let is_still = shown.splats.are_static() && known.sounds.is_empty();
+    let renderer = shown.splats.renderer(gpu, known.constants)?;
     let is_playing = args.at.is_none() && args.screenshot.is_none();
     let clip = Playhead::new(if is_still { 0.0 } else { length }, args.at.unwrap_or_default(), is_playing);
-    let flow_dt = setting.clock.map_or(1.0, |clock| 1.0 / f64::from(clock.frames));
+    let flow_dt = known.clock.map_or(1.0, |clock| 1.0 / f64::from(clock.frames));
     let state = State::default();
     let mut player =
         Player { args, stop: &stop, renderer, navigator, views, current, clip, flow_dt, sound: None, state };
     player.go(current);
     if let Some(hrtf) = hrtf {
-        match sound::Sound::new(&setting.sounds, hrtf, player.heard()) {
+        match sound::Sound::new(&known.sounds, hrtf, player.heard()) {
             Ok(sound) => player.sound = Some(sound),
             Err(fault) => alert!("this plays without sound: {fault:#}"),
         }

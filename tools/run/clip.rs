@@ -5,8 +5,7 @@ use crate::run::files::config_of;
 use crate::run::source::{Source, is_run};
 use crate::ui::screen::say;
 use anyhow::ensure;
-use ivv::Constants;
-use ivv::internals::formats::{Clock, FourDgs, Sounds};
+use ivv::internals::formats::{Clip, Clock, FourDgs, Sounds};
 use ivv::internals::scene::{View, read_views};
 use ivv::internals::train::Run;
 use std::path::Path;
@@ -14,13 +13,9 @@ use std::path::Path;
 const FPS: f64 = 30.0;
 
 pub struct Setting {
-    pub clock: Option<Clock>,
+    pub clip: Clip,
     /// When the clip begins, seconds of the capture that it was trained on; 0 if no run of a clip as long says it.
     pub start: f64,
-    pub views: Vec<View>,
-    pub sounds: Sounds,
-    pub constants: Constants,
-    pub background: [f32; 3],
 }
 
 /// Reads what is known of the scene of `source`, with the length and the cameras file that the user gave.
@@ -31,9 +26,9 @@ pub fn setting(source: &Source, seconds: Option<f64>, cameras: Option<&Path>) ->
         let run = Run::read(source.path)?;
         let views = given.map_or_else(|| of_training_cameras(source.path, &run), Ok)?;
         let clock = Some(Clock { fps: run.held.fps, frames: run.held.frames });
-        let background = views.first().map_or([0.0; 3], |view| view.background);
-        let (sounds, constants) = (Sounds::default(), source.look.constants);
-        return Ok(Setting { clock, start: start_of(&run), views, sounds, constants, background });
+        let background = Some(views.first().map_or([0.0; 3], |view| view.background));
+        let clip = Clip { clock, views, constants: source.look.constants, background, ..Clip::default() };
+        return Ok(Setting { clip, start: start_of(&run) });
     }
     let file = source.clip.as_ref();
     let clock = match seconds {
@@ -50,12 +45,13 @@ pub fn setting(source: &Source, seconds: Option<f64>, cameras: Option<&Path>) ->
     };
     let Look { constants, background } = source.look;
     let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
-    let background = background.or(views.first().map(|view| view.background)).unwrap_or_default();
+    let background = Some(background.or(views.first().map(|view| view.background)).unwrap_or_default());
     let is_as_long = |run: &Run| {
         clock.is_some_and(|clock| (clock.seconds() * run.held.fps - f64::from(run.held.frames)).abs() < 0.5)
     };
     let start = start_in_run(source.path, is_as_long);
-    Ok(Setting { clock, start, views, sounds, constants, background })
+    let (world, cutoff) = (file.and_then(FourDgs::world), file.and_then(FourDgs::cutoff));
+    Ok(Setting { clip: Clip { clock, views, sounds, world, constants, background, cutoff }, start })
 }
 
 /// Refuses to show in other `seconds` what comes with `sounds` of its own, which stay as long as they are.

@@ -135,9 +135,8 @@ impl ClipArgs {
     }
 
     pub fn clip(&self, source: &Source, is_still: bool) -> anyhow::Result<Clip> {
-        let Setting { clock, start, views, mut sounds, constants, background } =
-            setting(source, self.seconds, self.cameras.as_deref())?;
-        let clock = match clock {
+        let Setting { mut clip, start } = setting(source, self.seconds, self.cameras.as_deref())?;
+        let clock = match clip.clock {
             Some(clock) => clock,
             None if is_still => Clock::STILL,
             None => anyhow::bail!(
@@ -145,32 +144,31 @@ impl ClipArgs {
                 source.path.display()
             ),
         };
-        let mut world = source.clip.as_ref().and_then(FourDgs::world);
+        clip.clock = Some(clock);
         if let Some(scene) = &self.sound {
-            let (ears, scene) = (sounds.ears().cloned(), SoundScene::read(scene)?);
-            let known = world.and_then(|world| world.metres_per_unit);
-            let metres_per_unit = scene.metres_per_unit.or(known);
-            world = Some(World { up: scene.up.to_array(), metres_per_unit });
-            sounds = ivv::internals::sound::clip::sounds(&scene, start, clock.seconds())?.heard_with(ears);
-            let bytes = sounds.n_bytes() as f64 / 1e6;
-            say!("{} of sound, {bytes:.2} MB", count(sounds.len(), "source"));
+            let (ears, scene) = (clip.sounds.ears().cloned(), SoundScene::read(scene)?);
+            let metres_per_unit = scene.metres_per_unit.or(clip.world.and_then(|world| world.metres_per_unit));
+            clip.world = Some(World { up: scene.up.to_array(), metres_per_unit });
+            clip.sounds = ivv::internals::sound::clip::sounds(&scene, start, clock.seconds())?.heard_with(ears);
+            let bytes = clip.sounds.n_bytes() as f64 / 1e6;
+            say!("{} of sound, {bytes:.2} MB", count(clip.sounds.len(), "source"));
         } else {
-            refuse_stretched(self.seconds, &sounds)?;
+            refuse_stretched(self.seconds, &clip.sounds)?;
         }
         if let Some(hrtf) = &self.hrtf {
-            ensure!(!sounds.is_empty(), "--hrtf: expected a scene with sound, found none; give --sound too");
+            ensure!(!clip.sounds.is_empty(), "--hrtf: expected a scene with sound, found none; give --sound too");
             let ears = ivv::internals::sound::clip::ears(&HrtfSet::open(hrtf)?);
             say!("ears: {}; {:.2} MB", ears.about(), ears.bytes().len() as f64 / 1e6);
-            sounds = sounds.heard_with(Some(ears));
+            clip.sounds = clip.sounds.heard_with(Some(ears));
         }
         if let Some(metres) = self.metres_per_unit {
             check_metres(metres)?;
             // Without any, as COLMAP has it: against the y axis.
-            let up = world.map_or_else(|| upright(&views).unwrap_or(DVec3::NEG_Y).to_array(), |world| world.up);
-            world = Some(World { up, metres_per_unit: Some(metres) });
+            let upright = || upright(&clip.views).unwrap_or(DVec3::NEG_Y).to_array();
+            let up = clip.world.map_or_else(upright, |world| world.up);
+            clip.world = Some(World { up, metres_per_unit: Some(metres) });
         }
-        let cutoff = source.clip.as_ref().and_then(FourDgs::cutoff);
-        Ok(Clip { clock: Some(clock), views, sounds, world, constants, background: Some(background), cutoff })
+        Ok(clip)
     }
 
     fn goal(&self) -> anyhow::Result<Option<Goal>> {

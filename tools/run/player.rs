@@ -9,18 +9,25 @@ use std::path::Path;
 
 pub struct PlayerFile {
     pub name: &'static str,
-    pub media_type: &'static str,
     pub text: &'static str,
 }
 
-const JAVASCRIPT: &str = "text/javascript; charset=utf-8";
+impl PlayerFile {
+    pub fn media_type(&self) -> &'static str {
+        match self.name.rsplit('.').next() {
+            Some("html") => "text/html; charset=utf-8",
+            Some("css") => "text/css; charset=utf-8",
+            Some("svg") => "image/svg+xml",
+            _ => "text/javascript; charset=utf-8",
+        }
+    }
+}
 
-/// Files of a folder of `assets`: name and kind.
+/// Files of a folder of `assets`.
 macro_rules! parts {
-    ($folder:literal: $($name:literal, $media_type:expr;)+) => {
+    ($folder:literal: $($name:literal)+) => {
         &[$(PlayerFile {
             name: $name,
-            media_type: $media_type,
             text: include_str!(concat!(env!("CARGO_MANIFEST_DIR"), "/assets/", $folder, "/", $name)),
         }),+]
     };
@@ -28,40 +35,12 @@ macro_rules! parts {
 
 /// All files of the player.
 pub const PLAYER_FILES: &[PlayerFile] = parts! { "player":
-    "index.html", "text/html; charset=utf-8";
-    "style.css", "text/css; charset=utf-8";
-    "icon.svg", "image/svg+xml";
-    "bench.js", JAVASCRIPT;
-    "bytes.js", JAVASCRIPT;
-    "camera.js", JAVASCRIPT;
-    "chunks.js", JAVASCRIPT;
-    "clock.js", JAVASCRIPT;
-    "container.js", JAVASCRIPT;
-    "controls.js", JAVASCRIPT;
-    "decode.js", JAVASCRIPT;
-    "ears.js", JAVASCRIPT;
-    "gl.js", JAVASCRIPT;
-    "main.js", JAVASCRIPT;
-    "player.js", JAVASCRIPT;
-    "shaders.js", JAVASCRIPT;
-    "sorter.js", JAVASCRIPT;
-    "sound.js", JAVASCRIPT;
-    "source.js", JAVASCRIPT;
-    "ui.js", JAVASCRIPT;
-    "worker.js", JAVASCRIPT;
-    "xr.js", JAVASCRIPT;
+    "index.html" "style.css" "icon.svg" "bench.js" "bytes.js" "camera.js" "chunks.js" "clock.js" "container.js" "controls.js"
+    "decode.js" "ears.js" "gl.js" "main.js" "player.js" "shaders.js" "sorter.js" "sound.js" "source.js" "ui.js" "worker.js" "xr.js"
 };
 
 /// The page of a run that trains.
-pub const LIVE_PAGE: &[PlayerFile] = parts! { "live":
-    "index.html", "text/html; charset=utf-8";
-    "live.css", "text/css; charset=utf-8";
-    "live.js", JAVASCRIPT;
-};
-
-/// The entry modules of the page and its worker.
-const PAGE: &str = "main.js";
-const WORKER: &str = "worker.js";
+pub const LIVE_PAGE: &[PlayerFile] = parts! { "live": "index.html" "live.css" "live.js" };
 
 /// The policy of the folder's page: it may load its own files.
 pub const POLICY: &str =
@@ -100,7 +79,7 @@ pub fn single_file(to: &Path, scene: &[u8]) -> ivv::Result<String> {
         with_imports(name, &mut Vec::new(), &mut modules);
         modules.iter().map(|file| bare(file.text)).collect::<Vec<_>>().join("\n")
     };
-    let (script, worker, style) = (joined(PAGE), joined(WORKER), text("style.css"));
+    let (script, worker, style) = (joined("main.js"), joined("worker.js"), text("style.css"));
     let hash = |text: &str| format!("'sha256-{}'", BASE64.encode(Sha256::digest(text)));
     let policy = format!(
         "default-src 'none'; script-src {} blob:; style-src {}; worker-src blob:; img-src data:; media-src blob:",

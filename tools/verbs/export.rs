@@ -108,8 +108,8 @@ fn clip(args: &Args, format: Format, source: &Source, is_still: bool) -> anyhow:
     if !matches!(format, Format::File(writer) if writer.keeps.views) {
         return Ok(clip);
     }
-    let setting = setting(source, args.clip.seconds, args.clip.cameras.as_deref())?;
-    Ok(Clip { clock: setting.clock, views: setting.views, ..clip })
+    let Clip { clock, views, .. } = setting(source, args.clip.seconds, args.clip.cameras.as_deref())?.clip;
+    Ok(Clip { clock, views, ..clip })
 }
 
 fn print(to: &Path, written: &Written, n_read: usize, json: bool) {

@@ -199,7 +199,7 @@ fn of_part(parts: &'static [PlayerFile], name: &str) -> Response<Full<Bytes>> {
     let name = if name.is_empty() { "index.html" } else { name };
     parts.iter().find(|part| part.name == name).map_or_else(
         || not_found("expected a file of the page, found none of this name"),
-        |part| of_bytes(StatusCode::OK, part.media_type, Bytes::from_static(part.text.as_bytes())),
+        |part| of_bytes(StatusCode::OK, part.media_type(), Bytes::from_static(part.text.as_bytes())),
     )
 }
 
