@@ -12,7 +12,6 @@ pub mod files;
 #[cfg(feature = "mpi")]
 mod mpi;
 pub mod overwrite;
-pub mod pass_times;
 pub mod player;
 pub mod ranks;
 pub mod rescue;

@@ -1,10 +1,52 @@
 //! `train.json`: the totals of a run.
 
-use crate::run::pass_times::{TimedPass, mean};
 use crate::run::scoring::Scorer;
 use ivv::internals::scene::Splats;
+use ivv::internals::stage::PassReport;
 use ivv::internals::train::{Kind, Log};
 use serde_json::{Value, json};
+
+/// All passes with the same label.
+#[derive(serde::Serialize, serde::Deserialize)]
+pub struct TimedPass {
+    /// Section and kernel.
+    pub label: String,
+    pub dispatches: f64,
+    /// Units of work in all.
+    pub units: f64,
+    /// Milliseconds in all.
+    pub ms: f64,
+}
+
+impl From<&PassReport> for TimedPass {
+    fn from(report: &PassReport) -> Self {
+        let (dispatches, ms) = (report.dispatches as f64, report.ns / 1e6);
+        TimedPass { label: report.label.clone(), dispatches, units: report.units, ms }
+    }
+}
+
+/// The mean of `n` profiles, by label in order of appearance.
+fn mean(passes: impl IntoIterator<Item = TimedPass>, n: usize) -> Vec<TimedPass> {
+    let mut sum: Vec<TimedPass> = Vec::new();
+    for pass in passes {
+        match sum.iter_mut().find(|line| line.label == pass.label) {
+            Some(line) => {
+                line.dispatches += pass.dispatches;
+                line.units += pass.units;
+                line.ms += pass.ms;
+            }
+            None => sum.push(pass),
+        }
+    }
+    let part = 1.0 / n.max(1) as f64;
+    let mean = |TimedPass { label, dispatches, units, ms }| TimedPass {
+        label,
+        dispatches: part * dispatches,
+        units: part * units,
+        ms: part * ms,
+    };
+    sum.into_iter().map(mean).collect()
+}
 
 /// A profiled step in train.jsonl.
 #[derive(serde::Serialize, serde::Deserialize)]

@@ -6,12 +6,11 @@ pub mod video;
 use crate::run::constants::{ConstantArgs, KnobArgs};
 use crate::run::device::DeviceArgs;
 use crate::run::files::make_folder;
-use crate::run::pass_times::{self, TimedPass};
 use crate::run::source::{Gaussians, LoadedScene, Source, is_run};
 use crate::run::views::{ViewArgs, clip_time};
 use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::Progress;
-use crate::ui::screen::{alert, out, print_json};
+use crate::ui::screen::{alert, print_json};
 use crate::verbs::render::picture::{Format, check_finite};
 use crate::verbs::render::video::{Film, PathArgs, VideoJob};
 use ivv::Constants;
@@ -21,6 +20,7 @@ use ivv::internals::sound::rig::Rig;
 use ivv::internals::stage::{Destination, FrameReport, Outputs, Renderer};
 use ivv::internals::train::Run;
 use ivv::internals::words::count;
+use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -47,9 +47,6 @@ pub struct Args {
     /// Formats of the pictures: png (colour), exr (all outputs as named channels), safetensors (all outputs).
     #[arg(long, value_delimiter = ',', default_value = "png", conflicts_with = "film")]
     format: Vec<Format>,
-    /// Prints the time of every pass and its share.
-    #[arg(long, conflicts_with = "film")]
-    profile: bool,
     #[command(flatten)]
     film: PathArgs,
     #[command(flatten)]
@@ -167,24 +164,14 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     if bad > 0 {
         alert!("{} not drawn: their parameters are not finite", count(bad, "Gaussian"));
     }
-    let caps = gpu.caps();
-    let passes = reports.iter().flat_map(|r| &r.frame.passes).map(TimedPass::from);
-    let profile = args.profile.then(|| pass_times::mean(passes, reports.len()));
-    let peak_bytes = gpu.device().memory().1;
     if json {
-        let report = serde_json::json!({
-            "device": caps, "constants": constants, "views": reports, "profile": profile, "peak_bytes": peak_bytes,
-        });
-        print_json(&report)?;
-    } else if let Some(passes) = &profile {
-        print_counts(&reports);
-        pass_times::print(passes);
-        out!("peak of device buffers: {:.1} MiB", peak_bytes as f64 / f64::from(1 << 20));
+        let (caps, peak_bytes) = (gpu.caps(), gpu.device().memory().1);
+        print_json(&json!({ "device": caps, "constants": constants, "views": reports, "peak_bytes": peak_bytes }))?;
     }
     Ok(())
 }
 
-/// Renders `views` into files, with a report of each; with --profile that of another rendering, with timed passes.
+/// Renders `views` into files, with a report of each.
 fn write_views(
     args: &Args,
     renderer: &mut Renderer,
@@ -192,18 +179,6 @@ fn write_views(
     outputs: Outputs,
     stop: &Stop,
 ) -> anyhow::Result<Vec<ViewReport>> {
-    let interrupted = || Interrupted("the files written so far are complete").into();
-    let mut profiled = Vec::new();
-    if let (true, Some(first)) = (args.profile, views.first()) {
-        // Kernels are compiled at their first dispatch, and lists grow to their size.
-        renderer.draw(first, outputs)?;
-        for view in views {
-            if stop.is_asked() {
-                return Err(interrupted());
-            }
-            profiled.push(renderer.profile(view, outputs)?);
-        }
-    }
     let mut progress = Progress::new("view", views.len());
     let mut reports = Vec::new();
     let mut begun = Instant::now();
@@ -219,20 +194,13 @@ fn write_views(
             width: view.intrinsics.width,
             height: view.intrinsics.height,
             seconds,
-            frame: profiled.get(reports.len()).cloned().unwrap_or(report),
+            frame: report,
         });
         begun = Instant::now();
-        if stop.is_asked() && reports.len() < views.len() { Err(interrupted()) } else { Ok(true) }
+        if stop.is_asked() && reports.len() < views.len() {
+            return Err(Interrupted("the files written so far are complete").into());
+        }
+        anyhow::Ok(true)
     })?;
     Ok(reports)
-}
-
-/// Prints the mean work of the views.
-fn print_counts(reports: &[ViewReport]) {
-    let mean = |of: fn(&FrameReport) -> u64| {
-        reports.iter().map(|report| of(&report.frame)).sum::<u64>() as f64 / reports.len().max(1) as f64
-    };
-    let [active, visible] = [mean(|f| f.active), mean(|f| f.visible)];
-    let [intersections, tiles] = [mean(|f| f.intersections), mean(|f| f.tiles)];
-    out!("per view: {active:.0} active, {visible:.0} visible, {intersections:.0} intersections, {tiles:.0} tiles");
 }
