@@ -12,7 +12,6 @@ use std::path::Path;
 #[derive(serde::Serialize)]
 pub struct PoseRow {
     camera: String,
-    /// Angle between the learnt pose and the capture's.
     turn_degrees: f64,
     /// Distance between the learnt centre and the capture's, in the capture's units.
     shift: f64,

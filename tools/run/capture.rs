@@ -12,7 +12,6 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-/// Most files in a line of equal faults.
 const NAMED: usize = 3;
 
 #[derive(clap::Args)]
@@ -177,7 +176,6 @@ fn one_line(faults: &[&Fault]) -> String {
     format!("{} times{as_one} {}; {}: {}{more}", faults.len(), first.reason, first.remedy, named.join(", "))
 }
 
-/// Prints a report as text.
 pub fn print_report(report: &Report) {
     let format = if report.format.is_empty() { "unknown format" } else { &report.format };
     out!("{}: {format}", report.path.display());

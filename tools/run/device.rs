@@ -20,7 +20,6 @@ pub struct DeviceArgs {
 }
 
 impl DeviceArgs {
-    /// Opens the device, and prints its name and why it was chosen.
     pub fn open(&self) -> ivv::Result<Arc<Gpu>> {
         self.open_as(self.choice())
     }
@@ -34,7 +33,6 @@ impl DeviceArgs {
         }
     }
 
-    /// Opens the device of `choice`, with the cache of pipelines.
     pub fn open_as(&self, choice: DeviceChoice) -> ivv::Result<Arc<Gpu>> {
         let device = DeviceChoice { pipeline_cache: cache_folder(), ..choice };
         let gpu = Arc::new(Gpu::open(&Options { device, ..Options::default() })?);

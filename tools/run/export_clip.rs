@@ -185,7 +185,6 @@ impl ClipArgs {
     }
 }
 
-/// Refuses another --metres-per-unit than a positive number.
 pub fn check_metres(metres: f64) -> anyhow::Result<()> {
     ensure!(metres.is_finite() && metres > 0.0, "--metres-per-unit: expected a positive number, found {metres}");
     Ok(())

@@ -30,7 +30,6 @@ pub fn word<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, serde_json:
     serde_json::from_value(text.into())
 }
 
-/// The settings of the run in `folder`.
 pub fn config_of(folder: &Path) -> ivv::Result<Config> {
     read_json(&folder.join("config.json"), "give the folder of a run of `ivv train`")
 }

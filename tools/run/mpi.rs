@@ -31,7 +31,6 @@ pub struct Mpi {
 }
 
 impl Mpi {
-    /// Joins the other processes; once in a process.
     pub fn begin(stop: Stop) -> anyhow::Result<Self> {
         let (jobs, todo) = channel::<Job>();
         let (answer, answers) = channel();
@@ -70,7 +69,6 @@ impl Mpi {
         }
     }
 
-    /// Each number reduced over all processes.
     fn reduce<T>(&self, numbers: &mut [T], operation: fn() -> SystemOperation) -> Result<()>
     where
         T: Copy + Default + Equivalence + Send + 'static,

@@ -5,7 +5,6 @@ use ivv::internals::train::{Checkpoint, Run};
 use std::io::ErrorKind;
 use std::path::{Component, Path, PathBuf};
 
-/// Results of a run in its folder.
 const RESULTS: [&str; 7] =
     ["scene.ply", "train.json", "train.jsonl", "offsets.json", "cameras.json", "eval.json", "report.html"];
 /// Results of `ivv eval` in a folder of its own.
@@ -57,7 +56,6 @@ fn is_numbered(file: &Path) -> bool {
     is_number && file.extension().is_some_and(|ending| ending == "png")
 }
 
-/// The entries of `folder`, which may be missing.
 fn entries(folder: &Path) -> ivv::Result<Vec<PathBuf>> {
     let cannot = |e| Error::data(folder, "", format!("cannot be listed: {e}"), "check its permissions");
     match std::fs::read_dir(folder) {

@@ -23,7 +23,6 @@ impl PlayerFile {
     }
 }
 
-/// Files of a folder of `assets`.
 macro_rules! parts {
     ($folder:literal: $($name:literal)+) => {
         &[$(PlayerFile {
@@ -33,13 +32,11 @@ macro_rules! parts {
     };
 }
 
-/// All files of the player.
 pub const PLAYER_FILES: &[PlayerFile] = parts! { "player":
     "index.html" "style.css" "icon.svg" "bench.js" "bytes.js" "camera.js" "chunks.js" "clock.js" "container.js" "controls.js"
     "decode.js" "ears.js" "gl.js" "main.js" "player.js" "shaders.js" "sorter.js" "sound.js" "source.js" "ui.js" "worker.js" "xr.js"
 };
 
-/// The page of a run that trains.
 pub const LIVE_PAGE: &[PlayerFile] = parts! { "live": "index.html" "live.css" "live.js" };
 
 /// The policy of the folder's page: it may load its own files.
@@ -50,7 +47,6 @@ pub const POLICY: &str =
 /// shortest strings: 2^29 - 24 characters.
 const MOST_IN_PAGE: usize = ((1 << 29) - 24) / 4 * 3;
 
-/// Name of the scene beside the page.
 pub const SCENE: &str = "scene.4dgs";
 
 fn player_file(name: &str) -> Option<&'static PlayerFile> {
@@ -65,7 +61,6 @@ pub fn write_player(folder: &Path) -> ivv::Result<()> {
         .try_for_each(|file| write_atomic(&folder.join(file.name), |to| to.write_all(file.text.as_bytes())))
 }
 
-/// Bytes of the player.
 pub fn n_bytes() -> u64 {
     PLAYER_FILES.iter().map(|file| file.text.len() as u64).sum()
 }

@@ -26,7 +26,6 @@ fn launcher_number(variables: &[&str]) -> Option<usize> {
     variables.iter().find_map(|name| first(std::env::var(name).ok()?))
 }
 
-/// The number of this process on its machine.
 pub fn local_rank() -> usize {
     launcher_number(&LOCAL_RANKS).unwrap_or(0)
 }
@@ -40,12 +39,10 @@ impl Team {
         }
     }
 
-    /// The other processes, for a session.
     pub fn ranks(&self) -> Option<Arc<dyn Ranks>> {
         self.0.clone()
     }
 
-    /// Number of processes.
     pub fn size(&self) -> usize {
         self.0.as_ref().map_or(1, |ranks| ranks.size())
     }
@@ -60,7 +57,6 @@ impl Team {
         self.0.as_ref().is_none_or(|ranks| ranks.rank() == 0)
     }
 
-    /// True if `own` is true for any process.
     pub fn any(&self, own: bool) -> ivv::Result<bool> {
         any(self.0.as_deref(), own)
     }
@@ -109,7 +105,6 @@ impl Team {
     }
 }
 
-/// A hash of all bits of a scene.
 pub fn hash(splats: &Splats) -> sha2::digest::Output<Sha256> {
     let Splats { position, rotation, scale, opacity, sh, motion, .. } = splats;
     let parts: [&[u8]; 6] = [

@@ -3,7 +3,6 @@
 /// Steps whose passes are timed.
 const PROFILED: u64 = 5;
 
-/// How often a run is saved and scored.
 #[derive(clap::Args)]
 pub struct ScheduleArgs {
     /// Steps between checkpoints: the most that a lost device can cost. By default a tenth of the run.
@@ -23,7 +22,6 @@ pub struct ScheduleArgs {
     pub fit_offsets: bool,
 }
 
-/// The work that is due after each step.
 pub struct Schedule<'a> {
     total: u64,
     eval_every: u64,
@@ -32,7 +30,6 @@ pub struct Schedule<'a> {
 }
 
 impl<'a> Schedule<'a> {
-    /// The schedule of a run of `total` steps.
     pub fn new(args: &'a ScheduleArgs, total: u64) -> Self {
         let tenth = (total / 10).max(1);
         Schedule {

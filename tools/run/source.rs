@@ -17,14 +17,12 @@ pub use crate::run::files::is_run;
 
 /// Gaussians of a scene, in the capture's own frame.
 pub enum Gaussians {
-    /// In memory.
     Whole(Box<Splats>),
     /// In a file, which is read as views need it.
     Parts(Box<dyn Parts>),
 }
 
 impl Gaussians {
-    /// A renderer of the Gaussians.
     pub fn renderer(self, gpu: Arc<Gpu>, constants: Constants) -> ivv::Result<Renderer> {
         match self {
             Gaussians::Whole(splats) => Renderer::of_clip(gpu, Arc::new(splats.by_degree()), constants),
@@ -131,7 +129,6 @@ impl<'a> Source<'a> {
         Ok(self.print(file, scene.splats, scene.notes))
     }
 
-    /// Prints the notes of the reader that are not printed yet.
     fn print(&self, file: &Path, splats: Splats, notes: Vec<String>) -> LoadedScene {
         let new = notes.iter().filter(|note| !self.notes.contains(note));
         new.for_each(|note| say!("{}: {note}", file.display()));

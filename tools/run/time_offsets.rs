@@ -30,7 +30,6 @@ pub struct OffsetRow {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Origin {
-    /// Learnt with the scene.
     Learnt,
     /// Set to 0, because the pictures do not determine it.
     Frozen,
@@ -64,7 +63,6 @@ pub fn table(
     Ok(rows)
 }
 
-/// Rows of all cameras, from the fits of the learnt and of the test cameras.
 fn rows(capture: &Capture, learns: &[bool], fits: &BTreeMap<usize, OffsetFit>) -> Vec<OffsetRow> {
     let truth = &capture.true_offsets;
     let learnt = |camera: usize| learns.get(camera).copied().unwrap_or(false);

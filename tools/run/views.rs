@@ -10,7 +10,6 @@ use ivv::internals::train::Run;
 use std::ops::Range;
 use std::path::Path;
 
-/// Options that choose views of a capture.
 #[derive(clap::Args)]
 // Here `--frames` chooses views.
 #[command(mut_arg("max_frames", |of_capture| of_capture.visible_alias(None)))]

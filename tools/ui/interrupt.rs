@@ -21,7 +21,6 @@ impl std::fmt::Display for Interrupted {
 
 impl std::error::Error for Interrupted {}
 
-/// The request to end.
 #[derive(Clone)]
 pub struct Stop(Arc<AtomicBool>);
 

@@ -14,7 +14,6 @@ const SLOW: Duration = Duration::from_secs(5);
 /// Seconds of steps before a rate is shown.
 const LEAST_RATED: f64 = 0.2;
 
-/// When lines of progress are due.
 struct Pace {
     start: Instant,
     last: Option<Instant>,
@@ -44,7 +43,6 @@ impl Pace {
         }
     }
 
-    /// Shows that `done` of `total` is done.
     fn show(&mut self, done: u64, total: u64, text: &str) {
         self.last = Some(Instant::now());
         if !screen::is_terminal() {
@@ -66,7 +64,6 @@ impl Drop for Pace {
     }
 }
 
-/// Counts finished pieces of work.
 pub struct Progress {
     what: &'static str,
     total: usize,
@@ -147,7 +144,6 @@ pub fn watch() -> Watch<'static> {
     })
 }
 
-/// Progress of a training run.
 pub struct TrainingProgress {
     total: u64,
     psnr: Option<f64>,
@@ -208,7 +204,6 @@ fn clock(seconds: f64) -> String {
     if hours == 0 { format!("{minutes}:{s:02}") } else { format!("{hours}:{minutes:02}:{s:02}") }
 }
 
-/// Progress of work in stages of many pieces.
 pub struct StageProgress {
     stage: &'static str,
     /// The count at the first report of the stage, and its time.

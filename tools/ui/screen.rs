@@ -32,7 +32,6 @@ struct Screen {
     /// The bar in the last line of the terminal.
     bar: Option<String>,
     has_results: bool,
-    /// Why standard output could not be written.
     fault: Option<io::Error>,
 }
 

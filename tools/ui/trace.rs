@@ -16,7 +16,6 @@ const END: &[u8] = b"\n]";
 /// Separates two entries; no entry contains it.
 const BETWEEN: &[u8] = b",\n";
 
-/// A file of spans that grows as the command runs.
 pub struct Trace {
     path: PathBuf,
     guard: FlushGuard,
@@ -26,7 +25,6 @@ pub struct Trace {
 /// The first fault of writing.
 type Fault = Arc<Mutex<Option<io::Error>>>;
 
-/// A layer that receives the spans of all threads.
 pub type Spans<S> = Box<dyn Layer<S> + Send + Sync>;
 
 /// Begins the file `path`: the phases of the command and of each step, and at [`Level::TRACE`] each pass of the device.

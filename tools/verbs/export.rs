@@ -160,7 +160,6 @@ fn write_parts(args: &Args, format: Format, source: &Source) -> anyhow::Result<O
     Ok(Some(written))
 }
 
-/// Writes a `.4dgs` alone, or with the player; says how many bytes.
 fn write_clip(format: Format, to: &Path, scene: &[u8]) -> anyhow::Result<u64> {
     if matches!(format, Format::Web) {
         make_folder(to)?;

@@ -58,7 +58,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes the views of a capture or of a run's capture to `file`.
 fn cameras(args: &Args, file: &Path, json: bool) -> anyhow::Result<()> {
     let source = &args.scene;
     let views = if is_run(source) {

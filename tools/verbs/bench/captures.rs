@@ -28,7 +28,6 @@ pub struct StudyCapture {
     pub path: PathBuf,
     /// With its photographs, and without.
     pub summaries: [CaptureSummary; 2],
-    /// The test camera that is farthest from the centre of all cameras.
     pub peripheral: Option<String>,
     /// Most Gaussians of each arm, if all have the same budget.
     pub budget: Option<usize>,

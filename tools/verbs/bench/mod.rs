@@ -138,7 +138,6 @@ fn refuse_duplicates(of: &str, numbers: &[u64]) -> anyhow::Result<()> {
     twice.map_or(Ok(()), |(_, number)| Err(anyhow::anyhow!("{of}: {number} is named twice; give each number once")))
 }
 
-/// The settings that all arms share.
 fn shared(args: &Args) -> anyhow::Result<Config> {
     let mut value = serde_json::to_value(Config::default())?;
     for set in &args.set {
@@ -153,7 +152,6 @@ fn shared(args: &Args) -> anyhow::Result<Config> {
     Ok(config)
 }
 
-/// A run of the study.
 struct Job<'a> {
     capture: &'a StudyCapture,
     arm: &'a Arm,

@@ -5,7 +5,6 @@ use ivv::internals::gpu::table::{KERNELS, kernel};
 use ivv::internals::gpu::{KernelInfo, kernel_named};
 use ivv::internals::words::nearest;
 
-/// The kernel of this name, which `option` gives.
 pub fn named(option: &str, name: &str) -> anyhow::Result<&'static KernelInfo> {
     let unknown = || anyhow::anyhow!("{option} {name}: there is no such kernel{}", like(name));
     kernel_named(name).ok_or_else(unknown)
@@ -25,7 +24,6 @@ pub fn like(name: &str) -> String {
     format!("{meant} (`ivv profile --list` lists all)")
 }
 
-/// Prints each shader with its kernels.
 pub fn list(json: bool) -> anyhow::Result<()> {
     let mut shaders: Vec<(&str, Vec<&str>)> = Vec::new();
     for spec in KERNELS.iter() {

@@ -66,7 +66,6 @@ fn print(lines: &[Replayed], n: u32) {
     print_table(&[&[runs.as_str()][..], &heads].concat(), lines.iter().map(row));
 }
 
-/// Prints a kernel's SPIR-V, and counts its instructions.
 pub fn disassemble(name: &str, json: bool) -> anyhow::Result<()> {
     let kernel = kernels::named("--disassemble", name)?;
     let module = rspirv::dr::load_bytes(kernel.spirv).map_err(|e| anyhow::anyhow!("{name}: {e}"))?;

@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::time::{Duration, SystemTime};
 
-/// How often the shaders are checked for changes.
 const EVERY: Duration = Duration::from_millis(300);
 
 /// Calls `show` with each version of `kernel` that compiles, until Ctrl-C. The errors of other versions are printed.
@@ -36,7 +35,6 @@ pub fn watch(
     Err(Interrupted("stopped watching shaders").into())
 }
 
-/// When a shader was last written.
 fn newest(root: &Path) -> anyhow::Result<SystemTime> {
     let mut newest = SystemTime::UNIX_EPOCH;
     for folder in std::fs::read_dir(root.join("shaders-glsl")).context("shaders-glsl")? {

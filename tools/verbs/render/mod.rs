@@ -24,7 +24,6 @@ use serde_json::json;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Options of `ivv render`.
 #[derive(clap::Args)]
 pub struct Args {
     /// The folder of a run, for its scene, views and rendering constants; or a scene file of any format.
@@ -104,7 +103,6 @@ impl Args {
         Ok(Some(Film::along(&self.film, path, self.clock(source, run)?, self.time, background)?))
     }
 
-    /// The views that the options ask for.
     fn views(&self, source: &Source) -> anyhow::Result<Vec<View>> {
         let mut views = match (&self.cameras, &self.capture) {
             (Some(cameras), _) => self.views.of_cameras(cameras, self.time)?,
@@ -171,7 +169,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Renders `views` into files, with a report of each.
 fn write_views(
     args: &Args,
     renderer: &mut Renderer,

@@ -3,7 +3,6 @@
 use ivv::internals::scene::{Frame, View};
 use std::path::Path;
 
-/// Formats of pictures.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub enum Format {
     Png,
@@ -22,7 +21,6 @@ impl Format {
     }
 }
 
-/// Refuses a picture with a value that is not finite.
 pub fn check_finite(frame: &Frame, view: &View) -> ivv::Result<()> {
     let values = frame.color.as_flattened().iter().chain(&frame.alpha).chain(&frame.depth);
     let values = values.chain(&frame.inverse_depth).chain(frame.flow.as_flattened());

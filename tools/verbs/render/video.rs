@@ -26,7 +26,6 @@ use ivv::internals::words::count;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Default frames per second.
 const FPS: f64 = 30.0;
 /// Most frames of a video: a path in milliseconds, taken for seconds, would render for years.
 const MOST_FRAMES: f64 = 5_184_000.0;
@@ -34,7 +33,6 @@ const MOST_FRAMES: f64 = 5_184_000.0;
 const SIZE: (u32, u32) = (640, 360);
 const FOV: f64 = 50.0;
 
-/// Options of a video along a path.
 #[derive(clap::Args)]
 pub struct PathArgs {
     /// Camera path for a video, in seconds of the clip: TUM, CSV (t,x,y,z,qx,qy,qz,qw), or the JSON of nerfstudio or nerfview.
@@ -67,7 +65,6 @@ pub struct PathArgs {
 /// The times of a dynamic scene in the frames.
 #[derive(Clone, Copy)]
 enum Times {
-    /// At the seconds of the path.
     Path,
     /// From one normalised time to another while the video lasts.
     Span(f64, f64),
@@ -75,7 +72,6 @@ enum Times {
     Fixed(f64),
 }
 
-/// The path, times and size of a video.
 pub struct Film {
     path: HeadPath,
     fps: f64,
@@ -244,7 +240,6 @@ pub struct VideoJob<'a> {
     pub stop: &'a Stop,
 }
 
-/// Renders `film` of the scene `shown`.
 pub fn run(film: &Film, shown: LoadedScene<Gaussians>, job: &VideoJob, json: bool) -> anyhow::Result<()> {
     let VideoJob { output, args, device, constants, stop } = *job;
     let is_still = shown.splats.are_static();

@@ -22,7 +22,6 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Stdio;
 
-/// Options of `ivv segments`.
 #[derive(clap::Args)]
 pub struct Args {
     #[command(subcommand)]

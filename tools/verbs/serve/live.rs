@@ -41,7 +41,6 @@ pub struct LiveRun {
     begun: Instant,
     /// Seconds in which scenes were made.
     spent: Cell<f64>,
-    /// The name of the scene that pages show.
     announced: RefCell<Option<String>>,
 }
 

@@ -41,7 +41,6 @@ struct OpenFile {
 /// The length of a file and when it was written, which tell whether it was replaced.
 type State = (u64, Duration);
 
-/// A file that is removed when this is dropped.
 pub struct TemporaryFile(pub PathBuf);
 
 impl Drop for TemporaryFile {
@@ -94,7 +93,6 @@ fn tag(named: &[u8]) -> String {
     format!("\"{tag}\"")
 }
 
-/// A part of a file, piece by piece.
 pub struct FilePart {
     open: Arc<OpenFile>,
     left: Range<u64>,

@@ -14,15 +14,12 @@ use std::rc::Rc;
 
 /// The scene or run that is served.
 pub enum Content {
-    /// One scene.
     Scene(ServedScene),
     /// The scene in this file, which others may replace.
     File(PathBuf),
-    /// A run that trains.
     Run(Rc<LiveRun>),
 }
 
-/// The server's answers.
 pub struct Site {
     content: Content,
     /// Names and addresses that a request may be for, without ports.
@@ -31,9 +28,7 @@ pub struct Site {
     is_everywhere: bool,
 }
 
-/// A body in memory or in a file.
 type StaticBody = Either<Full<Bytes>, FilePart>;
-/// A body in memory or in a file, or the events of a run.
 type AnyBody = Either<StaticBody, Events>;
 
 impl Site {
@@ -71,7 +66,6 @@ impl Site {
         if is_head { answer.map(|_| Either::Left(Either::Left(Full::default()))) } else { answer }
     }
 
-    /// The reply to a request that is refused.
     fn refused<B>(&self, request: &Request<B>) -> Option<Response<Full<Bytes>>> {
         if !matches!(*request.method(), Method::GET | Method::HEAD) {
             let mut answer = plain_text(StatusCode::METHOD_NOT_ALLOWED, "expected GET or HEAD");
@@ -125,7 +119,6 @@ impl Site {
     }
 }
 
-/// The scene, or the part of it that is asked for.
 fn of_scene<B>(scene: &ServedScene, request: &Request<B>) -> Response<StaticBody> {
     let tag = &scene.tag;
     let asked = |name: header::HeaderName| request.headers().get(name).and_then(|value| value.to_str().ok());

@@ -56,7 +56,6 @@ pub struct Args {
     pub device: DeviceArgs,
 }
 
-/// Options that replace the training.
 #[derive(clap::Args)]
 pub struct InsteadArgs {
     /// Only prints the steps, memory and disk space of the run, for a clip of FRAMES frames if that is given. Writes nothing.

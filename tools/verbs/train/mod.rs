@@ -120,7 +120,6 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
     })
 }
 
-/// Does what `args` ask for instead of a training.
 fn instead(args: &Args, json: bool) -> Option<anyhow::Result<()>> {
     let InsteadArgs { plan, list_settings, only_init, card: _ } = &args.instead;
     match (list_settings, plan, only_init) {
@@ -152,13 +151,11 @@ fn follow(mut session: Session, total: u64, schedule: &Schedule, team: &Team, st
     Ok(())
 }
 
-/// A training, with its run folder.
 struct Training<'scope, 'env> {
     args: &'env Args,
     output: &'env Path,
     scorer: Scorer<'env>,
     session: Session<'env>,
-    /// The processes that share the steps.
     team: Team,
     /// Of checkpoints and reports.
     writer: BackgroundWriter<'scope, 'env>,
@@ -321,7 +318,6 @@ impl Training<'_, '_> {
         Ok(())
     }
 
-    /// Scores some test views if that is due.
     fn evaluate(&mut self, step: u64) -> anyhow::Result<Option<(Splats, SampleScores)>> {
         if !self.schedule.is_evaluation_due(step) {
             return Ok(None);
@@ -351,7 +347,6 @@ impl Training<'_, '_> {
         self.log.push(Kind::Fall, &fall)
     }
 
-    /// Writes the scene, the totals, all scores and the report.
     fn finish(&mut self, json: bool) -> anyhow::Result<()> {
         let output = self.output;
         self.writer.wait()?;

@@ -28,7 +28,6 @@ pub struct TrainingSetup {
     pub run: Run,
     pub capture: Capture,
     pub config: Config,
-    /// Steps of the whole run.
     pub total: u64,
     pub output: PathBuf,
     pub checkpoints: PathBuf,
@@ -166,7 +165,6 @@ impl TrainingSetup {
         Ok(TrainingSetup { lock, gpu, run, capture, config, total, output, checkpoints, resumed, replaces: false })
     }
 
-    /// Warns of problems of `session` at its start.
     pub fn warn(&self, session: &mut Session) {
         if let n @ 1.. = session.n_left_out() {
             alert!("{} left out: not finite, or too bright", count(n, "Gaussian"));
