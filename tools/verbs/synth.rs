@@ -12,9 +12,8 @@ pub struct Args {
     /// The folder for the capture: a new or empty one, or an earlier capture of `ivv synth`, which is replaced.
     #[arg(short, long)]
     output: PathBuf,
-    /// tiny: 6 cameras, 64 x 48, 8 frames. small: 10 cameras, 128 x 96, 12 frames. hard: small with --offsets --colors --masks and
-    /// noise in images and priors. outward: small with 12 cameras that look outward. study: small with 40 frames and --offsets. room: 20 cameras,
-    /// 480 x 360, 60 frames.
+    /// tiny (6 cameras, 64 x 48, 8 frames), small (10, 128 x 96, 12), outward, study (small with --offsets), room (20, 480 x 360,
+    /// 60), or hard: small with --offsets, --colors, --masks and noise.
     #[arg(long, default_value = "small", value_parser = word::<Preset>)]
     preset: Preset,
     /// Seed of colours, textures, speeds and all noise.

@@ -88,8 +88,7 @@ impl LiveRun {
         line.1.clone()
     }
 
-    /// The name of the scene that pages show: the newest one, unless scenes have been made for longer than their share of
-    /// the time; then the one before, until that is made up for.
+    /// The name of the scene that pages show: the newest, unless scenes have taken more than their share of the time.
     fn scene_to_announce(&self) -> Option<String> {
         let newest = self.newest();
         let mut announced = self.announced.borrow_mut();

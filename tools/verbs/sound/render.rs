@@ -28,10 +28,10 @@ pub struct Args {
     /// The ears: `sphere`, a SOFA file, or a folder of WAV files as SADIE's.
     #[arg(long, default_value = "sphere")]
     hrtf: PathBuf,
-    /// paper2d: the paper's, on the horizon. paper3d: with elevation. physical: with delay and Doppler, for metric scenes.
+    /// paper2d, on the horizon; paper3d, with elevation; or physical, with delay and Doppler, for metric scenes.
     #[arg(long, default_value = "paper2d", value_parser = word::<Mode>)]
     mode: Mode,
-    /// aligned: responses between the measured directions. nearest: the measured one.
+    /// aligned, responses between the measured directions, or nearest, the measured one.
     #[arg(long, default_value = "aligned", value_parser = word::<Lookup>)]
     lookup: Lookup,
     /// Loudness of the result, LUFS. By default unchanged, with peaks below -1 dBTP.
