@@ -1,24 +1,20 @@
 //! Runs a dumped dispatch again: variants of its kernel side by side, with their times and their differences.
 
 use crate::error::{Error, Result};
-use crate::gpu::table::{self, Spec};
 use crate::gpu::{Dispatch, Gpu, Grid, KernelInfo, Recording, Slice};
 use crate::report::statistics::{Ratio, mad, median, paired_ratio};
 use serde::Serialize;
 
-/// How far two outputs lie apart, over all that a kernel writes.
+/// Difference of two outputs, over all that a kernel writes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Difference {
-    /// Words that are not the same.
     pub words: u64,
-    /// The largest difference of two numbers.
     pub max_abs: f64,
     /// The same over the largest magnitude in the buffer it is in.
     pub max_rel: f64,
 }
 
 impl Difference {
-    /// Of two ranges of words, read as floats or as integers.
     fn add(&mut self, bytes: &[u8], reference: &[u8], is_float: bool) {
         let number = |word: &[u8; 4]| {
             if is_float { f64::from(f32::from_le_bytes(*word)) } else { f64::from(u32::from_le_bytes(*word)) }
@@ -38,37 +34,27 @@ impl Difference {
     }
 }
 
-/// What a kernel did with the dispatch.
 #[derive(Clone, Debug, Serialize)]
 pub struct Replayed {
-    /// The kernel.
     pub kernel: String,
-    /// Median time, nanoseconds.
     pub median_ns: f64,
-    /// Median absolute deviation of the time, nanoseconds.
+    /// Median absolute deviation, nanoseconds.
     pub mad_ns: f64,
     /// Time over that of the first kernel, run by run.
     pub ratio: Ratio,
-    /// From what the first kernel wrote.
     pub from_first: Difference,
-    /// From what was dumped.
     pub from_dumped: Difference,
 }
 
-/// A dumped dispatch on a device.
 pub struct Replay<'a> {
     gpu: &'a Gpu,
     dispatch: &'a Dispatch,
-    /// What is bound, and for each that is written what it held before.
+    /// The bindings, and the former content of those that are written.
     slices: Vec<Slice>,
     pristine: Vec<Option<Slice>>,
 }
 
 impl<'a> Replay<'a> {
-    /// Uploads what `dispatch` works on.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] when it does not fit.
     pub fn new(gpu: &'a Gpu, dispatch: &'a Dispatch) -> Result<Self> {
         let (mut slices, mut pristine): (Vec<Slice>, Vec<Option<Slice>>) = (Vec::new(), Vec::new());
         for bound in &dispatch.bindings {
@@ -86,11 +72,7 @@ impl<'a> Replay<'a> {
         Ok(Replay { gpu, dispatch, slices, pristine })
     }
 
-    /// Runs each of `kernels`, variants of the dumped one, `n` times, one after the other and in turns, each on what
-    /// was there before the dispatch.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when a kernel is no variant; [`Error::NoDevice`] when the device has no timestamps.
+    /// Runs each of `kernels`, variants of the dumped one, `n` times in turns, each on what was there before the dispatch.
     pub fn run(&self, kernels: &[&'static KernelInfo], n: usize) -> Result<Vec<Replayed>> {
         let recordings = kernels.iter().map(|kernel| self.record(kernel)).collect::<Result<Vec<_>>>()?;
         let mut times = vec![Vec::with_capacity(n); kernels.len()];
@@ -127,7 +109,6 @@ impl<'a> Replay<'a> {
         Ok(lines.collect())
     }
 
-    /// Places that the kernel writes.
     fn written(&self) -> impl Iterator<Item = usize> {
         self.pristine.iter().enumerate().filter(|(_, before)| before.is_some()).map(|(place, _)| place)
     }
@@ -142,7 +123,7 @@ impl<'a> Replay<'a> {
     }
 
     fn record(&self, kernel: &'static KernelInfo) -> Result<Recording> {
-        let (push, groups) = self.adapted(kernel)?;
+        self.check(kernel)?;
         let mut rec = Recording::new();
         rec.section("replay");
         for (slice, before) in self.slices.iter().zip(&self.pristine) {
@@ -150,47 +131,21 @@ impl<'a> Replay<'a> {
                 rec.copy(before.clone(), slice.clone());
             }
         }
-        let args = self.gpu.upload("replay args", &groups)?;
-        rec.pass_untyped(kernel, self.slices.clone(), push, Grid::Indirect(args.slice()));
+        let args = self.gpu.upload("replay args", &self.dispatch.groups)?;
+        rec.pass_untyped(kernel, self.slices.clone(), self.dispatch.push.clone(), Grid::Indirect(args.slice()));
         Ok(rec)
     }
 
-    /// Push constants and grid for `kernel`, which may blend other blocks of pixels than the dumped one.
-    fn adapted(&self, kernel: &KernelInfo) -> Result<(Vec<u8>, [u32; 3])> {
-        let Dispatch { push, groups, kernel: dumped, bindings } = self.dispatch;
-        let fault = |reason: &str| {
-            let what = format!("`{}` for a dispatch of `{dumped}`", kernel.name);
-            Error::data(what.as_ref(), "", reason, "name kernels of the same shader, see shaders-glsl/README.md")
-        };
-        if !kernel.bindings.iter().map(|b| b.name).eq(bindings.iter().map(|b| b.name.as_str()))
-            || kernel.push_bytes as usize != push.len()
+    /// Refuses a kernel with other bindings than the dumped one.
+    fn check(&self, kernel: &KernelInfo) -> Result<()> {
+        let Dispatch { push, kernel: dumped, bindings, .. } = self.dispatch;
+        if kernel.bindings.iter().map(|b| b.name).eq(bindings.iter().map(|b| b.name.as_str()))
+            && kernel.push_bytes as usize == push.len()
         {
-            return Err(fault("has other bindings"));
+            return Ok(());
         }
-        // A kernel that was edited while it is watched is not in the table, and has the dumped one's blocks.
-        let (Some(ours), Some(theirs)) = (table::kernel(kernel.name), table::kernel(dumped)) else {
-            return Ok((push.clone(), *groups));
-        };
-        let (pixels, of_dumped) = (pixels(ours), pixels(theirs));
-        if pixels == of_dumped {
-            return Ok((push.clone(), *groups));
-        }
-        if ours.file.ends_with("blend_bwd.comp") && ours.defines.iter().all(|(name, _)| *name != "ACCUMULATE") {
-            return Err(fault("walks other blocks of a tile in a dispatch"));
-        }
-        // The first push constant counts the blocks.
-        let scaled = |n: u32| (u64::from(n) * u64::from(of_dumped)).div_ceil(u64::from(pixels)) as u32;
-        let mut push = push.clone();
-        if let Some(word) = push.first_chunk_mut::<4>() {
-            *word = scaled(u32::from_le_bytes(*word)).to_le_bytes();
-        }
-        let [x, y, z] = *groups;
-        let n = scaled(x.saturating_mul(y));
-        Ok((push, [n.min(65_535), n.div_ceil(65_535), z]))
+        let what = format!("`{}` for a dispatch of `{dumped}`", kernel.name);
+        let remedy = "name kernels of the same shader, see shaders-glsl/README.md";
+        Err(Error::data(what.as_ref(), "", "has other bindings", remedy))
     }
-}
-
-/// Pixels that a lane of a blend has; 1 for any other kernel.
-fn pixels(spec: &Spec) -> u32 {
-    spec.value("PIXELS").max(1) as u32
 }
