@@ -24,7 +24,7 @@ const MEDIAN_OVER_MEAN: f64 = 1.2533;
 const OTHER_WORK: f64 = 1.01;
 const OTHER_RATE: f64 = 1.1;
 
-/// What is compared of a `profile.json`. All else in it is passed over, so older files do.
+/// The part of a `profile.json` that is compared; older files have it too.
 #[derive(Clone, Debug, Deserialize)]
 pub struct Recorded {
     subject: String,
@@ -33,7 +33,7 @@ pub struct Recorded {
     device: RecordedDevice,
     shaders: String,
     peaks: RecordedPeaks,
-    counters: Counters,
+    pub counters: Counters,
     lines: Vec<RecordedLine>,
     total: RecordedLine,
     overhead: RecordedOverhead,
@@ -57,8 +57,9 @@ struct RecordedPeaks {
 #[derive(Clone, Debug, Deserialize)]
 struct RecordedLine {
     label: String,
-    /// Samples that have the pass; older files do not tell.
-    samples: Option<usize>,
+    /// Samples that have the pass; in older files all.
+    #[serde(default)]
+    samples: usize,
     median_ms: f64,
     p95_ms: f64,
 }
@@ -69,10 +70,6 @@ struct RecordedOverhead {
 }
 
 impl Recorded {
-    /// Reads `path`: a `profile.json`, or the folder that holds it.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when it cannot be read, is not a profile, or holds a time that is not a positive number.
     pub fn read(path: &Path) -> Result<Self> {
         let file = if path.is_dir() { path.join("profile.json") } else { path.to_owned() };
         let fault = |place: &str, reason: String| {
@@ -88,6 +85,11 @@ impl Recorded {
         if read.counters.live == 0.0 {
             read.counters.live = read.counters.gaussians;
         }
+        read.lines
+            .iter_mut()
+            .chain([&mut read.total])
+            .filter(|line| line.samples == 0)
+            .for_each(|line| line.samples = read.samples);
         let mut labels = HashSet::new();
         for (line, is_pass) in read.lines.iter().map(|line| (line, true)).chain([(&read.total, false)]) {
             let RecordedLine { label, median_ms, p95_ms, .. } = line;
@@ -103,12 +105,6 @@ impl Recorded {
         Ok(read)
     }
 
-    /// What its samples had to do, on average.
-    pub fn counters(&self) -> &Counters {
-        &self.counters
-    }
-
-    /// The pass called `label`.
     fn line(&self, label: &str) -> Option<&RecordedLine> {
         self.lines.iter().find(|line| line.label == label)
     }
@@ -118,26 +114,18 @@ impl Recorded {
     }
 }
 
-/// What became of a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Change {
-    /// It takes longer than before, by more than the measurements scatter.
     Slower,
-    /// It takes less, by more than that.
     Faster,
-    /// The difference is within the scatter.
     Same,
-    /// Only the second profile has it.
     New,
-    /// Only the first profile has it.
     Gone,
-    /// It was measured too seldom to tell.
     TooFew,
 }
 
 impl Change {
-    /// As the table shows it.
     fn name(self) -> &'static str {
         match self {
             Change::Slower => "slower",
@@ -149,17 +137,15 @@ impl Change {
         }
     }
 
-    /// Of two medians. Their standard errors come from the 95th percentiles, which makes them large where the scatter has a
-    /// long tail.
-    fn of(a: (&RecordedLine, usize), b: (&RecordedLine, usize)) -> Self {
-        let samples = |(line, of_all): (&RecordedLine, usize)| line.samples.unwrap_or(of_all);
-        if samples(a).min(samples(b)) < LEAST_SAMPLES {
+    /// Of two medians. Their standard errors come from the 95th percentiles, which makes them large where the scatter has a long tail.
+    fn of(a: &RecordedLine, b: &RecordedLine) -> Self {
+        if a.samples.min(b.samples) < LEAST_SAMPLES {
             return Change::TooFew;
         }
-        let error = |of: (&RecordedLine, usize)| {
-            MEDIAN_OVER_MEAN * (of.0.p95_ms - of.0.median_ms) / SIGMAS_TO_P95 / (samples(of) as f64).sqrt()
+        let error = |line: &RecordedLine| {
+            MEDIAN_OVER_MEAN * (line.p95_ms - line.median_ms) / SIGMAS_TO_P95 / (line.samples as f64).sqrt()
         };
-        let (a_ms, b_ms) = (a.0.median_ms, b.0.median_ms);
+        let (a_ms, b_ms) = (a.median_ms, b.median_ms);
         let least = (STANDARD_ERRORS * error(a).hypot(error(b))).max(LEAST_CHANGE * a_ms.max(b_ms));
         match b_ms - a_ms {
             change if change > least => Change::Slower,
@@ -169,20 +155,15 @@ impl Change {
     }
 }
 
-/// A pass in both profiles.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Compared {
-    /// Section and kernel.
     pub label: String,
-    /// Median in the first profile, milliseconds.
+    /// Medians, milliseconds.
     pub a_ms: Option<f64>,
-    /// Median in the second.
     pub b_ms: Option<f64>,
     /// The second less the first; a pass that is absent takes 0.
     pub change_ms: f64,
-    /// The second over the first, where both have it and take time.
     pub ratio: Option<f64>,
-    /// What became of it; none where no scatter was measured.
     #[serde(rename = "verdict")]
     pub change: Option<Change>,
 }
@@ -194,60 +175,48 @@ impl Compared {
         Compared { label: label.to_owned(), a_ms, b_ms, change_ms, ratio, change }
     }
 
-    fn of(label: &str, a: (Option<&RecordedLine>, usize), b: (Option<&RecordedLine>, usize)) -> Self {
+    fn of(label: &str, a: Option<&RecordedLine>, b: Option<&RecordedLine>) -> Self {
         let change = match (a, b) {
-            ((Some(before), n_a), (Some(after), n_b)) => Change::of((before, n_a), (after, n_b)),
-            ((Some(_), _), (None, _)) => Change::Gone,
-            ((None, _), _) => Change::New,
+            (Some(a), Some(b)) => Change::of(a, b),
+            (Some(_), None) => Change::Gone,
+            (None, _) => Change::New,
         };
         let ms = |line: Option<&RecordedLine>| line.map(|line| line.median_ms);
-        Compared::new(label, ms(a.0), ms(b.0), Some(change))
+        Compared::new(label, ms(a), ms(b), Some(change))
     }
 }
 
-/// Something in which two profiles differ beside their times.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Other {
-    /// What differs.
     pub what: &'static str,
-    /// In the first profile.
     pub a: String,
-    /// In the second.
     pub b: String,
-    /// Whether times can differ for this alone, so that ratios do not show what a change of the kernels did.
+    /// Times can differ for this alone, so that ratios do not show what a change of the kernels did.
     pub spoils: bool,
 }
 
-/// Two profiles side by side.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Comparison {
-    /// The file of the first.
     #[serde(serialize_with = "as_text")]
     pub a: PathBuf,
-    /// The file of the second.
     #[serde(serialize_with = "as_text")]
     pub b: PathBuf,
-    /// Whether both are of the same thing on the same device.
+    /// True if both are of the same thing on the same device.
     pub is_comparable: bool,
-    /// In what they differ beside their times.
     pub differences: Vec<Other>,
     /// The passes, the largest change of time first.
     pub passes: Vec<Compared>,
-    /// All passes of a sample.
     pub total: Compared,
-    /// A sample by the host's clock, without timestamps.
     pub host: Compared,
     #[serde(skip)]
     told: [String; 2],
 }
 
 impl Comparison {
-    /// `b` against `a`, each with its path.
     pub fn new((a_path, a): (&Path, &Recorded), (b_path, b): (&Path, &Recorded)) -> Self {
         let gone = a.lines.iter().filter(|line| b.line(&line.label).is_none());
         let labels = b.lines.iter().chain(gone).map(|line| line.label.as_str());
-        let compare = |label| Compared::of(label, (a.line(label), a.samples), (b.line(label), b.samples));
-        let mut passes: Vec<Compared> = labels.map(compare).collect();
+        let mut passes: Vec<Compared> = labels.map(|label| Compared::of(label, a.line(label), b.line(label))).collect();
         passes.sort_by(|x, y| y.change_ms.abs().total_cmp(&x.change_ms.abs()));
         let differences = differences(a, b);
         Comparison {
@@ -256,13 +225,12 @@ impl Comparison {
             is_comparable: !differences.iter().any(|other| other.spoils),
             differences,
             passes,
-            total: Compared::of("all passes", (Some(&a.total), a.samples), (Some(&b.total), b.samples)),
+            total: Compared::of("all passes", Some(&a.total), Some(&b.total)),
             host: Compared::new("host's clock", Some(a.overhead.plain_ms), Some(b.overhead.plain_ms), None),
             told: [a.told(), b.told()],
         }
     }
 
-    /// For a terminal: the differences first, then the passes.
     pub fn terminal(&self) -> String {
         let mut text = String::new();
         for (name, path, told) in [("A", &self.a, &self.told[0]), ("B", &self.b, &self.told[1])] {
@@ -298,12 +266,11 @@ impl Comparison {
     }
 }
 
-/// What a file says, without what would steer the terminal.
+/// Text of a file without characters that would steer the terminal.
 fn shown(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { char::REPLACEMENT_CHARACTER } else { c }).collect()
 }
 
-/// In what `a` and `b` differ beside their times.
 fn differences(a: &Recorded, b: &Recorded) -> Vec<Other> {
     let words = [
         ("device", a.device.name.clone(), b.device.name.clone(), true),

@@ -10,14 +10,12 @@ use std::collections::HashMap;
 use std::io;
 use std::path::Path;
 
-/// What the file says besides bytes.
 #[derive(Serialize, Deserialize)]
 struct Header {
     kernel: String,
     push: Vec<u8>,
     groups: [u32; 3],
     bindings: Vec<HeaderBinding>,
-    /// Where it was taken.
     device: String,
     /// SHA-256 of the bytes before and after, in order.
     digest: String,
@@ -46,20 +44,13 @@ fn tensor(index: usize, when: &str) -> String {
     format!("{index:02}.{when}")
 }
 
-/// Writes `dispatch`, which ran on `gpu`.
-///
-/// # Errors
-/// [`Error::Data`] when `file` cannot be written.
 pub fn write_dispatch(file: &Path, dispatch: &Dispatch, gpu: &Gpu) -> Result<()> {
+    let binding = |b: &Bound| HeaderBinding { name: b.name.clone(), same_as: b.same_as, has_after: b.after.is_some() };
     let header = Header {
         kernel: dispatch.kernel.clone(),
         push: dispatch.push.clone(),
         groups: dispatch.groups,
-        bindings: dispatch
-            .bindings
-            .iter()
-            .map(|b| HeaderBinding { name: b.name.clone(), same_as: b.same_as, has_after: b.after.is_some() })
-            .collect(),
+        bindings: dispatch.bindings.iter().map(binding).collect(),
         device: format!("{}, {}", gpu.caps().name, gpu.caps().driver),
         digest: digest(dispatch),
     };
@@ -78,9 +69,6 @@ pub fn write_dispatch(file: &Path, dispatch: &Dispatch, gpu: &Gpu) -> Result<()>
 }
 
 /// Reads a dispatch, whose kernel this engine has with the same bindings and push constants.
-///
-/// # Errors
-/// [`Error::Data`] when the file cannot be read, is damaged, or is of another kernel than the engine's.
 pub fn read_dispatch(file: &Path) -> Result<(Dispatch, &'static KernelInfo)> {
     let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
     let bytes = read_file(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;

@@ -3,10 +3,9 @@
 use serde::Serialize;
 use std::fmt;
 
-/// By which power of a size a time grows: 0 not at all, 1 in proportion.
+/// By which power of a size a time grows: 0 not at all, 1 in proportion; by least squares of the logarithms.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Exponent {
-    /// Of all points, by least squares of the logarithms.
     pub all: f64,
     /// Its standard error, from how far the points lie off the line; none of two points.
     pub error: Option<f64>,

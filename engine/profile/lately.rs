@@ -9,21 +9,19 @@ const NEWEST: f64 = 0.1;
 /// Mean milliseconds of a pass that is not run any more, below which it is forgotten.
 const FORGOTTEN_MS: f64 = 1e-4;
 
-/// The last frames: how long they took, how far apart they were, and the passes that took longest.
+/// The last [`Lately::FRAMES`] frames, the oldest first.
 #[derive(Clone, Debug, Default)]
 pub struct Lately {
-    /// Milliseconds that each of the last [`Lately::FRAMES`] took, the oldest first.
+    /// Milliseconds that each took.
     pub ms: VecDeque<f64>,
     /// Milliseconds from each of them to the next, where both were shown.
     pub between: VecDeque<f64>,
-    /// Of the last one.
     pub report: FrameReport,
     /// Mean milliseconds of passes over about the last ten frames, by label.
     passes: Vec<(String, f64)>,
 }
 
 impl Lately {
-    /// Frames that are kept.
     pub const FRAMES: usize = 240;
 
     /// Adds a frame that took `ms` milliseconds, `between` after the one before, if there was one.
@@ -46,7 +44,6 @@ impl Lately {
         self.report = report;
     }
 
-    /// Frames a second, by the time from each to the next; 0 before the second.
     pub fn rate(&self) -> f64 {
         let sum: f64 = self.between.iter().sum();
         if sum > 0.0 { 1e3 * self.between.len() as f64 / sum } else { 0.0 }
@@ -57,7 +54,6 @@ impl Lately {
         quantile(&self.ms.iter().copied().collect::<Vec<_>>(), q)
     }
 
-    /// The `n` passes that take longest, with their mean milliseconds, the longest first.
     pub fn slowest(&self, n: usize) -> Vec<(&str, f64)> {
         let mut passes: Vec<(&str, f64)> = self.passes.iter().map(|(label, ms)| (label.as_str(), *ms)).collect();
         passes.sort_by(|a, b| b.1.total_cmp(&a.1));

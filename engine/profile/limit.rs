@@ -13,13 +13,11 @@ pub struct Peaks {
     pub bytes: f64,
     /// Bytes of a copy command, read and written.
     pub copied: f64,
-    /// Bytes of a fill command.
     pub filled: f64,
     /// Scattered rows of 64 bytes.
     pub rows: f64,
     /// Float additions and multiplications, as multiply-adds.
     pub flops: f64,
-    /// Powers of two.
     pub exp2: f64,
     /// Shuffles, one per lane.
     pub shuffles: f64,
@@ -31,46 +29,26 @@ pub struct Peaks {
     pub dispatch_and_barrier_ns: f64,
 }
 
-/// What limits a pass.
+/// The resource that limits a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Bound {
-    /// Memory bandwidth.
     Bytes,
-    /// Scattered rows.
     Rows,
-    /// Arithmetic.
     Flops,
-    /// Powers of two.
     Exp2,
-    /// Shuffles.
     Shuffles,
-    /// Atomic additions.
     Atomics,
-    /// The dispatches themselves.
     Dispatch,
 }
 
 impl Bound {
-    /// As the tables show it.
-    pub fn name(self) -> &'static str {
-        match self {
-            Bound::Bytes => "bytes",
-            Bound::Rows => "rows",
-            Bound::Flops => "flops",
-            Bound::Exp2 => "exp2",
-            Bound::Shuffles => "shuffles",
-            Bound::Atomics => "atomics",
-            Bound::Dispatch => "dispatch",
-        }
+    pub fn name(self) -> String {
+        format!("{self:?}").to_lowercase()
     }
 }
 
 impl Peaks {
-    /// Measures `gpu`: about a second.
-    ///
-    /// # Errors
-    /// [`crate::Error::NoDevice`] when it has no timestamps, [`crate::Error::OutOfMemory`].
     pub fn measure(gpu: &Gpu) -> Result<Self> {
         let mut rates = [0.0; Probe::ALL.len()];
         for (rate, probe) in rates.iter_mut().zip(Probe::ALL) {
@@ -83,7 +61,7 @@ impl Peaks {
         Ok(Peaks { bytes, copied, filled, rows, flops, exp2, shuffles, atomics, dispatch_ns, dispatch_and_barrier_ns })
     }
 
-    /// The rate of `probe`; that of a copy is [`Peaks::bytes`].
+    /// That of a copy is [`Peaks::bytes`].
     pub fn of(&self, probe: Probe) -> f64 {
         match probe {
             Probe::Copy => self.bytes,
@@ -101,11 +79,9 @@ impl Peaks {
     /// worked at once, and the dispatches after one another.
     pub fn limit(&self, cost: &Cost, dispatches: f64) -> (f64, Bound) {
         let time = |amount: f64, peak: f64| if amount > 0.0 && peak > 0.0 { 1e9 * amount / peak } else { 0.0 };
+        let moved = time(cost.bytes, self.bytes) + time(cost.copied, self.copied) + time(cost.filled, self.filled);
         let resources = [
-            (
-                time(cost.bytes, self.bytes) + time(cost.copied, self.copied) + time(cost.filled, self.filled),
-                Bound::Bytes,
-            ),
+            (moved, Bound::Bytes),
             (time(cost.rows, self.rows), Bound::Rows),
             (time(cost.flops, self.flops), Bound::Flops),
             (time(cost.exp2, self.exp2), Bound::Exp2),

@@ -29,7 +29,10 @@ fn tables(profile: &Profile) -> [(String, Table); 4] {
         count("pixels", counters.pixels),
         count("pixel-splats evaluated", counters.evaluated),
         count("pixel-splats added", counters.added),
-        vec!["pixels finished early".to_owned(), format!("{:.1} %", 100.0 * profile.early_stop_rate())],
+        vec![
+            "pixels finished early".to_owned(),
+            format!("{:.1} %", 100.0 * counters.finished / counters.pixels.max(1.0)),
+        ],
     ];
     let heads = ["pass", "calls", "median, ms", "p95, ms", "share", "MB", "Mflop", "limit, ms", "of limit", "by"];
     let percent = |f: f64| if f < 0.095 { format!("{:.1} %", 100.0 * f) } else { format!("{:.0} %", 100.0 * f) };
@@ -44,7 +47,7 @@ fn tables(profile: &Profile) -> [(String, Table); 4] {
             format!("{:.3}", line.cost.flops / 1e6),
             format!("{:.3}", line.limit_ms),
             percent(line.of_limit),
-            line.bound.map_or("", Bound::name).to_owned(),
+            line.bound.map(Bound::name).unwrap_or_default(),
         ]
     };
     let costs = [
@@ -61,33 +64,23 @@ fn tables(profile: &Profile) -> [(String, Table); 4] {
     ]
 }
 
-/// What was measured, where and of which kernels.
 fn told(profile: &Profile) -> String {
-    let device = &profile.device;
+    let Profile { subject, samples, sample, device, total, barriers, shaders, .. } = profile;
     format!(
-        "{}: {} {}s on {}, {}, subgroups of {}; {:.0} passes and {:.0} barriers a {}; kernels {}",
-        profile.subject,
-        profile.samples,
-        profile.sample,
-        device.name,
-        device.driver,
-        device.subgroup_size,
-        profile.total.dispatches,
-        profile.barriers,
-        profile.sample,
-        profile.shaders
+        "{subject}: {samples} {sample}s on {}, {}, subgroups of {}; {:.0} passes and {barriers:.0} barriers a {sample}; kernels \
+         {shaders}",
+        device.name, device.driver, device.subgroup_size, total.dispatches
     )
 }
 
 impl Profile {
-    /// The page: one HTML file that needs nothing else.
     pub fn html(&self) -> String {
-        let mut body = section("Roofline", &format!("{}{}", self.inline_roofline(), note(MEANING)));
+        let roofline = self.chart().inline("roofline", &format!("roofline of {}", self.subject));
+        let mut body = section("Roofline", &(roofline + &note(MEANING)));
         body.extend(tables(self).iter().map(|(title, table)| section(title, &table.html())));
         page(&format!("Profile of {}", self.subject), &note(&told(self)), &body)
     }
 
-    /// Peaks, counters and passes as Markdown.
     pub fn markdown(&self) -> String {
         let mut text = format!("{}.\n\n{MEANING}\n", told(self));
         for (title, table) in tables(self) {
@@ -96,7 +89,6 @@ impl Profile {
         text
     }
 
-    /// The tables for a terminal, passes that take most time first.
     pub fn terminal(&self) -> String {
         tables(self).iter().map(|(title, table)| format!("{title}\n{}", table.plain())).collect()
     }

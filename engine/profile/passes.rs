@@ -7,79 +7,58 @@ use crate::stage::{Counters, PassReport};
 use crate::vk::Caps;
 use serde::Serialize;
 
-/// One frame or step whose passes were timed.
+/// A frame or a step whose passes were timed.
 #[derive(Clone, Debug)]
 pub struct Sample {
-    /// Its passes, by label.
     pub passes: Vec<PassReport>,
-    /// What they had to do.
     pub counters: Counters,
-    /// Barriers between them.
     pub barriers: usize,
 }
 
-/// All passes with one label, over the samples that have it.
+/// All passes with one label, over the samples that have it; what is not said otherwise is a mean of the samples.
 #[derive(Clone, Debug, Serialize)]
 pub struct Line {
-    /// Section and kernel.
     pub label: String,
-    /// Samples that have it.
     pub samples: usize,
-    /// Passes of a sample.
     pub dispatches: f64,
-    /// Median of the samples' times, milliseconds.
+    /// Of the samples' times, milliseconds.
     pub median_ms: f64,
-    /// 95th percentile, milliseconds.
     pub p95_ms: f64,
     /// Part of all passes' time.
     pub share: f64,
-    /// What the time grows with, mean of the samples.
     pub units: f64,
-    /// The least that must be done, mean of the samples.
     pub cost: Cost,
-    /// The least time by the roofline, milliseconds, mean of the samples.
     pub limit_ms: f64,
-    /// The fraction of the roofline's speed that is reached.
     pub of_limit: f64,
-    /// What limits it; nothing alone limits a whole sample.
+    /// Its limit; nothing alone limits a whole sample.
     pub bound: Option<Bound>,
 }
 
-/// What timestamps cost: steps with them and steps without, in turns.
+/// The cost of timestamps: steps with them and steps without, in turns.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct Overhead {
-    /// Median of the steps without, milliseconds of the host's clock.
+    /// Medians, milliseconds of the host's clock, without timestamps and with.
     pub plain_ms: f64,
-    /// Median of the steps with them.
     pub timed_ms: f64,
     /// Time with over time without.
     pub ratio: Ratio,
 }
 
-/// A profile.
 #[derive(Clone, Debug, Serialize)]
 pub struct Profile {
-    /// What was profiled.
     pub subject: String,
-    /// What a sample is: a step or a view.
+    /// A step or a view.
     pub sample: &'static str,
-    /// Samples.
     pub samples: usize,
-    /// The device.
     pub device: Caps,
-    /// Hash of the kernels, see [`crate::gpu::shaders_hash`].
     pub shaders: String,
-    /// What the device was measured to do.
     pub peaks: Peaks,
-    /// What the samples had to do, on average.
     pub counters: Counters,
     /// The passes, in the order of their first.
     pub lines: Vec<Line>,
-    /// Their sum.
     pub total: Line,
     /// Barriers of a sample, mean of the samples.
     pub barriers: f64,
-    /// What the measuring costs.
     pub overhead: Overhead,
 }
 
@@ -126,12 +105,6 @@ impl Profile {
         }
     }
 
-    /// Pixels that are finished before their list's end, as a fraction of all.
-    pub fn early_stop_rate(&self) -> f64 {
-        self.counters.finished / self.counters.pixels.max(1.0)
-    }
-
-    /// Its lines, those that take most time first.
     pub fn by_time(&self) -> Vec<&Line> {
         let mut lines: Vec<&Line> = self.lines.iter().collect();
         lines.sort_by(|a, b| b.share.total_cmp(&a.share));

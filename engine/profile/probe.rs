@@ -21,7 +21,6 @@ const SHUFFLE_CHAINS: u32 = 4;
 const PARTS: u32 = 8;
 const ROWS: u32 = 4;
 const TERMS: u32 = 8;
-/// What copies and fills write.
 const WORD: u32 = 0x1234_5678;
 /// A run that takes as long, nanoseconds, is long enough to tell a rate.
 const LONG_ENOUGH: f64 = 1e7;
@@ -30,42 +29,26 @@ const RUNS: usize = 10;
 /// Dispatches of which the median counts.
 const DISPATCHES: u32 = 200;
 
-/// A resource of the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Probe {
     /// Bytes of a streaming copy, read and written.
     Copy,
-    /// Bytes of a copy command, read and written.
     Transfer,
-    /// Bytes of a fill command.
     Fill,
-    /// Scattered rows of 64 bytes, each lane its own.
     Gather,
-    /// Flops of multiply-adds, two each.
     Fma,
-    /// Powers of two.
     Exp2,
-    /// Shuffles, one per lane.
     Shuffle,
-    /// Atomic additions to scattered rows.
     Atomic,
 }
 
 impl Probe {
-    /// All of them.
-    pub const ALL: [Probe; 8] = [
-        Probe::Copy,
-        Probe::Transfer,
-        Probe::Fill,
-        Probe::Gather,
-        Probe::Fma,
-        Probe::Exp2,
-        Probe::Shuffle,
-        Probe::Atomic,
-    ];
+    pub const ALL: [Probe; 8] = {
+        use Probe::*;
+        [Copy, Transfer, Fill, Gather, Fma, Exp2, Shuffle, Atomic]
+    };
 
-    /// What it is called.
     pub fn name(self) -> &'static str {
         match self {
             Probe::Copy => "bytes moved by a kernel",
@@ -79,7 +62,6 @@ impl Probe {
         }
     }
 
-    /// What its rate counts per second.
     pub fn unit(self) -> &'static str {
         match self {
             Probe::Copy | Probe::Transfer | Probe::Fill => "B/s",
@@ -90,9 +72,6 @@ impl Probe {
     }
 
     /// One run of size `size`, from 0; each size is twice the one before, up to the probe's largest.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] when its buffers do not fit.
     pub fn prepare(self, gpu: &Gpu, size: u32) -> Result<Prepared> {
         let mut recording = Recording::new();
         recording.section("probe");
@@ -118,7 +97,6 @@ impl Probe {
         Ok((2.0 * bytes, target))
     }
 
-    /// Scattered rows, which are read or added to.
     fn record_scattered(self, gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u32>)> {
         // The rows stay within a cache, as the splats of neighbouring tiles do: scattered, and as fast as can be.
         let (n_rows, n) =
@@ -169,10 +147,6 @@ impl Probe {
         })
     }
 
-    /// Its rate per second.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] when the device has no timestamps; those of [`Probe::prepare`].
     pub fn rate(self, gpu: &Gpu) -> Result<f64> {
         let run = |prepared: &Prepared| -> Result<f64> {
             let times = gpu.run_timed(&prepared.recording)?;
@@ -193,7 +167,6 @@ impl Probe {
     }
 }
 
-/// A copy by a kernel.
 fn record_copy(gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u32>)> {
     // The largest is far beyond a GPU's caches.
     let n = (1u32 << (16 + size.min(if is_cpu(gpu) { 4 } else { 8 }))).min((gpu.caps().max_binding_bytes / 16) as u32);
@@ -203,28 +176,20 @@ fn record_copy(gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u3
     Ok((32.0 * f64::from(n), target.cast()))
 }
 
-/// Keeps a GPU busy before what is timed, so that its clock is that of a long run. A GPU that waits for the host lowers it (an H200
-/// from 1980 to 345 MHz) and takes a while to raise it again. A CPU driver needs none of this.
+/// Keeps a GPU busy before what is timed, so that its clock is that of a long run: one that waits for the host lowers it (an H200
+/// from 1980 to 345 MHz) and takes a while to raise it again.
 pub struct Heat {
     work: Option<Prepared>,
     is_hot: bool,
 }
 
 impl Heat {
-    /// For `gpu`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] when its buffers do not fit.
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let largest = 8;
         let work = if is_cpu(gpu) { None } else { Some(Probe::Fma.prepare(gpu, largest)?) };
         Ok(Heat { work, is_hot: false })
     }
 
-    /// To be called before each of what is timed.
-    ///
-    /// # Errors
-    /// Those of the device.
     pub fn before(&mut self, gpu: &Gpu) -> Result<()> {
         let Some(work) = &self.work else { return Ok(()) };
         let (begun, seconds) = (Instant::now(), HEATED[usize::from(self.is_hot)]);
@@ -240,13 +205,12 @@ fn is_cpu(gpu: &Gpu) -> bool {
     gpu.caps().kind == DeviceKind::Cpu
 }
 
-/// A run of a probe.
 pub struct Prepared {
     /// Its passes; the last is the probe.
     pub recording: Recording,
-    /// What it does, in the unit of [`Probe::unit`] without the time.
+    /// Its work, in the unit of [`Probe::unit`] without the time.
     pub amount: f64,
-    /// What it leaves, as words.
+    /// Its result, as words.
     pub output: Buf<u32>,
 }
 
@@ -258,9 +222,6 @@ pub(super) fn no_timestamps() -> Error {
 }
 
 /// `n` dispatches that each add one to the word that is given back, and wait for one another.
-///
-/// # Errors
-/// As [`Probe::prepare`].
 pub fn dispatches(gpu: &Gpu, n: u32) -> Result<(Recording, Buf<u32>)> {
     let (steps, count) = (&gpu.upload("probe steps", &[1u32])?, gpu.upload("probe count", &[0u32])?);
     let mut rec = Recording::new();
@@ -272,9 +233,6 @@ pub fn dispatches(gpu: &Gpu, n: u32) -> Result<(Recording, Buf<u32>)> {
 }
 
 /// Nanoseconds of a dispatch that does next to nothing: between its timestamps, and in all with its barrier and label.
-///
-/// # Errors
-/// As [`Probe::rate`].
 pub fn dispatch_ns(gpu: &Gpu) -> Result<[f64; 2]> {
     let (rec, _count) = dispatches(gpu, DISPATCHES)?;
     gpu.run(&rec)?;

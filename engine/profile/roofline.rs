@@ -4,24 +4,18 @@ use super::limit::Bound;
 use super::passes::{Line, Profile};
 use crate::report::{Anchor, Axis, Chart, Look, Mark, Note, Panel, Series};
 
-/// Width and height of the picture, and room left of the axes, above, right (where the passes are listed) and below.
+/// Width and height of the picture, and room left of the axes, above, right (for the list of passes) and below.
 const SIZE: [f64; 2] = [980.0, 520.0];
 const MARGIN: [f64; 4] = [64.0, 28.0, 420.0, 48.0];
 /// Passes that are drawn, those that take most time.
 const DRAWN: usize = 24;
 
 impl Profile {
-    /// The roofline, SVG.
     pub fn roofline(&self) -> String {
         self.chart().svg()
     }
 
-    /// The same for a page.
-    pub(super) fn inline_roofline(&self) -> String {
-        self.chart().inline("roofline", &format!("roofline of {}", self.subject))
-    }
-
-    fn chart(&self) -> Chart {
+    pub(super) fn chart(&self) -> Chart {
         let peaks = &self.peaks;
         let drawn: Vec<_> = self
             .by_time()
@@ -52,7 +46,7 @@ impl Profile {
         for (number, (line, at)) in (1..).zip(&drawn) {
             notes.push(note(*at, [0.0, 3.5], Anchor::Middle, Look::Number, number.to_string()));
             let (share, of_limit) = (100.0 * line.share, 100.0 * line.of_limit);
-            let by = line.bound.map_or("", Bound::name);
+            let by = line.bound.map(Bound::name).unwrap_or_default();
             list.push(format!("{number} {}: {share:.1} %, {of_limit:.0} %, {by}", name(&line.label)));
         }
         let panel = Panel {
@@ -71,7 +65,6 @@ impl Profile {
     }
 }
 
-/// A pass without its section.
 fn name(label: &str) -> &str {
     label.rsplit('/').next().unwrap_or_default()
 }

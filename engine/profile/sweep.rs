@@ -17,22 +17,18 @@ use serde::Serialize;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// What a sweep covers.
 #[derive(Clone, Copy, Debug, Serialize)]
 pub struct SweepOptions {
     /// Gaussians that live at a time while something else than they grows.
     pub gaussians: usize,
-    /// Gaussians are never more.
+    /// Of a scene, never more.
     pub most_gaussians: usize,
-    /// Width and height of a picture while something else grows.
     pub size: [u32; 2],
     /// Seconds in all; what would take longer is left out.
     pub seconds: f64,
-    /// Which Gaussians take a step.
     pub adam: AdamMode,
 }
 
-/// What grows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grows {
@@ -40,22 +36,17 @@ pub enum Grows {
     Frames,
     /// Cameras that are trained on, each with its clock and its grid.
     Cameras,
-    /// Pixels of a picture, of the same Gaussians.
     Pixels,
     /// Gaussians, which become smaller, so that they cover the picture as often.
     Gaussians,
 }
 
-/// Something of a certain size, and its times.
 #[derive(Clone, Debug, Serialize)]
 pub struct Point {
     /// Frames, cameras, pixels or Gaussians.
     pub size: f64,
-    /// Gaussians of the scene.
     pub gaussians: usize,
-    /// In a step's view and time.
     pub active: f64,
-    /// Pairs of a Gaussian and a tile in a step.
     pub intersections: f64,
     /// A step, milliseconds of the host's clock: median of blocks of steps.
     pub step_ms: f64,
@@ -63,38 +54,26 @@ pub struct Point {
     pub frame_ms: f64,
 }
 
-/// The same at several sizes.
 #[derive(Clone, Debug, Serialize)]
 pub struct Course {
-    /// What grows.
     pub grows: Grows,
-    /// From the smallest on.
     pub points: Vec<Point>,
-    /// By which power of the size a step grows; none of a single point.
+    /// By which powers of the size a step and a frame grow; none of a single point.
     pub step: Option<Exponent>,
-    /// By which power of the size a frame grows.
     pub frame: Option<Exponent>,
 }
 
-/// What was measured.
 #[derive(Clone, Debug, Serialize)]
 pub struct Sweep {
-    /// The device.
     pub device: Caps,
-    /// Hash of the kernels, see [`crate::gpu::shaders_hash`].
     pub shaders: String,
-    /// What was asked for.
     pub options: SweepOptions,
-    /// What grew.
     pub courses: Vec<Course>,
-    /// What was left out, and why.
     pub left_out: Vec<String>,
-    /// Seconds that it took.
     pub seconds: f64,
 }
 
 impl SweepOptions {
-    /// Points that are measured where the time and the device suffice.
     pub fn points(&self) -> usize {
         Grows::ALL.iter().map(|grows| grows.works(self).len()).sum()
     }
@@ -107,7 +86,6 @@ impl Default for SweepOptions {
     }
 }
 
-/// What is measured at a point.
 #[derive(Clone, Copy)]
 struct Work {
     /// Gaussians that live at a time.
@@ -120,7 +98,6 @@ struct Work {
 /// Frames that a Gaussian of a clip is visible in, and its tau in frames: opacity 0.62 fades to 1 / 255 in 2.25 tau.
 const LIFE: f64 = 4.5;
 const TAU: f64 = 1.0;
-/// Logit of the opacity of all.
 const OPACITY: f32 = 0.5;
 /// How often the Gaussians cover a picture, in squares of their standard deviations.
 const COVER: f64 = 0.5;
@@ -133,10 +110,8 @@ const SHARE: f64 = 0.15;
 const TOTAL: u64 = 30_000;
 
 impl Grows {
-    /// All, in the order in which they are measured.
     pub const ALL: [Grows; 4] = [Grows::Frames, Grows::Cameras, Grows::Pixels, Grows::Gaussians];
 
-    /// What it is called.
     pub fn name(self) -> &'static str {
         match self {
             Grows::Frames => "frames",
@@ -146,26 +121,20 @@ impl Grows {
         }
     }
 
-    /// The works of its course, with their sizes.
     fn works(self, options: &SweepOptions) -> Vec<(f64, Work)> {
         let base = Work { alive: options.gaussians, size: options.size, frames: 1, cameras: 8 };
-        let fours = |first: usize| move |k: u32| first * 4usize.pow(k);
+        let fours = (0..4).map(|k| 4usize.pow(k));
         match self {
-            Grows::Frames => (0..4).map(fours(12)).map(|frames| (frames as f64, Work { frames, ..base })).collect(),
-            Grows::Cameras => (0..4).map(fours(2)).map(|cameras| (cameras as f64, Work { cameras, ..base })).collect(),
-            Grows::Pixels => (0..4)
-                .map(|k| {
-                    let size = base.size.map(|side| (side / 2 * 2u32.pow(k)).max(1));
-                    (f64::from(size[0]) * f64::from(size[1]), Work { size, ..base })
-                })
-                .collect(),
+            Grows::Frames => fours.map(|n| 12 * n).map(|frames| (frames as f64, Work { frames, ..base })).collect(),
+            Grows::Cameras => fours.map(|n| 2 * n).map(|cameras| (cameras as f64, Work { cameras, ..base })).collect(),
+            Grows::Pixels => {
+                let sizes = (0..4).map(|k| base.size.map(|side| (side / 2 * 2u32.pow(k)).max(1)));
+                sizes.map(|size| (f64::from(size[0]) * f64::from(size[1]), Work { size, ..base })).collect()
+            }
             Grows::Gaussians => {
-                let threes = (0u32..8).map(|k| if k % 2 == 0 { 10usize.pow(k / 2) } else { 3 * 10usize.pow(k / 2) });
-                let sizes = threes.map(|times| 5 * base.alive * times);
-                sizes
-                    .filter(|n| *n <= options.most_gaussians)
-                    .map(|alive| (alive as f64, Work { alive, ..base }))
-                    .collect()
+                let threes = (0..4).flat_map(|k| [1, 3].map(|first| first * 10usize.pow(k)));
+                let sizes = threes.map(|times| 5 * base.alive * times).filter(|n| *n <= options.most_gaussians);
+                sizes.map(|alive| (alive as f64, Work { alive, ..base })).collect()
             }
         }
     }
@@ -179,32 +148,26 @@ impl Work {
         }
     }
 
-    fn view(&self, camera: usize, time: f64) -> View {
-        let [width, height] = self.size;
-        let f = f64::from(width);
-        let intrinsics =
-            Intrinsics { width, height, fx: f, fy: f, cx: 0.5 * f64::from(width), cy: 0.5 * f64::from(height) };
+    /// Step or frame `k`'s camera and view: times in the middle of the clip, where as many live at each.
+    fn view_of(&self, k: usize) -> (usize, View) {
+        let ([width, height], camera) = (self.size, k % self.cameras);
+        let (first, n) = (self.frames / 4, (self.frames / 2).max(1));
+        let frame = first + 7 * k % n;
+        let [f, h] = self.size.map(f64::from);
         // Cameras a little apart, so that all see the same.
         let aside = 0.05 * (camera as f64 / self.cameras as f64 - 0.5);
-        let pose = Pose { translation: [aside, 0.0, 0.0].into(), ..Pose::default() };
-        View {
+        let view = View {
             name: format!("camera {camera}"),
-            intrinsics,
-            pose,
-            time,
+            intrinsics: Intrinsics { width, height, fx: f, fy: f, cx: 0.5 * f, cy: 0.5 * h },
+            pose: Pose { translation: [aside, 0.0, 0.0].into(), ..Pose::default() },
+            time: frame as f64 / self.frames as f64,
             time_offset: 0.0,
             flow_dt: 1.0 / self.frames as f64,
             background: [0.0; 3],
             flow_model: FlowModel::Velocity,
             next_pose: None,
-        }
-    }
-
-    /// Step or frame `k`'s camera and view: times in the middle of the clip, where as many live at each.
-    fn view_of(&self, k: usize) -> (usize, View) {
-        let (first, n) = (self.frames / 4, (self.frames / 2).max(1));
-        let frame = first + 7 * k % n;
-        (k % self.cameras, self.view(k % self.cameras, frame as f64 / self.frames as f64))
+        };
+        (camera, view)
     }
 
     /// Gaussians in the view of all cameras; those of a clip in order of time, as they are laid down frame by frame.
@@ -235,10 +198,7 @@ impl Work {
 }
 
 impl Sweep {
-    /// Measures on `gpu`; `begins` is called before each point.
-    ///
-    /// # Errors
-    /// [`Error::DeviceLost`] and other faults of the device. What does not fit it is left out.
+    /// `begins` is called before each point. What does not fit the device is left out.
     pub fn measure(gpu: &Arc<Gpu>, options: &SweepOptions, begins: &mut dyn FnMut()) -> Result<Self> {
         let begun = Instant::now();
         let mut left_out = Vec::new();
@@ -269,32 +229,27 @@ impl Course {
         // Seconds that the last two points took.
         let mut took = [0.0f64; 2];
         for (size, work) in grows.works(options) {
-            let name = format!("{size} {}", grows.name());
-            let growth = if took[0] > 0.0 { (took[1] / took[0]).max(1.0) } else { 1.0 };
+            let expected = took[1] * if took[0] > 0.0 { (took[1] / took[0]).max(1.0) } else { 1.0 };
             let rest = seconds - begun.elapsed().as_secs_f64();
-            if work.gaussians() > options.most_gaussians {
-                left_out.push(format!("{name}: {} Gaussians are more than asked for", work.gaussians()));
-                break;
-            }
-            if took[1] * growth > rest {
-                left_out.push(format!(
-                    "{name}: would take some {:.0} s, and {:.0} are left",
-                    took[1] * growth,
-                    rest.max(0.0)
-                ));
-                break;
-            }
-            begins();
-            let began = Instant::now();
-            match work.measure(gpu, options, size, Duration::from_secs_f64((SHARE * seconds).max(0.0))) {
-                Ok(point) => points.push(point),
-                Err(error @ Error::OutOfMemory { .. }) => {
-                    left_out.push(format!("{name}: {error}"));
-                    break;
+            let fault = if work.gaussians() > options.most_gaussians {
+                format!("{} Gaussians are more than asked for", work.gaussians())
+            } else if expected > rest {
+                format!("would take some {expected:.0} s, and {:.0} are left", rest.max(0.0))
+            } else {
+                begins();
+                let began = Instant::now();
+                match work.measure(gpu, options, size, Duration::from_secs_f64((SHARE * seconds).max(0.0))) {
+                    Ok(point) => {
+                        points.push(point);
+                        took = [took[1], began.elapsed().as_secs_f64()];
+                        continue;
+                    }
+                    Err(error @ Error::OutOfMemory { .. }) => error.to_string(),
+                    Err(error) => return Err(error),
                 }
-                Err(error) => return Err(error),
-            }
-            took = [took[1], began.elapsed().as_secs_f64()];
+            };
+            left_out.push(format!("{size} {}: {fault}", grows.name()));
+            break;
         }
         let fit = |ms: fn(&Point) -> f64| Exponent::of(points.iter().map(|point| [point.size, ms(point)]));
         Ok(Course { grows, step: fit(|point| point.step_ms), frame: fit(|point| point.frame_ms), points })
@@ -372,7 +327,6 @@ fn sampled(time: Duration, mut what: impl FnMut() -> Result<()>) -> Result<f64> 
     Ok(median(&ms))
 }
 
-/// A picture of noise.
 fn noise([width, height]: [u32; 2]) -> Picture {
     let mut random = Random::new(1);
     let pixels = (0..width * height).map(|_| random.bits() as u32 | 0xff00_0000).collect();

@@ -11,7 +11,6 @@ const SIZE: [f64; 2] = [460.0, 320.0];
 const MARGIN: [f64; 4] = [64.0, 36.0, 24.0, 48.0];
 
 impl Grows {
-    /// What grew, and what did not.
     fn told(self) -> &'static str {
         match self {
             Grows::Frames => "The length of the clip; at each time as many Gaussians live",
@@ -51,7 +50,6 @@ impl Course {
         Table::new(&heads, self.points.iter().map(row)).with_text(0)
     }
 
-    /// Both exponents in words.
     fn exponents(&self) -> String {
         let told = |exponent: &Option<Exponent>| exponent.map_or("unknown".to_owned(), |it| it.to_string());
         format!("step {}, frame {}", told(&self.step), told(&self.frame))
@@ -81,7 +79,6 @@ impl Course {
 }
 
 impl Sweep {
-    /// The tables.
     pub fn markdown(&self) -> String {
         let Sweep { device, shaders, options, seconds, .. } = self;
         let adam = format!("{:?}", options.adam).to_lowercase();
@@ -100,7 +97,6 @@ impl Sweep {
         text
     }
 
-    /// What the terminal shows.
     pub fn terminal(&self) -> String {
         let course = |course: &Course| {
             format!("{}\n{}exponents: {}\n", course.grows.told(), course.table().plain(), course.exponents())
@@ -109,7 +105,6 @@ impl Sweep {
         self.courses.iter().map(course).chain(left_out).collect()
     }
 
-    /// A plot for each of what grows, SVG.
     pub fn svg(&self) -> String {
         let drawn: Vec<Panel> =
             self.courses.iter().filter(|course| !course.points.is_empty()).map(Course::panel).collect();

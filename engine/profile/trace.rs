@@ -3,17 +3,13 @@
 use crate::gpu::PassTime;
 use serde_json::{Value, json};
 
-/// Something that the host did.
 #[derive(Clone, Debug)]
 pub struct Moment {
-    /// What.
     pub name: String,
-    /// When it began, seconds since the trace began.
+    /// Seconds since the trace began.
     pub begin: f64,
-    /// How long it took, seconds.
     pub seconds: f64,
-    /// The passes that the device ran meanwhile, if it was waited for. Their clock is the device's: the one that
-    /// ends last is taken to end with the waiting.
+    /// Passes of the device meanwhile, if it was waited for, by its own clock: the one that ends last is taken to end with the waiting.
     pub passes: Vec<PassTime>,
 }
 

@@ -77,7 +77,7 @@ impl Args {
 
     fn work(&self) -> anyhow::Result<Work> {
         if let Some(profile) = &self.work {
-            let counters = Recorded::read(profile)?.counters().clone();
+            let counters = Recorded::read(profile)?.counters;
             let most = |side: u32| f64::from(side) * f64::from(side);
             let is_within = (1.0..=f64::from(MOST_GAUSSIANS)).contains(&counters.gaussians)
                 && (0.0..=f64::from(MOST_PAIRS)).contains(&counters.intersections)
