@@ -12,7 +12,6 @@ const EPS: f64 = 1e-15;
 /// A parameter with Adam's moments.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Adam<R> {
-    /// The parameter.
     pub parameter: R,
     /// Mean of the gradients.
     pub first: R,

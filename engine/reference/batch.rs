@@ -19,7 +19,6 @@ pub fn batch_pulls(pulls: &[f32]) -> i64 {
     counted.map(|pull| (1i64 << 52) + (f64::from(*pull).min(32.0) * PULL_SCALE).round() as i64).sum()
 }
 
-/// The value of a sum of gradients.
 pub fn batch_gradient(sum: i64) -> f64 {
     sum as f64 / SCALE
 }

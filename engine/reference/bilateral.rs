@@ -13,7 +13,6 @@ type Map<R> = [[R; 4]; 3];
 /// A camera's grid: 16 x 16 x 8 affine maps of colours, over the picture and the luma; x runs fastest, then y.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BilateralGrid<R> {
-    /// The maps.
     pub cells: Vec<Map<R>>,
 }
 

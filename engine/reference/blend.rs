@@ -17,9 +17,7 @@ const BAND: f64 = 1e-5;
 /// A rendered view, row-major, top first. None of the sums is normalised by alpha.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Outputs<R> {
-    /// Pixels.
     pub width: u32,
-    /// Pixels.
     pub height: u32,
     /// Blended colour with the background, `[H][W][3]`.
     pub color: Vec<[R; 3]>,
@@ -37,7 +35,7 @@ pub struct Outputs<R> {
     pub near_discontinuity: Vec<bool>,
 }
 
-/// The outputs of one pixel.
+#[derive(Default)]
 pub(super) struct Pixel<R> {
     pub(super) color: [R; 3],
     pub(super) transmittance: R,
@@ -65,9 +63,8 @@ pub fn render<R: Real>(params: &Params<R>, view: &View, rules: &Rules<R>) -> Out
     let splats = visible_sorted(params, &camera, rules);
     let boxes: Vec<[f64; 4]> = splats.iter().map(bounds).collect();
 
-    let n_pixels = view.intrinsics.width as usize * view.intrinsics.height as usize;
-    let mut outputs =
-        Outputs { width: view.intrinsics.width, height: view.intrinsics.height, ..Outputs::with_capacity(n_pixels) };
+    let (width, height) = (view.intrinsics.width, view.intrinsics.height);
+    let mut outputs = Outputs { width, height, ..Outputs::default() };
     for row in 0..view.intrinsics.height {
         let y = f64::from(row) + 0.5;
         let in_row: Vec<usize> = (0..splats.len()).filter(|&k| boxes[k][2] <= y && y <= boxes[k][3]).collect();
@@ -110,16 +107,7 @@ pub(super) fn blend<'a, R: Real + 'a>(
     rules: &Rules<R>,
 ) -> Pixel<R> {
     let at = centre.map(R::from_f64);
-    let zero = R::zero();
-    let mut pixel = Pixel {
-        color: [zero; 3],
-        transmittance: R::one(),
-        depth: zero,
-        inverse_depth: zero,
-        flow: [zero; 2],
-        n_contributing: 0,
-        near_discontinuity: false,
-    };
+    let mut pixel = Pixel { transmittance: R::one(), ..Pixel::default() };
     let mut z_before = f64::NEG_INFINITY;
     let mut t_error = BAND;
     for splat in candidates {
@@ -178,21 +166,6 @@ fn close<R: Real>(value: R, threshold: R, width: f64) -> bool {
 }
 
 impl<R: Real> Outputs<R> {
-    /// No pixels yet, room for `n`.
-    fn with_capacity(n: usize) -> Self {
-        Outputs {
-            width: 0,
-            height: 0,
-            color: Vec::with_capacity(n),
-            alpha: Vec::with_capacity(n),
-            depth: Vec::with_capacity(n),
-            inverse_depth: Vec::with_capacity(n),
-            flow: Vec::with_capacity(n),
-            n_contributing: Vec::with_capacity(n),
-            near_discontinuity: Vec::with_capacity(n),
-        }
-    }
-
     /// Appends a pixel over `background`.
     fn push(&mut self, pixel: Pixel<R>, background: [R; 3]) {
         self.color.push(std::array::from_fn(|k| pixel.color[k] + pixel.transmittance * background[k]));

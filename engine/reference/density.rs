@@ -23,14 +23,12 @@ pub enum Kind {
 pub struct Descendant {
     /// Whom it comes from: index in the scene before the round.
     pub from: usize,
-    /// Its fate.
     pub kind: Kind,
 }
 
 /// A scene after the round, as descendants of that before.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Descent {
-    /// The Gaussians in their order.
     pub descendants: Vec<Descendant>,
     /// How many copies were drawn of each Gaussian before the round.
     pub copies: Vec<u32>,
@@ -45,27 +43,20 @@ pub struct Density<'a> {
     pub splats: &'a Splats,
     /// The index of each on the device, and the length of that index.
     pub flat: &'a [u32],
-    /// See [`Density::flat`].
     pub n_flat: u32,
-    /// Frames of the clip.
     pub n_frames: u32,
-    /// Middle of the captured space.
     pub center: [f32; 3],
-    /// Its size.
     pub extent: f32,
     /// Opacity below which a Gaussian is removed or counts as dead.
     pub prune_opacity: f32,
     /// Standard deviation above which it is.
     pub prune_scale: f32,
-    /// The cones that cameras see.
     pub lenses: &'a [Cone],
     /// Standard deviation towards a lens that sees it, as a part of its depth before that, above which a Gaussian is removed.
     pub prune_veil: f32,
-    /// Gaussians never exceed this.
     pub max_gaussians: usize,
     /// Fraction of the Gaussians that a round adds at most.
     pub growth: f32,
-    /// Key of the random numbers.
     pub key: u32,
 }
 

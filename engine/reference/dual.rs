@@ -15,7 +15,6 @@ pub struct Dual {
 }
 
 impl Dual {
-    /// A number with a derivative.
     pub fn new(value: f64, tangent: f64) -> Self {
         Dual { value, tangent }
     }

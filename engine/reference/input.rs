@@ -8,15 +8,10 @@ use crate::settings::Constants;
 /// The rendering constants of SPEC 3 (see [`Constants`] for their meaning) as numbers of kind `R`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rules<R> {
-    /// Least alpha that contributes.
     pub alpha_min: R,
-    /// Alpha is clamped to this.
     pub alpha_max: R,
-    /// Least transmittance that a Gaussian may leave.
     pub t_min: R,
-    /// Variance added to the projected covariance's diagonal, square pixels.
     pub blur: R,
-    /// Camera depth that a centre must exceed, scene units.
     pub near: R,
 }
 
@@ -43,11 +38,9 @@ pub struct Camera<R> {
     pub translation: [R; 3],
     /// Camera centre in the world, scene units; computed in double precision and narrowed once.
     pub centre: [R; 3],
-    /// Focal lengths in x and y, pixels.
+    /// Pixels, as are `principal` and `size`.
     pub focal: [R; 2],
-    /// Principal point, pixels.
     pub principal: [R; 2],
-    /// Width and height, pixels.
     pub size: [R; 2],
     /// Normalised time, without the camera's offset.
     pub time: R,
@@ -58,7 +51,6 @@ pub struct Camera<R> {
 }
 
 impl<R: Real> Camera<R> {
-    /// Narrows `view` to numbers of kind `R`.
     pub fn new(view: &View) -> Self {
         let m = &view.pose.rows();
         let centre: [f64; 3] = std::array::from_fn(|k| -(m[0][k] * m[0][3] + m[1][k] * m[1][3] + m[2][k] * m[2][3]));
@@ -94,29 +86,21 @@ impl<R: Real> Camera<R> {
     }
 }
 
-/// The temporal parameters of a dynamic Gaussian (SPEC 2).
+/// The temporal parameters of a dynamic Gaussian (SPEC 2), as in `scene::Motion`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Temporal<R> {
-    /// Scene units per unit of normalised time.
     pub velocity: [R; 3],
-    /// Normalised time of peak visibility.
     pub t_center: R,
-    /// Log of tau, tau in normalised time.
     pub t_scale: R,
 }
 
-/// One Gaussian's raw parameters (SPEC 2).
+/// One Gaussian's raw parameters (SPEC 2), as in [`Splats`].
 #[derive(Clone, Copy, Debug)]
 pub struct Gaussian<'a, R> {
-    /// Centre at the temporal centre, world, scene units.
     pub position: [R; 3],
-    /// Quaternion (w, x, y, z) of any length.
     pub rotation: [R; 4],
-    /// Logs of the standard deviations, scene units.
     pub scale: [R; 3],
-    /// Logit of the base opacity.
     pub opacity: R,
-    /// Spherical harmonics, `[coefficient][RGB]`.
     pub sh: &'a [[R; 3]],
     /// `None` for a static Gaussian.
     pub motion: Option<Temporal<R>>,
@@ -153,30 +137,21 @@ impl<R: Real> Gaussian<'_, R> {
 /// background. Laid out as [`Splats`]: static Gaussians first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Params<R> {
-    /// Gaussians `0..n_static` are static.
     pub n_static: usize,
     /// Coefficients per Gaussian and channel: 1, 4, 9 or 16.
     pub n_coefficients: usize,
-    /// As [`Splats::position`].
     pub position: Vec<[R; 3]>,
-    /// As [`Splats::rotation`].
     pub rotation: Vec<[R; 4]>,
-    /// As [`Splats::scale`].
     pub scale: Vec<[R; 3]>,
-    /// As [`Splats::opacity`].
     pub opacity: Vec<R>,
-    /// As [`Splats::sh`].
     pub sh: Vec<[R; 3]>,
-    /// As [`Splats::motion`].
     pub motion: Vec<Temporal<R>>,
     /// The camera's time offset, frames.
     pub time_offset: R,
-    /// Colour behind the scene.
     pub background: [R; 3],
 }
 
 impl<R: Real> Params<R> {
-    /// The parameters of `splats` seen by `view`.
     pub fn new(splats: &Splats, view: &View) -> Self {
         let c = |x: f32| R::from_f64(f64::from(x));
         Params {
@@ -197,12 +172,10 @@ impl<R: Real> Params<R> {
         }
     }
 
-    /// Number of Gaussians.
     pub fn len(&self) -> usize {
         self.position.len()
     }
 
-    /// True if there is no Gaussian at all.
     pub fn is_empty(&self) -> bool {
         self.position.is_empty()
     }

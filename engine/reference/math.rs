@@ -2,7 +2,6 @@
 
 use super::real::Real;
 
-/// Dot product.
 pub fn dot<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> R {
     let mut sum = a[0] * b[0];
     for k in 1..N {
@@ -11,27 +10,22 @@ pub fn dot<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> R {
     sum
 }
 
-/// `a + b`.
 pub fn add<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     std::array::from_fn(|k| a[k] + b[k])
 }
 
-/// `a - b`.
 pub(crate) fn sub<R: Real, const N: usize>(a: [R; N], b: [R; N]) -> [R; N] {
     std::array::from_fn(|k| a[k] - b[k])
 }
 
-/// `a` times the number `s`.
 pub fn scaled<R: Real, const N: usize>(a: [R; N], s: R) -> [R; N] {
     a.map(|x| x * s)
 }
 
-/// Largest magnitude in `a`.
 pub fn max_abs<R: Real, const N: usize>(a: [R; N]) -> R {
     a.into_iter().fold(R::zero(), |m, x| x.abs().max(m))
 }
 
-/// Rows times column.
 pub fn apply<R: Real, const N: usize, const M: usize>(rows: [[R; N]; M], v: [R; N]) -> [R; M] {
     rows.map(|row| dot(row, v))
 }

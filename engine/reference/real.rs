@@ -20,11 +20,8 @@ pub trait Real:
     fn from_f64(value: f64) -> Self;
     /// The value, without a derivative.
     fn to_f64(self) -> f64;
-    /// e to the power of `self`.
     fn exp(self) -> Self;
-    /// Natural logarithm.
     fn ln(self) -> Self;
-    /// Square root.
     fn sqrt(self) -> Self;
 
     /// The greater value; `self` when they are equal or either is not a number, so that a clamp keeps its argument's NaN.
@@ -37,7 +34,6 @@ pub trait Real:
         if self > other { other } else { self }
     }
 
-    /// The magnitude.
     fn abs(self) -> Self {
         if self.to_f64() < 0.0 { -self } else { self }
     }
@@ -47,12 +43,10 @@ pub trait Real:
         self.to_f64().is_finite()
     }
 
-    /// 0.
     fn zero() -> Self {
         Self::from_f64(0.0)
     }
 
-    /// 1.
     fn one() -> Self {
         Self::from_f64(1.0)
     }

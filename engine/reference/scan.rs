@@ -1,6 +1,5 @@
 //! Exclusive prefix sum with saturation: the exact reference of the scan kernels.
 
-/// The result of [`exclusive_scan`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Scan {
     /// `offsets[i]` is the sum of the counts before `i`, or `u32::MAX` when that does not fit.
