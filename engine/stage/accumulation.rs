@@ -40,11 +40,9 @@ impl Accumulation {
     }
 }
 
-/// How a device adds gradients up.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Sums {
-    /// A slot per intersection.
     Slots,
     /// Fixed point in 64 bits, in two atomic additions of 32 bits, the second with the carry of the first.
     Fixed32,
@@ -53,13 +51,8 @@ pub enum Sums {
 }
 
 impl Sums {
-    /// All of them, in the order of the kernels.
     pub const ALL: [Sums; 3] = [Sums::Slots, Sums::Fixed32, Sums::Fixed64];
 
-    /// True if a device with `caps` can.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`] with the remedy.
     pub fn check(self, caps: &Caps) -> Result<()> {
         if self != Sums::Fixed64 || caps.int64_atomics {
             return Ok(());
@@ -70,28 +63,20 @@ impl Sums {
         })
     }
 
-    /// True if they are words of fixed point.
     pub(super) fn is_fixed(self) -> bool {
-        matches!(self, Sums::Fixed32 | Sums::Fixed64)
+        self != Sums::Slots
     }
 
-    /// Bytes of an active Gaussian's sums, in the longest of their bindings. Slots are of intersections.
+    /// Bytes of an active Gaussian's sums in their longest binding. Slots are of intersections.
     pub(super) fn bytes(self) -> u64 {
-        match self {
-            Sums::Slots => 0,
-            Sums::Fixed32 | Sums::Fixed64 => 4 * u64::from(FIXED_WORDS),
-        }
+        if self.is_fixed() { 4 * u64::from(FIXED_WORDS) } else { 0 }
     }
 
     /// Entries of a list that one round of the backward kernel walks.
     pub(super) fn segment(self) -> u32 {
-        match self {
-            Sums::Slots => SEGMENT,
-            Sums::Fixed32 | Sums::Fixed64 => SUM_SEGMENT,
-        }
+        if self.is_fixed() { SUM_SEGMENT } else { SEGMENT }
     }
 
-    /// The kernel of the blend's adjoint that adds up this way.
     pub(super) fn kernel(self, outputs: Outputs, pixels_per_lane: u32) -> &'static KernelInfo {
         generated::blend_bwd(self as usize, outputs == Outputs::Color, pixels_per_lane == 8)
     }

@@ -1,26 +1,22 @@
-//! Adam on the device: moments, rates and the passes beside the projection's adjoint, which takes the steps of what the
-//! frame saw.
+//! Adam on the device, beside the projection's adjoint, which takes the steps of what the frame saw.
 
-use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
-use super::moments::Moments;
-use super::scene::SceneBuffers;
-use super::zeros::APART;
+use super::cull::{ARGS_FIRST_GROUP, indirect};
+use super::workspace::APART;
+use super::{Cull, Moments, SceneBuffers};
 use crate::error::Result;
 use crate::gpu::generated::{self, AdamParams, Status, ViewParams, adam_catch_up, adam_idle};
-use crate::gpu::{Buf, Gpu, Grid, Recording};
+use crate::gpu::{Buf, Gpu, Grid, PlaneSlices, Recording};
 
-/// Exponential decay of the first moment (SPEC 6).
+// SPEC 6; EPS keeps a step finite where no gradient has been.
 pub const BETA1: f64 = 0.9;
-/// Exponential decay of the second moment (SPEC 6).
 pub const BETA2: f64 = 0.999;
-/// Keeps a step finite where no gradient has been (SPEC 6).
 pub(super) const EPS: f32 = 1e-15;
 
 /// Which Gaussians take a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum AdamMode {
-    /// All of them: those that were not seen go on along what is left of their first moment. The reference.
+    /// All of them: those that were not seen go on along what is left of their first moment.
     #[default]
     Dense,
     /// Those in view; before that they catch up with the steps that they missed. As dense, but for the rounding and for
@@ -28,32 +24,24 @@ pub enum AdamMode {
     Lazy,
 }
 
-/// The learning rates of a step, and the size of Gaussians that the one of positions is for.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Rates {
-    /// Scene units, of a Gaussian of `reference_size`.
+    /// Scene units.
     pub position: f64,
-    /// Longest standard deviation of a Gaussian whose position has the rate `position`, scene units. Positions of others have theirs in
-    /// proportion, from a quarter to sixteen times. 0: all have the same.
+    /// Longest standard deviation, scene units, of a Gaussian whose position has the rate `position`; that of others is in proportion,
+    /// from a quarter to sixteen times. 0: all have the same.
     pub reference_size: f64,
-    /// Of the logits.
     pub opacity: f64,
-    /// Of the quaternions.
     pub rotation: f64,
-    /// Of the log-scales.
     pub scale: f64,
-    /// Of log tau.
     pub t_scale: f64,
-    /// Scene units per unit of time.
     pub velocity: f64,
-    /// Normalised time.
     pub t_center: f64,
     /// Of SH bands 0 to 3; 0 for a band that is not active yet.
     pub sh: [f64; 4],
 }
 
 impl Rates {
-    /// In the order that the fields of [`AdamParams`] name.
     fn rows(&self) -> [[f64; 4]; 3] {
         let Rates { position, opacity, rotation, scale, t_scale, velocity, t_center, sh, .. } = *self;
         let [sh0, sh1, sh2, sh3] = sh;
@@ -61,7 +49,6 @@ impl Rates {
     }
 }
 
-/// The parts of a step beside its rates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct StepSettings {
     /// Images that a step sees: the moments decay as in so many steps on one each.
@@ -85,7 +72,7 @@ pub(super) fn correction(beta: f64, step: u64) -> f64 {
     1.0 - f64::from(beta as f32).powf(step as f64)
 }
 
-/// The numbers of step `step` (from 1) for `n` Gaussians.
+/// Step `step` (from 1) for `n` Gaussians.
 pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) -> AdamParams {
     let [beta1, beta2] = [BETA1, BETA2].map(|beta| f64::from(beta as f32).powi(settings.images as i32));
     let factor = 1.0 / correction(beta1, step);
@@ -109,7 +96,6 @@ pub fn adam_params(rates: &Rates, settings: &StepSettings, step: u64, n: u32) ->
     }
 }
 
-/// Bytes of a step of [`lazy_sums`].
 pub const LAZY_BYTES: u64 = 3 * size_of::<[f32; 4]>() as u64;
 
 /// For every step s from 0 to `total` the endless sum over j of lr sqrt(c2) / c1 (b1 / sqrt(b2))^j of step s + j, by kind of
@@ -138,43 +124,25 @@ pub fn lazy_sums(rates: impl Fn(u64) -> Rates, total: u64) -> Vec<[f32; 4]> {
 /// State of every Gaussian of a group, see `Optimiser::state`.
 pub type State = Buf<[f32; 4]>;
 
-/// Moments and state of every Gaussian, and the numbers of the step at hand.
 pub struct Optimiser {
-    /// Means of the gradients and of their squares.
     pub moments: Moments,
-    /// Per Gaussian, by group: sum of the norms of the projected centre's gradient, in half pictures; frames it was seen
-    /// in; what rounding has lost of t_center; step of the last update.
-    pub state: Vec<Buf<[f32; 4]>>,
-    /// The host's inputs of the step at hand: its view, and from word [`Optimiser::PARAMS_AT`] on the parameters.
+    /// By group: sum of the norms of the projected centre's gradient, in half pictures; frames it was seen in; what rounding has lost
+    /// of t_center; step of the last update.
+    pub state: Vec<State>,
+    /// The inputs of the step at hand: `view`, and from word [`Optimiser::PARAMS_AT`] on `params`.
     pub inputs: Buf<u32>,
-    /// The view of the step at hand, in `inputs`.
     pub view: Buf<ViewParams>,
-    /// The step at hand, in `inputs`.
     pub params: Buf<AdamParams>,
     /// Gaussians whose gradient was not finite and moved nothing, since the start.
     pub n_bad: Buf<u32>,
-    /// Which Gaussians take a step.
     pub mode: AdamMode,
-    // See `lazy_sums`; for `AdamMode::Lazy` only.
     sums: Buf<[f32; 4]>,
 }
 
 impl Optimiser {
-    /// Word of its inputs that the parameters begin at.
     pub const PARAMS_AT: usize = (size_of::<ViewParams>() / 4).next_multiple_of(APART);
-
-    /// An optimiser of `scene` that continues from `moments` and `state`; `sums` is [`lazy_sums`] of the run, for
-    /// [`AdamMode::Lazy`] only.
-    ///
-    /// # Errors
-    /// `OutOfMemory` naming the buffer that does not fit.
-    pub fn new(
-        gpu: &Gpu,
-        moments: Moments,
-        state: Vec<Buf<[f32; 4]>>,
-        mode: AdamMode,
-        sums: &[[f32; 4]],
-    ) -> Result<Self> {
+    /// `sums` is [`lazy_sums`] of the run, for [`AdamMode::Lazy`] only.
+    pub fn new(gpu: &Gpu, moments: Moments, state: Vec<State>, mode: AdamMode, sums: &[[f32; 4]]) -> Result<Self> {
         let n_params = size_of::<AdamParams>() / 4;
         let inputs = gpu.alloc("inputs of a step", Self::PARAMS_AT + n_params)?;
         Ok(Optimiser {
@@ -189,84 +157,68 @@ impl Optimiser {
         })
     }
 
+    /// The moments and the state of a group, as kernels take them.
+    pub(super) fn of_group(&self, index: usize) -> (PlaneSlices, &State) {
+        (self.moments.groups[index].slices(), &self.state[index])
+    }
+
     /// Appends the steps of the Gaussians that the frame did not see, for [`AdamMode::Dense`]; goes after the backward pass.
-    pub fn record_idle(&self, rec: &mut Recording, scene: &SceneBuffers, cull: &Cull, status: &Buf<Status>) {
+    pub fn record_idle(&self, rec: &mut Recording, scene: &SceneBuffers, cull: &Cull, frame_status: &Buf<Status>) {
         if self.mode != AdamMode::Dense {
             return;
         }
-        let kernel = generated::adam_idle(self.moments.bits == 16);
+        let (adam, Cull { ranges, idle_id, .. }) = (&self.params, cull);
         rec.section("adam");
         for (index, group) in scene.trained() {
             rec.group(Some(index));
-            let params = &group.params;
-            let args = adam_idle::Args {
-                frame_status: status,
-                adam: &self.params,
-                ranges: &cull.ranges,
-                idle_id: &cull.idle_id,
-                params: params.slices(),
-                moments: self.moments.groups[index].slices(),
-                state: &self.state[index],
-            };
-            let push = adam_idle::Push {
-                group: index as u32,
-                n: group.n,
-                first: group.first,
-                is_dynamic: u32::from(params.motion.is_some()),
-                degree: group.degree() as u32,
-            };
-            rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + scene.groups.len() + index));
-            rec.scale(params.plane_counts().sum::<usize>() as f64);
+            let (params, (moments, state)) = (group.params.slices(), self.of_group(index));
+            let args = adam_idle::Args { frame_status, adam, ranges, idle_id, params, moments, state };
+            let (n, first, (is_dynamic, degree)) = (group.n, group.first, group.kind());
+            let push = adam_idle::Push { group: index as u32, n, first, is_dynamic, degree };
+            let grid = indirect(&cull.args, ARGS_FIRST_GROUP + scene.groups.len() + index);
+            rec.pass_variant(generated::adam_idle(self.moments.bits == 16), args, push, grid);
+            rec.scale(group.n_planes());
         }
         rec.group(None);
     }
 
-    /// Appends the steps that Gaussians missed up to step `until`, for [`AdamMode::Lazy`]: those that `cull` found in view, where it goes
-    /// between culling and projection, or without it all.
+    /// Appends the steps that Gaussians missed up to step `until`, for [`AdamMode::Lazy`]: of those that `cull` found in view, between
+    /// culling and projection, or of all.
     pub fn record_catch_up(
         &self,
         rec: &mut Recording,
         scene: &SceneBuffers,
         cull: Option<&Cull>,
-        status: &Buf<Status>,
+        frame_status: &Buf<Status>,
         until: u64,
     ) {
         if self.mode != AdamMode::Lazy {
             return;
         }
-        let kernel = generated::adam_catch_up(self.moments.bits == 16);
         // Without a list the kernel reads neither it nor the ranges.
         let no_ranges = self.n_bad.cast();
         let (ranges, active_id) = cull.map_or((&no_ranges, &self.n_bad), |cull| (&cull.ranges, &cull.active_id));
         rec.section("adam");
         for (index, group) in scene.trained() {
             rec.group(Some(index));
-            let of_view = |cull: &Cull| indirect(&cull.args, ARGS_FIRST_GROUP + index);
-            let grid = cull.map_or(Grid::Threads(group.n), of_view);
-            let params = &group.params;
-            let args = adam_catch_up::Args {
-                frame_status: status,
-                adam: &self.params,
-                ranges,
-                active_id,
-                sums: &self.sums,
-                params: params.slices(),
-                moments: self.moments.groups[index].slices(),
-                state: &self.state[index],
-            };
+            let grid = cull.map_or(Grid::Threads(group.n), |cull| indirect(&cull.args, ARGS_FIRST_GROUP + index));
+            let (params, (moments, state)) = (group.params.slices(), self.of_group(index));
+            let (adam, sums) = (&self.params, &self.sums);
+            let args = adam_catch_up::Args { frame_status, adam, ranges, active_id, sums, params, moments, state };
+            let (is_dynamic, degree) = group.kind();
             let push = adam_catch_up::Push {
                 group: index as u32,
                 first: group.first,
                 n: group.n,
                 all: u32::from(cull.is_none()),
-                is_dynamic: u32::from(params.motion.is_some()),
-                degree: group.degree() as u32,
+                is_dynamic,
+                degree,
                 until: until as u32,
                 log2_beta1: f64::from(BETA1 as f32).log2() as f32,
                 log2_beta2: f64::from(BETA2 as f32).log2() as f32,
             };
-            rec.pass_variant(kernel, args, push, grid);
-            rec.scale(params.plane_counts().sum::<usize>() as f64);
+            rec.pass_variant(generated::adam_catch_up(self.moments.bits == 16), args, push, grid);
+            rec.scale(group.n_planes());
         }
         rec.group(None);
     }

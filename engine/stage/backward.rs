@@ -1,19 +1,13 @@
-//! From cotangents of a picture to gradients of the parameters: the blend's adjoint, then the projection's, which either
-//! writes gradients or moves the parameters at once.
+//! From cotangents of a picture to gradients of the parameters or to a step: the blend's adjoint, then the projection's.
 
-use super::accumulation::{SLOT_PAIRS, Sums};
-use super::adam::Optimiser;
-use super::batch::Batch;
-use super::blend::{Blend, SEGMENT, coprime_stride};
+use super::accumulation::SLOT_PAIRS;
+use super::blend::{SEGMENT, coprime_stride};
 use super::chunks::Chunks;
-use super::cull::{ARGS_FIRST_GROUP, Cull, indirect};
-use super::params::{Outputs, Purpose};
-use super::planes::Planes;
-use super::project::Eye;
-use super::room::{Room, Size};
-use super::scene::{Group, SceneBuffers};
-use super::tiles::{Lists, Tiles};
-use super::zeros::Zeros;
+use super::cull::{ARGS_FIRST_GROUP, indirect};
+use super::{
+    Batch, Blend, Cull, Eye, Group, Lists, Optimiser, Outputs, Planes, Projected, Purpose, Room, SceneBuffers, Size,
+    Sums, Tiles, Zeros,
+};
 use crate::error::Result;
 use crate::gpu::generated::constants::types::{CAMERA_ALONE, CAMERA_WITH_NEXT};
 use crate::gpu::generated::{
@@ -22,12 +16,9 @@ use crate::gpu::generated::{
 };
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// Words per active Gaussian in fixed point.
 const FIXED_WORDS: usize = constants::fixed::FIXED_WORDS as usize;
-/// Workgroups that add up the camera's gradient.
 const CAMERA_GROUPS: u32 = 64;
 
-/// Buffers of the backward pass.
 pub struct Backward {
     /// Cotangents of colour and alpha, per pixel.
     pub d_image0: Buf<[f32; 4]>,
@@ -35,7 +26,7 @@ pub struct Backward {
     pub d_image1: Option<Buf<[f32; 4]>>,
     /// Gradients, by group; for [`Purpose::Gradient`], and where a step sees several images.
     pub gradients: Vec<Planes>,
-    /// Gaussians whose gradient was not finite; for [`Target::Gradients`].
+    /// Gaussians whose gradient was not finite; of a step the optimiser counts them.
     pub n_bad: Buf<u32>,
     /// Gradient of the camera, three vec4: rotation about its own axes, time; translation along them; background. See
     /// [`super::Gradients`] for the units.
@@ -48,35 +39,26 @@ pub struct Backward {
     camera_partials: Buf<[f32; 4]>,
     sums: Sums,
     wants_camera: bool,
-    // Whether cotangents are of a loss, see `Backward::scale`.
+    // See `Backward::scale`.
     is_of_a_loss: bool,
     outputs: Outputs,
 }
 
-/// The forward pass that gradients are of, as it was recorded.
 #[derive(Clone, Copy)]
 pub struct Drawn<'a> {
-    /// The Gaussians in view.
     pub cull: &'a Cull,
-    /// The view.
     pub eye: Eye<'a>,
-    /// The stage that made the lists.
     pub tiles: &'a Tiles,
-    /// The lists of the tiles.
     pub lists: &'a Lists,
-    /// The images.
     pub blend: &'a Blend,
-    /// The numbers of each pixel that the blend kept for the way back.
+    /// Numbers of each pixel that the blend kept.
     pub tail: &'a Buf<[u32; 2]>,
-    /// The strip.
     pub size: Size,
 }
 
-/// The end of the backward pass.
 pub enum Target<'a> {
     /// Gradients of the parameters and the camera, in the backward pass's own buffers.
     Gradients,
-    /// A step of the optimiser.
     Step(&'a Optimiser),
     /// Sums over several pictures, along which the optimiser takes a step later. It counts gradients that are not finite.
     Sums(&'a Batch, &'a Optimiser),
@@ -85,12 +67,11 @@ pub enum Target<'a> {
 impl Backward {
     /// Words of slots, and of fixed point: of either, those that are summed up are zero before each picture.
     fn words(room: &Room) -> [usize; 2] {
-        let n_slots = if room.sums == Sums::Slots { room.intersections } else { room.active };
+        let n_slots = if room.sums.is_fixed() { room.active } else { room.intersections };
         let n_fixed = if room.sums.is_fixed() { FIXED_WORDS * room.active.max(1) as usize } else { 0 };
         [2 * SLOT_PAIRS * n_slots.max(1) as usize, n_fixed]
     }
 
-    /// Words of `zeros` that [`Backward::new`] takes.
     pub fn n_zeros(room: &Room) -> usize {
         let [slots, fixed] = Self::words(room);
         if room.sums.is_fixed() { fixed } else { slots }
@@ -101,26 +82,18 @@ impl Backward {
         let Room { active, pixels, outputs, purpose, sums, camera, is_batched, .. } = *room;
         let wants_camera = camera || purpose == Purpose::Gradient;
         let [n_slots, n_fixed] = Self::words(room);
-        let has_gradients = purpose == Purpose::Gradient || is_batched;
-        let gradients = if has_gradients { &scene.groups[..] } else { &[] };
+        let groups = if purpose == Purpose::Gradient || is_batched { &scene.groups[..] } else { &[] };
+        let gradients = groups.iter().map(|group| Planes::like(gpu, &group.params, "gradients"));
         let n_camera = if wants_camera { 2 * active as usize } else { 1 };
+        let has_image1 = outputs == Outputs::All;
         Ok(Backward {
             d_image0: gpu.alloc("d image color", pixels)?,
-            d_image1: match outputs {
-                Outputs::Color => None,
-                Outputs::All => Some(gpu.alloc("d image depth flow", pixels)?),
-            },
-            gradients: gradients
-                .iter()
-                .map(|group| Planes::like(gpu, &group.params, "gradients"))
-                .collect::<Result<_>>()?,
+            d_image1: has_image1.then(|| gpu.alloc("d image depth flow", pixels)).transpose()?,
+            gradients: gradients.collect::<Result<_>>()?,
             n_bad: gpu.alloc("bad gradients", 1)?,
             d_camera: gpu.alloc("d camera", 3)?,
             carry: gpu.alloc("blend carry", if blend.chunks.is_some() { 1 } else { pixels })?,
-            d_slots: match sums.is_fixed() {
-                true => gpu.alloc("d slots", n_slots / 2)?,
-                false => zeros.take(n_slots).cast(),
-            },
+            d_slots: if sums.is_fixed() { gpu.alloc("d slots", n_slots / 2)? } else { zeros.take(n_slots).cast() },
             words: sums.is_fixed().then(|| zeros.take(n_fixed)),
             d_camera_each: gpu.alloc("d camera of each", n_camera)?,
             camera_partials: gpu.alloc("d camera partials", 3 * CAMERA_GROUPS as usize)?,
@@ -131,7 +104,7 @@ impl Backward {
         })
     }
 
-    /// The gradients of the camera that are asked for: where poses are learnt, a correction moves the camera of the next frame too.
+    /// The gradients of the camera that are wanted: where poses are learnt, a correction moves the camera of the next frame too.
     fn camera(&self) -> u32 {
         match (self.wants_camera, self.is_of_a_loss) {
             (false, _) => 0,
@@ -141,7 +114,7 @@ impl Backward {
     }
 
     /// The scale of the fixed point, a power of two. Terms stay below 2^62, and the sizes of a Gaussian's large ones below 3/4 of 2^63 in
-    /// all: 2^30 and 3/4 of 2^31 in units of a cotangent. Those of a loss are those of a mean over three channels of the picture at hand:
+    /// all: 2^30 and 3/4 of 2^31 in units of a cotangent. Those of a loss are of a mean over three channels of the picture at hand:
     /// the sums have the same bits whichever other pictures there has been room for.
     fn scale(&self, size: Size) -> f32 {
         let n = if self.is_of_a_loss { 3.0 * f64::from(size.n_pixels.max(1)) } else { 1.0 };
@@ -151,33 +124,22 @@ impl Backward {
     /// Appends the backward pass of `drawn`, a strip of `scene` whose forward pass was recorded for one.
     pub fn record(&self, rec: &mut Recording, scene: &SceneBuffers, drawn: Drawn, target: &Target) {
         self.record_blend(rec, drawn);
-        match target {
-            Target::Gradients => {
-                rec.section("project bwd");
-                rec.fill(self.n_bad.slice(), 0);
-            }
-            // The optimiser's own count goes on.
-            Target::Step(_) => rec.section("project bwd adam"),
-            Target::Sums(..) => rec.section("project bwd"),
+        rec.section(if matches!(target, Target::Step(_)) { "project bwd adam" } else { "project bwd" });
+        if matches!(target, Target::Gradients) {
+            rec.fill(self.n_bad.slice(), 0);
         }
         if self.wants_camera && scene.groups.iter().any(|group| scene.holds(group)) {
-            // What is held says nothing of the camera.
+            // Held Gaussians have no gradient of the camera.
             rec.fill(self.d_camera_each.slice(), 0);
         }
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            match target {
-                Target::Gradients => {
-                    for buffer in self.gradients[index].buffers() {
-                        rec.fill(buffer.slice(), 0);
-                    }
-                    self.record_gradients(rec, index, group, drawn, &self.n_bad);
-                }
-                Target::Step(_) | Target::Sums(..) if scene.holds(group) => {}
-                Target::Step(optimiser) => self.record_adam(rec, index, group, drawn, optimiser),
-                // Of those that are not in view nothing is read.
-                Target::Sums(_, optimiser) => self.record_gradients(rec, index, group, drawn, &optimiser.n_bad),
+            if matches!(target, Target::Gradients) {
+                self.gradients[index].buffers().for_each(|buffer| rec.fill(buffer.slice(), 0));
+            } else if scene.holds(group) {
+                continue;
             }
+            self.record_project(rec, index, group, drawn, target);
         }
         rec.group(None);
         if let Target::Sums(batch, _) = target {
@@ -188,66 +150,59 @@ impl Backward {
         }
     }
 
-    /// The projection's adjoint for one group, which writes gradients.
-    fn record_gradients(&self, rec: &mut Recording, index: usize, group: &Group, drawn: Drawn, n_bad: &Buf<u32>) {
+    /// The projection's adjoint for one group, which writes gradients or moves the parameters at once.
+    fn record_project(&self, rec: &mut Recording, index: usize, group: &Group, drawn: Drawn, target: &Target) {
         let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
-        let args = project_bwd_static_sh0::Args {
-            view,
-            ranges: &cull.ranges,
-            active_id: &cull.active_id,
-            params: group.params.slices(),
-            splats: &projected.splats,
-            tile_counts: &projected.tile_counts,
-            slot_first: &tiles.slot_first,
-            d_slots: &self.d_slots,
-            n_bad,
-            frame_status: status,
-            d_camera: &self.d_camera_each,
-            d: self.gradients[index].slices(),
+        let (Cull { ranges, active_id, .. }, Projected { splats, tile_counts, .. }) = (cull, projected);
+        let (slot_first, d_slots, d_camera) = (&tiles.slot_first, &self.d_slots, &self.d_camera_each);
+        let is_summed = u32::from(self.sums.is_fixed());
+        let (first, wants_camera) = (group.first, self.camera());
+        let grid = indirect(&cull.args, ARGS_FIRST_GROUP + index);
+        let kernel = |steps: bool, is_16_bits: bool| {
+            generated::project_bwd(steps, group.is_dynamic(), group.degree(), is_16_bits)
         };
-        let push = project_bwd_static_sh0::Push {
-            group: index as u32,
-            first: group.first,
-            is_summed: self.is_summed(),
-            wants_camera: self.camera(),
+        let n_bad = match target {
+            Target::Gradients => &self.n_bad,
+            Target::Step(optimiser) | Target::Sums(_, optimiser) => &optimiser.n_bad,
         };
-        let kernel = generated::project_bwd(false, group.params.motion.is_some(), group.degree(), false);
-        rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
-    }
-
-    /// The projection's adjoint for one group, which moves the parameters at once.
-    fn record_adam(&self, rec: &mut Recording, index: usize, group: &Group, drawn: Drawn, optimiser: &Optimiser) {
-        let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
-        let args = project_bwd_adam_static_sh0::Args {
-            view,
-            ranges: &cull.ranges,
-            active_id: &cull.active_id,
-            params: group.params.slices(),
-            splats: &projected.splats,
-            tile_counts: &projected.tile_counts,
-            slot_first: &tiles.slot_first,
-            d_slots: &self.d_slots,
-            n_bad: &optimiser.n_bad,
-            frame_status: status,
-            d_camera: &self.d_camera_each,
-            moments: optimiser.moments.groups[index].slices(),
-            state: &optimiser.state[index],
-            adam: &optimiser.params,
-        };
-        let push = project_bwd_adam_static_sh0::Push {
-            group: index as u32,
-            first: group.first,
-            is_summed: self.is_summed(),
-            wants_camera: self.camera(),
-        };
-        let is_16_bits = optimiser.moments.bits == 16;
-        let kernel = generated::project_bwd(true, group.params.motion.is_some(), group.degree(), is_16_bits);
-        rec.pass_variant(kernel, args, push, indirect(&cull.args, ARGS_FIRST_GROUP + index));
-    }
-
-    /// True if each active Gaussian has one sum rather than a slot per pair.
-    fn is_summed(&self) -> u32 {
-        u32::from(self.sums != Sums::Slots)
+        if let Target::Step(optimiser) = target {
+            let (moments, state) = optimiser.of_group(index);
+            let args = project_bwd_adam_static_sh0::Args {
+                view,
+                ranges,
+                active_id,
+                params: group.params.slices(),
+                splats,
+                tile_counts,
+                slot_first,
+                d_slots,
+                n_bad,
+                frame_status: status,
+                d_camera,
+                moments,
+                state,
+                adam: &optimiser.params,
+            };
+            let push = project_bwd_adam_static_sh0::Push { group: index as u32, first, is_summed, wants_camera };
+            rec.pass_variant(kernel(true, optimiser.moments.bits == 16), args, push, grid);
+        } else {
+            let args = project_bwd_static_sh0::Args {
+                view,
+                ranges,
+                active_id,
+                params: group.params.slices(),
+                splats,
+                tile_counts,
+                slot_first,
+                d_slots,
+                n_bad,
+                frame_status: status,
+                d_camera,
+                d: self.gradients[index].slices(),
+            };
+            let push = project_bwd_static_sh0::Push { group: index as u32, first, is_summed, wants_camera };
+            rec.pass_variant(kernel(false, false), args, push, grid);
+        }
     }
 
     /// The sum of what all Gaussians, of which the flat index has `n_flat`, and the background say of the camera.
@@ -289,7 +244,7 @@ impl Backward {
 
     /// Blocks of a tile that go back one dispatch after another: all of them where each slot has one writer at a time.
     fn dispatches(&self, blend: &Blend) -> u32 {
-        if self.sums == Sums::Slots { blend.blocks_per_tile() } else { 1 }
+        if self.sums.is_fixed() { 1 } else { blend.blocks_per_tile() }
     }
 
     fn record_chunks(&self, rec: &mut Recording, drawn: Drawn, chunks: &Chunks, d_slots: &Buf<[f32; 2]>) {
@@ -314,7 +269,7 @@ impl Backward {
             };
             let (scale, large) = (self.scale(size), large(blend, size));
             let push = blend_bwd_p4::Push { n_tiles: size.n_tiles, block, scale, large };
-            let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
+            let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane);
             rec.pass_variant(kernel, args, push, chunks.grid());
             rec.scale(1.0 / f64::from(self.dispatches(blend)));
         }
@@ -323,8 +278,8 @@ impl Backward {
     fn record_rounds(&self, rec: &mut Recording, drawn: Drawn, d_slots: &Buf<[f32; 2]>) {
         let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
         let Size { n_tiles, rounds, .. } = size;
-        let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane());
-        let subgroups_per_group = kernel.local / blend.subgroup_size();
+        let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane);
+        let subgroups_per_group = kernel.local / blend.subgroup_size;
         let n_dispatches = self.dispatches(blend);
         let n_work = n_tiles * blend.blocks_per_tile() / n_dispatches;
         let rounds = rounds * (SEGMENT / self.sums.segment());

@@ -1,7 +1,8 @@
-//! Bilateral grids (Wang et al. 2024, "Bilateral Guided Radiance Field Processing"; SPEC 7): a grid of affine maps of
-//! colours for each camera, so that exposure, white balance and vignetting need not be built out of Gaussians.
+//! Bilateral grids (Wang et al. 2024; SPEC 7): affine maps of colours for each camera, so that exposure, white balance and vignetting
+//! need not be built out of Gaussians.
 
-use super::adam::{BETA1, BETA2, EPS, correction};
+use super::adam::{EPS, correction};
+use super::{BETA1, BETA2};
 use crate::error::Result;
 use crate::gpu::generated::constants::bilateral::{self as shared, PANELS, TEAM};
 use crate::gpu::generated::{
@@ -11,40 +12,33 @@ use crate::gpu::generated::{
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use crate::vk::DeviceKind;
 
-/// Cells across, down, and along the luma.
 pub const GRID_SIZE: [usize; 3] = [shared::CELLS as usize, shared::CELLS as usize, shared::LEVELS as usize];
 /// Numbers of a camera's grid: 3 x 4 for each cell, row by row, x fastest, then y, then luma.
 pub const GRID_NUMBERS: usize = 12 * GRID_SIZE[0] * GRID_SIZE[1] * GRID_SIZE[2];
 /// Bytes on the device for each camera: its grid and Adam's moments.
 pub const GRID_BYTES: u64 = 3 * 4 * GRID_NUMBERS as u64;
 
-/// vec4 of a camera's grid: rows of maps.
 const ROWS: usize = shared::GRID_ROWS as usize;
-/// vec4 that a part sums.
 const PART_SUMS: usize = shared::PART_SUMS as usize;
-/// Threads per workgroup of the kernel that leaves one sum each.
+/// Threads of a workgroup, which leaves one sum.
 const LOCAL: usize = bilateral_slice::INFO.local as usize;
 
 /// The grid of one camera with Adam's moments, on the host; each of [`GRID_NUMBERS`].
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridState {
-    /// The affine maps.
     pub grid: Vec<f32>,
-    /// Means of the gradients.
     pub first: Vec<f32>,
-    /// Means of their squares.
     pub second: Vec<f32>,
 }
 
 impl GridState {
-    /// The identity, which has not moved yet.
     pub fn identity() -> Self {
         const IDENTITY: [f32; 12] = [1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0];
         let zeros = vec![0.0; GRID_NUMBERS];
         GridState { grid: IDENTITY.repeat(GRID_NUMBERS / 12), first: zeros.clone(), second: zeros }
     }
 
-    /// True if every part has its length and nothing but finite numbers: what a file's reader asks.
+    /// True if every part has its length and no number that a step cannot go on from.
     pub fn is_sound(&self) -> bool {
         [&self.grid, &self.first, &self.second].iter().all(|part| part.len() == GRID_NUMBERS)
             && self.grid.iter().chain(&self.first).all(|x| x.is_finite())
@@ -52,7 +46,6 @@ impl GridState {
             && self.second.iter().all(|x| *x >= 0.0)
     }
 
-    /// Root of the mean squared difference from the identity, over all numbers.
     pub fn identity_deviation(&self) -> f64 {
         let identity = Self::identity().grid;
         let squares: f64 = self.grid.iter().zip(identity).map(|(a, b)| f64::from(a - b).powi(2)).sum();
@@ -60,10 +53,9 @@ impl GridState {
     }
 }
 
-/// A step of a camera's grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridStep {
-    /// Number of the image in the run, from 1: every so many images as there are cameras the gauge is restored,
+    /// Number of the image in the run, from 1: the gauge is restored once in as many images as there are cameras,
     pub step: u64,
     /// if it is free: a camera without a grid fixes it.
     pub is_free: bool,
@@ -71,11 +63,9 @@ pub struct GridStep {
     pub is_affine: bool,
     /// Number of the step among this camera's, from 1: for the bias corrections.
     pub camera_step: u64,
-    /// Learning rate (SPEC 6: 2e-3).
     pub rate: f64,
 }
 
-/// The cameras' grids, their moments, and the scratch of a backward pass.
 pub struct Grids {
     n_cameras: usize,
     /// Those of them that film; they come first.
@@ -96,22 +86,18 @@ pub struct Grids {
 pub struct GradedBack<'a> {
     /// The picture: colour in the first three channels.
     pub image: &'a Buf<[f32; 4]>,
-    /// The cotangent of what the camera shows.
     pub d_graded: &'a Buf<[f32; 4]>,
-    /// The cotangent of `image`, which is overwritten; 0 in its fourth channel.
+    /// The cotangent of `image`, with 0 in its fourth channel.
     pub d_image: &'a Buf<[f32; 4]>,
-    /// Width and height.
     pub size: [u32; 2],
     /// Weight of the camera's total variation in the loss (SPEC 6: 10).
     pub tv_weight: f64,
 }
 
-/// How the pixels of a picture are dealt out.
+/// How the pixels of a picture are dealt out: pixel rows of a part, and parts down a panel.
 #[derive(Clone, Copy)]
 struct Parts {
-    /// Pixel rows of a part.
     rows: u32,
-    /// Parts down a panel.
     down: u32,
 }
 
@@ -128,37 +114,27 @@ impl Parts {
         PANELS * PANELS * self.down
     }
 
-    /// vec4 that the parts sum.
     fn n_sums(self) -> usize {
         self.count() as usize * PART_SUMS
     }
 
-    /// A team for each.
     fn teams(self) -> Grid {
         Grid::Threads(TEAM * self.count())
     }
 
-    /// A workgroup for each.
     fn groups(self) -> Grid {
         Grid::Groups(self.count())
     }
 }
 
 impl Grids {
-    /// A grid for each of `n_cameras` training cameras, all the identity. Every camera must be trained: the gauge spreads
-    /// the mean over all. With one camera it keeps the grid at the identity, since there is nothing to tell its tint from
-    /// the scene's.
-    ///
-    /// # Errors
-    /// `OutOfMemory` naming the buffer that does not fit.
+    /// A grid for each of `n_cameras` cameras, all the identity. Every camera must be trained: the gauge spreads the mean over all. With
+    /// one camera it keeps the grid at the identity, since nothing tells its tint from the scene's.
     pub fn new(gpu: &Gpu, n_cameras: usize) -> Result<Self> {
         Self::upload(gpu, &vec![GridState::identity(); n_cameras])
     }
 
     /// Grids that go on from `states`, one for each camera; all of them [`GridState::is_sound`].
-    ///
-    /// # Errors
-    /// As [`Grids::new`].
     pub fn upload(gpu: &Gpu, states: &[GridState]) -> Result<Self> {
         let all = |name: &str, of: fn(&GridState) -> &Vec<f32>| {
             let numbers: Vec<f32> = states.iter().flat_map(of).copied().collect();
@@ -178,21 +154,17 @@ impl Grids {
         })
     }
 
-    /// These with the kernels for GPUs or with those for CPU drivers, whatever the device is.
+    /// These with the kernels of GPUs or of CPU drivers, whatever the device is; for tests.
     pub fn by_kernels_for_gpus(self, is_for_gpus: bool) -> Self {
         Grids { is_for_gpus, ..self }
     }
 
-    /// These grids, the last `n` of which are those of photographs. The tint that photographs have in common is the light of another
-    /// day, so it has no part in the mean that the gauge subtracts from all grids.
+    /// These grids, the last `n` of which are those of photographs. Their common tint is the light of another day, so the mean that the
+    /// gauge subtracts leaves them out.
     pub fn with_photos(self, n: usize) -> Self {
         Grids { n_filming: self.n_cameras - n, ..self }
     }
 
-    /// The grids and moments of all cameras.
-    ///
-    /// # Errors
-    /// [`crate::Error::DeviceLost`].
     pub fn download(&self, gpu: &Gpu) -> Result<Vec<GridState>> {
         let [grids, first, second] = [&self.grids, &self.first, &self.second].map(|buffer| gpu.read(buffer));
         let (grids, first, second) = (grids?, first?, second?);
@@ -202,21 +174,16 @@ impl Grids {
         Ok((0..self.n_cameras).map(state).collect())
     }
 
-    /// Cameras.
     pub fn n_cameras(&self) -> usize {
         self.n_cameras
     }
 
-    /// Bytes of scratch that a backward pass on pictures of `height` rows needs; the width does not matter. The graded picture and
-    /// its cotangent are the caller's, 16 bytes a pixel each.
+    /// Bytes of scratch of a backward pass on pictures of `height` rows.
     pub fn scratch_bytes(height: u32) -> u64 {
         16 * Parts::new(height).n_sums() as u64
     }
 
-    /// Makes room for the backward pass of pictures of `height` rows; room once there stays.
-    ///
-    /// # Errors
-    /// `OutOfMemory` naming the buffer that does not fit.
+    /// Makes room for the backward pass of pictures of `height` rows.
     pub fn fit(&mut self, gpu: &Gpu, height: u32) -> Result<()> {
         let needed = Parts::new(height).n_sums();
         if needed > self.partials.len() {
@@ -252,8 +219,7 @@ impl Grids {
         }
     }
 
-    /// Appends the adjoint of `record_slice`: from the cotangent of the graded colour that of the colour, and
-    /// [`Grids::d_grid`], to which the total variation of the camera's grid adds its share; its value is left in
+    /// Appends the adjoint of `record_slice`, which sets [`Grids::d_grid`], the total variation's share included, and
     /// [`Grids::tv_sums`]. Needs [`Grids::fit`].
     pub fn record_backward(&self, rec: &mut Recording, camera: usize, back: &GradedBack) {
         rec.section("bilateral");
@@ -278,38 +244,27 @@ impl Grids {
         rec.pass(args, push, Grid::Threads(ROWS as u32));
     }
 
-    /// Appends the step of `camera`'s grid along [`Grids::d_grid`]; then, when it is due, the gauge. Nothing moves when `status`
-    /// says that the frame failed.
+    /// Appends the step of `camera`'s grid along [`Grids::d_grid`]; then, when it is due, the gauge. No step when the frame failed.
     ///
-    /// The gauge reads and writes all grids, so it is restored once in as many steps as there are cameras: the work of one
-    /// more camera a step. In between the mean over the cameras strays by less than one learning rate or so, since Adam
-    /// moves one camera by about that much a step.
-    pub fn record_step(&self, rec: &mut Recording, camera: usize, step: &GridStep, status: &Buf<Status>) {
+    /// The gauge reads and writes all grids, so it is restored once in as many steps as there are cameras. In between the mean strays
+    /// by about one learning rate, since Adam moves one camera by that much a step.
+    pub fn record_step(&self, rec: &mut Recording, camera: usize, step: &GridStep, frame_status: &Buf<Status>) {
         rec.section("bilateral");
-        let [grid, first, second] = [&self.grids, &self.first, &self.second].map(|b| self.of_camera(b, camera));
-        let kernel = generated::bilateral_adam(step.is_affine);
+        let [camera_grid, first, second] = [&self.grids, &self.first, &self.second].map(|b| self.of_camera(b, camera));
+        let (camera_grid, first, second) = (&camera_grid, &first, &second);
+        let args = bilateral_adam::Args { frame_status, camera_grid, d_grid: &self.d_grid, first, second };
+        let push = bilateral_adam::Push {
+            rate: (step.rate / correction(BETA1, step.camera_step)) as f32,
+            beta1: BETA1 as f32,
+            beta2: BETA2 as f32,
+            inverse_c2: (1.0 / correction(BETA2, step.camera_step)) as f32,
+            eps: EPS,
+        };
         let work = if step.is_affine { Grid::Groups(3) } else { Grid::Threads(ROWS as u32) };
-        rec.pass_variant(
-            kernel,
-            bilateral_adam::Args {
-                frame_status: status,
-                camera_grid: &grid,
-                d_grid: &self.d_grid,
-                first: &first,
-                second: &second,
-            },
-            bilateral_adam::Push {
-                rate: (step.rate / correction(BETA1, step.camera_step)) as f32,
-                beta1: BETA1 as f32,
-                beta2: BETA2 as f32,
-                inverse_c2: (1.0 / correction(BETA2, step.camera_step)) as f32,
-                eps: EPS,
-            },
-            work,
-        );
+        rec.pass_variant(generated::bilateral_adam(step.is_affine), args, push, work);
         if step.is_free && step.step.is_multiple_of(self.n_cameras as u64) {
             rec.pass(
-                bilateral_gauge::Args { frame_status: status, grids: &self.grids },
+                bilateral_gauge::Args { frame_status, grids: &self.grids },
                 bilateral_gauge::Push { n_cameras: self.n_cameras as u32, n_filming: self.n_filming as u32 },
                 Grid::Threads(ROWS as u32),
             );

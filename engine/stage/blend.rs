@@ -1,27 +1,23 @@
 //! Front-to-back blending of each tile's list.
 
 use super::chunks::{self, Chunks};
-use super::params::{Outputs, Purpose, TILE};
-use super::project::Eye;
-use super::tiles::{Lists, Tiles};
-use super::zeros::Zeros;
+use super::params::TILE;
+use super::{Eye, Lists, Outputs, Purpose, Tiles, Zeros};
 use crate::error::Result;
 pub use crate::gpu::generated::constants::block::SEGMENT;
 use crate::gpu::generated::{self, blend_fwd_p4, blend_fwd_p8, blend_fwd_train_p8};
 use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 use crate::vk::DeviceKind;
 
-/// Images and shape of the blend kernel.
 pub struct Blend {
-    /// Colour and alpha, per pixel of the strip.
     pub image0: Buf<[f32; 4]>,
-    /// Depth, inverse depth and flow; absent for [`Outputs::Color`].
+    /// Depth, inverse depth and flow, with [`Outputs::All`].
     pub image1: Option<Buf<[f32; 4]>>,
     /// Final transmittance (its bits) and number of the last entry added, per pixel; unless for [`Purpose::Picture`].
     pub tail: Option<Buf<[u32; 2]>>,
     kernel: &'static KernelInfo,
-    subgroup_size: u32,
-    pixels_per_lane: u32,
+    pub(super) subgroup_size: u32,
+    pub(super) pixels_per_lane: u32,
     // Of long lists, where they have any.
     pub(super) chunks: Option<Chunks>,
 }
@@ -32,7 +28,6 @@ impl Blend {
         gpu.caps().kind != DeviceKind::Cpu
     }
 
-    /// Words of `zeros` that [`Blend::new`] takes, which must be zero before each picture.
     pub fn n_zeros(gpu: &Gpu) -> usize {
         if Blend::has_chunks(gpu) { chunks::N_ZEROS } else { 0 }
     }
@@ -50,48 +45,27 @@ impl Blend {
         let has_chunks = Blend::has_chunks(gpu);
         // Eight pixels per lane pay where registers cost nothing.
         let pixels_per_lane = if has_chunks { 4 } else { 8 };
-        let kernel = generated::blend_fwd(purpose != Purpose::Picture, outputs == Outputs::Color, pixels_per_lane == 8);
+        let (is_kept, has_image1) = (purpose != Purpose::Picture, outputs == Outputs::All);
+        let chunks = || Chunks::new(gpu, intersections, outputs, purpose, zeros);
         Ok(Blend {
             image0: gpu.alloc("image color", pixels)?,
-            image1: match outputs {
-                Outputs::Color => None,
-                Outputs::All => Some(gpu.alloc("image depth flow", pixels)?),
-            },
-            tail: match purpose {
-                Purpose::Picture => None,
-                Purpose::Gradient | Purpose::Training => Some(gpu.alloc("image tail", pixels)?),
-            },
-            kernel,
+            image1: has_image1.then(|| gpu.alloc("image depth flow", pixels)).transpose()?,
+            tail: is_kept.then(|| gpu.alloc("image tail", pixels)).transpose()?,
+            kernel: generated::blend_fwd(is_kept, !has_image1, pixels_per_lane == 8),
             subgroup_size: caps.subgroup_size,
             pixels_per_lane,
-            chunks: match has_chunks {
-                true => Some(Chunks::new(gpu, intersections, outputs, purpose, zeros)?),
-                false => None,
-            },
+            chunks: has_chunks.then(chunks).transpose()?,
         })
     }
 
-    /// The images, in the order of their numbers.
     pub fn images(&self) -> Vec<Buf<[f32; 4]>> {
         [&self.image0].into_iter().chain(&self.image1).cloned().collect()
     }
 
-    /// Pixels that each lane blends.
-    pub(crate) fn pixels_per_lane(&self) -> u32 {
-        self.pixels_per_lane
-    }
-
-    /// Lanes of the device's subgroups.
-    pub fn subgroup_size(&self) -> u32 {
-        self.subgroup_size
-    }
-
-    /// Blocks of pixels of a tile, one for each subgroup.
     pub(super) fn blocks_per_tile(&self) -> u32 {
         TILE * TILE / (self.subgroup_size * self.pixels_per_lane)
     }
 
-    /// Entries of the longest list that `rounds` rounds reach the end of.
     pub fn longest(&self, rounds: u32) -> u32 {
         if self.chunks.is_some() { u32::MAX } else { rounds * SEGMENT }
     }
@@ -135,24 +109,20 @@ impl Blend {
             chunk_last: &chunks.last,
         };
         rec.pass_variant(self.kernel, args, blend_fwd_p4::Push { n_tiles }, chunks.grid());
-        chunks.record_merge(rec, tiles, eye, image0, self.image1.as_ref(), self.tail.as_ref());
+        chunks.record_merge(rec, tiles, eye, self);
     }
 
     fn record_rounds(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32, rounds: u32) {
-        let Eye { view, projected, .. } = eye;
         let n_blocks = n_tiles * self.blocks_per_tile();
         let subgroups_per_group = self.kernel.local / self.subgroup_size;
+        let Tiles { tile_order, tile_first, tile_last, .. } = tiles;
+        let (view, splat_ids, splats) = (eye.view, &lists.splat_ids, &eye.projected.splats);
+        let image0 = &self.image0;
+        let image1 = self.image1.as_ref().unwrap_or(image0);
         for round in 0..rounds {
-            let image1 = self.image1.as_ref().unwrap_or(&self.image0);
-            let push = blend_fwd_p8::Push {
-                n_blocks,
-                stride: coprime_stride(n_blocks),
-                round,
-                last_round: u32::from(round + 1 == rounds),
-            };
+            let (stride, last_round) = (coprime_stride(n_blocks), u32::from(round + 1 == rounds));
+            let push = blend_fwd_p8::Push { n_blocks, stride, round, last_round };
             let grid = Grid::Groups(n_blocks.div_ceil(subgroups_per_group));
-            let (tile_order, tile_first, tile_last) = (&tiles.tile_order, &tiles.tile_first, &tiles.tile_last);
-            let (splat_ids, splats, image0) = (&lists.splat_ids, &projected.splats, &self.image0);
             if let Some(tail) = &self.tail {
                 let args = blend_fwd_train_p8::Args {
                     view,

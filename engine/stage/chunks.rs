@@ -1,9 +1,7 @@
 //! Long lists on GPUs: cut into chunks that are blended at once, and merged. See `include/chunk.glsl`.
 
-use super::params::{Outputs, Purpose, TILE_PIXELS};
-use super::project::Eye;
-use super::tiles::{Lists, Tiles};
-use super::zeros::Zeros;
+use super::params::TILE_PIXELS;
+use super::{Blend, Eye, Lists, Outputs, Purpose, Tiles, Zeros};
 use crate::error::Result;
 use crate::gpu::generated::constants::chunk::{CHUNK, CHUNK_ALL, CHUNK_ITEMS, CHUNK_LONG};
 use crate::gpu::generated::{self, blend_merge, chunk_light, chunk_list};
@@ -14,18 +12,15 @@ pub(super) const BYTES: u64 = 16 * TILE_PIXELS as u64 * CHUNKS as u64 / CHUNK as
 /// Chunks of lists with CHUNK entries in all, at most: lists of one entry more have two.
 const CHUNKS: u32 = 2;
 
-/// Words of the grids, which count up from zero.
 pub(super) const N_ZEROS: usize = 12;
 
 /// The chunks of a picture's long lists, and what each leaves for every pixel of its tile.
 pub(super) struct Chunks {
     /// Grids: over chunks and tiles, over chunks, over long lists; the fourth word of each counts its items.
     pub args: Buf<u32>,
-    /// Tile and number.
     pub items: Buf<[u32; 2]>,
     // Of each long list, tile and first chunk.
     long_lists: Buf<[u32; 2]>,
-    /// Share of the light that comes through.
     pub light: Buf<f32>,
     /// Colour, and transmittance with the sign of whether the pixel goes on; later the colours behind instead.
     pub image0: Buf<[f32; 4]>,
@@ -36,30 +31,23 @@ pub(super) struct Chunks {
 }
 
 impl Chunks {
-    /// Room for the chunks of all lists of up to `intersections` entries together. The grids, a part of `zeros`, must be zero before
-    /// each picture.
+    /// Room for the chunks of all lists of up to `intersections` entries together.
     pub fn new(gpu: &Gpu, intersections: u32, outputs: Outputs, purpose: Purpose, zeros: &mut Zeros) -> Result<Self> {
         let n = (u64::from(CHUNKS) * u64::from(intersections) / u64::from(CHUNK)) as usize;
         let pixels = n * TILE_PIXELS as usize;
-        let image0 = gpu.alloc("chunk color", pixels)?;
+        let image0: Buf<[f32; 4]> = gpu.alloc("chunk color", pixels)?;
+        let has_image1 = outputs == Outputs::All;
         Ok(Chunks {
             args: zeros.take(N_ZEROS),
             items: gpu.alloc("chunks", n)?,
             long_lists: gpu.alloc("long lists", n)?,
             light: gpu.alloc("chunk light", pixels)?,
-            image1: match outputs {
-                Outputs::Color => image0.clone(),
-                Outputs::All => gpu.alloc("chunk depth flow", pixels)?,
-            },
-            last: match purpose {
-                Purpose::Picture => image0.cast(),
-                Purpose::Gradient | Purpose::Training => gpu.alloc("chunk last", pixels)?,
-            },
+            image1: if has_image1 { gpu.alloc("chunk depth flow", pixels)? } else { image0.clone() },
+            last: if purpose == Purpose::Picture { image0.cast() } else { gpu.alloc("chunk last", pixels)? },
             image0,
         })
     }
 
-    /// The grid over chunks and tiles.
     pub fn grid(&self) -> Grid {
         self.indirect(CHUNK_ALL)
     }
@@ -68,7 +56,6 @@ impl Chunks {
         Grid::Indirect(self.args.range(4 * at as usize, 4).slice())
     }
 
-    /// Appends the list of the chunks, and the light that each lets through.
     pub fn record_list(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32) {
         let Chunks { args: chunk_args, items: chunk_items, long_lists, light: chunk_light, .. } = self;
         let (tile_first, tile_last) = (&tiles.tile_first, &tiles.tile_last);
@@ -85,17 +72,9 @@ impl Chunks {
         );
     }
 
-    /// Appends the merging of the blended chunks into the images and, before a backward pass, the tail.
-    pub fn record_merge(
-        &self,
-        rec: &mut Recording,
-        tiles: &Tiles,
-        eye: Eye,
-        image0: &Buf<[f32; 4]>,
-        image1: Option<&Buf<[f32; 4]>>,
-        tail: Option<&Buf<[u32; 2]>>,
-    ) {
-        let kernel = generated::blend_merge(tail.is_some(), image1.is_none());
+    /// Appends the merging of the blended chunks into the images of `blend` and, before a backward pass, its tail.
+    pub fn record_merge(&self, rec: &mut Recording, tiles: &Tiles, eye: Eye, blend: &Blend) {
+        let Blend { image0, image1, tail, .. } = blend;
         let no_tail = image0.cast();
         let args = blend_merge::Args {
             view: eye.view,
@@ -107,9 +86,10 @@ impl Chunks {
             chunk1: &self.image1,
             chunk_last: &self.last,
             image0,
-            image1: image1.unwrap_or(image0),
-            tail: tail.unwrap_or(&no_tail),
+            image1: image1.as_ref().unwrap_or(image0),
+            tail: tail.as_ref().unwrap_or(&no_tail),
         };
+        let kernel = generated::blend_merge(tail.is_some(), image1.is_none());
         rec.pass_variant(kernel, args, (), self.indirect(CHUNK_LONG));
     }
 }

@@ -1,7 +1,6 @@
 //! How finely each attribute of a scene needs to be stored: what its pictures lose, rendered.
 
-use super::params::Outputs;
-use super::renderer::Renderer;
+use super::{Outputs, Renderer};
 use crate::error::{Error, Result};
 use crate::formats::{Contents, Encoded, FourDgs, Grades};
 use crate::gpu::Gpu;
@@ -15,7 +14,6 @@ const HOPELESS: f64 = 4.0;
 /// Files that are made at most: the finest, each grade alone, and as many as halve all of them down to one.
 const MOST_TRIED: usize = 1 + Grades::N * Grades::COARSEST as usize + 7;
 
-/// The demand on a file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Goal {
     /// As small as its pictures stay so many dB from those of the scene.
@@ -24,16 +22,12 @@ pub enum Goal {
     Bytes(u64),
 }
 
-/// A file that fulfils a goal.
 #[derive(Debug)]
 pub struct Compact {
-    /// The file.
     pub bytes: Vec<u8>,
-    /// How finely attributes are stored.
     pub grades: Grades,
     /// PSNR of its pictures against those of the scene, dB.
     pub psnr: f64,
-    /// Files that were made and looked at.
     pub n_tried: usize,
 }
 
@@ -44,24 +38,18 @@ struct Step {
     saved: f64,
 }
 
-/// The scene that is stored, and the views that judge it.
+/// The scene that is stored; `path` is what errors name.
 #[derive(Clone, Copy, Debug)]
 pub struct Subject<'a> {
-    /// The file that errors name.
     pub path: &'a Path,
-    /// The scene.
     pub splats: &'a Splats,
-    /// The same, to be stored.
+    /// The same as `splats`, to be stored.
     pub encoded: &'a Encoded,
-    /// The rest of the file.
     pub contents: &'a Contents<'a>,
-    /// How it is rendered.
     pub constants: Constants,
-    /// From where and when; at least one.
     pub views: &'a [View],
 }
 
-/// Looks at files of one scene.
 struct Judge<'a> {
     gpu: Arc<Gpu>,
     subject: Subject<'a>,
@@ -90,10 +78,7 @@ impl Judge<'_> {
 
 /// Finds the grades with which the scene fulfils `goal`, by what its pictures lose. Each attribute is first coarsened alone; what
 /// the losses allow together is then taken where it saves most bytes for its loss, and measured. `progress` receives how many
-/// files have been looked at, and how many there can be.
-///
-/// # Errors
-/// [`Error::Data`] naming the path where no grades fulfil it or there is no view; those of the device.
+/// files have been rendered, and how many there can be. Fails where no grades fulfil the goal or there is no view.
 pub fn compact(
     gpu: &Arc<Gpu>,
     subject: &Subject,

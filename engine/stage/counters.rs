@@ -3,10 +3,8 @@
 use super::cull::{ARGS_SCAN, ARGS_SORT};
 use super::pairs::{Blocks, Pairs};
 use super::scan::SCAN_BLOCK;
-use super::scene::{Group, SceneBuffers};
 use super::sort::SORT_BLOCK;
-use super::tiles::Lists;
-use super::workspace::Workspace;
+use super::{Group, Lists, SceneBuffers, Workspace};
 use crate::error::Result;
 use crate::gpu::table::{self, Cost, Count, Spec};
 use crate::gpu::{Gpu, Grid, Pass, PassTime, Recording, Work};
@@ -15,37 +13,27 @@ use serde::{Deserialize, Serialize};
 /// The work of a frame; sums over its strips.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 pub struct Counters {
-    /// Gaussians of the scene.
     pub gaussians: f64,
     /// In the view's time and frustum.
     pub active: f64,
-    /// Touching a tile.
     pub visible: f64,
-    /// Pairs of a Gaussian and a tile.
     pub intersections: f64,
-    /// Tiles.
     pub tiles: f64,
-    /// Pixels of the picture.
     pub pixels: f64,
     /// Pairs of a pixel and an intersection that the blend evaluates: its block of pixels is hit, the pixel not finished.
     pub evaluated: f64,
-    /// Those of them that add to their pixel.
     pub added: f64,
     /// Pixels that are finished before their list's end.
     pub finished: f64,
     /// Gaussians of blocks of which one may live at the view's time, and the static ones.
     #[serde(default)]
     pub live: f64,
-    /// Gaussians, live and active ones of each group.
     #[serde(skip)]
     groups: Vec<[f64; 3]>,
 }
 
 impl Counters {
     /// Those of the strip of `n_tiles` tiles and `n_pixels` pixels that `work` rendered last, with `lists`.
-    ///
-    /// # Errors
-    /// As [`Gpu::read`].
     pub fn read(
         gpu: &Gpu,
         work: &Workspace,
@@ -60,8 +48,8 @@ impl Counters {
         let tiles = n_tiles as usize;
         let blocks = Blocks {
             view: gpu.read(&work.view)?.first().copied().unwrap_or_default(),
-            lanes: work.blend.subgroup_size(),
-            pixels_per_lane: work.blend.pixels_per_lane(),
+            lanes: work.blend.subgroup_size,
+            pixels_per_lane: work.blend.pixels_per_lane,
             splats: gpu.read(&work.projected.splats.range(0, super::project::SPLAT_PLANES * active as usize))?,
             ids: gpu.read(&lists.splat_ids.range(0, intersections as usize))?,
             first: gpu.read(&work.tiles.tile_first.range(0, tiles))?,
@@ -87,33 +75,26 @@ impl Counters {
         })
     }
 
-    /// Adds those of another strip of the same frame; the scene is the same.
+    /// The counts that strips and frames add up.
+    fn sums(&mut self) -> [&mut f64; 9] {
+        let Counters { live, active, visible, intersections, tiles, pixels, evaluated, added, finished, .. } = self;
+        [live, active, visible, intersections, tiles, pixels, evaluated, added, finished]
+    }
+
+    /// Adds those of another strip or frame of the same scene.
     pub fn add(&mut self, other: &Counters) {
         self.gaussians = other.gaussians;
-        self.live += other.live;
-        self.active += other.active;
-        self.visible += other.visible;
-        self.intersections += other.intersections;
-        self.tiles += other.tiles;
-        self.pixels += other.pixels;
-        self.evaluated += other.evaluated;
-        self.added += other.added;
-        self.finished += other.finished;
+        self.sums().into_iter().zip(other.clone().sums()).for_each(|(sum, more)| *sum += *more);
     }
 
     /// The mean of `n` frames that were added up.
     pub fn over(&self, n: f64) -> Counters {
-        let Counters { live, active, visible, intersections, tiles, pixels, evaluated, added, finished, .. } = *self;
-        let [live, active, visible] = [live, active, visible].map(|sum| sum / n);
-        let [intersections, tiles, pixels] = [intersections, tiles, pixels].map(|sum| sum / n);
-        let [evaluated, added, finished] = [evaluated, added, finished].map(|sum| sum / n);
-        let gaussians = self.gaussians;
-        let groups = Vec::new();
-        Counters { gaussians, live, active, visible, intersections, tiles, pixels, evaluated, added, finished, groups }
+        let mut mean = Counters { groups: Vec::new(), ..self.clone() };
+        mean.sums().into_iter().for_each(|sum| *sum /= n);
+        mean
     }
 
-    /// How many of `count` there are, in one group of Gaussians or in all. What is not counted by group is taken to be
-    /// spread as the active Gaussians are.
+    /// How many of `count` there are, in one group of Gaussians or in all. What is not counted by group is spread as the active are.
     pub fn units(&self, count: Count, group: Option<usize>) -> f64 {
         let of_group = group.and_then(|group| self.groups.get(group).copied());
         let [n, live, active] = of_group.unwrap_or([self.gaussians, self.live, self.active]);
@@ -159,7 +140,7 @@ impl Counters {
             Grid::Groups(n) => f64::from(*n),
             Grid::Indirect(args) => {
                 let family = row(pass).map_or("", |row| row.family.name());
-                // Blends have a workgroup a tile, and others for the chunks of long lists, which nobody counts: as if there were none.
+                // Blends have a workgroup a tile; those for the chunks of long lists are not counted.
                 match family {
                     "blend_fwd" | "blend_bwd" => return self.tiles,
                     "chunk_light" | "blend_merge" => return 0.0,
@@ -186,15 +167,11 @@ fn row(pass: &Pass) -> Option<&'static Spec> {
 /// One line of a profile: all passes of a frame with the same label.
 #[derive(Clone, Debug, Serialize)]
 pub struct PassReport {
-    /// Section and kernel.
     pub label: String,
-    /// Passes with this label.
     pub dispatches: u64,
-    /// Nanoseconds in all.
     pub ns: f64,
     /// Units that the time grows with, in all.
     pub units: f64,
-    /// The least that they must do.
     pub cost: Cost,
 }
 

@@ -1,10 +1,10 @@
 //! Density control (SPEC 6): which Gaussians go, which grow and where each is stored, decided and carried out on the device.
 
-use super::live::Among;
-use super::moments::Moments;
-use super::scan::{SCAN_BLOCK, Scan};
-use super::scene::{BUCKETS, Group, SceneBuffers};
-use super::sort::{Carried, SORT_BLOCK, Sort, Unsorted};
+use super::room::too_large;
+use super::scan::SCAN_BLOCK;
+use super::scene::BUCKETS;
+use super::sort::SORT_BLOCK;
+use super::{Among, Carried, Group, Moments, Scan, SceneBuffers, Sort, Unsorted};
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::density as shared;
 use crate::gpu::generated::{
@@ -20,20 +20,13 @@ use std::path::Path;
 const MAX_FLAT: u32 = 1 << shared::SOURCE_BITS;
 /// Weight of opacity 1 among those that are drawn, while the sum of all fits 32 bits.
 const WEIGHT: u32 = 1023;
-/// Leaves places of 16 bits.
+/// So that places keep 16 bits.
 const MOST_LEVELS: u32 = 12;
 /// Log of the largest standard deviation whose square f32 holds.
 const LARGEST: f32 = 44.0;
 
-/// Places in the counters.
-const N_LISTED: usize = shared::N_LISTED as usize;
-const N_KEPT: usize = shared::N_KEPT as usize;
-const N_CLONED: usize = shared::N_CLONED as usize;
-const N_SPLIT: usize = shared::N_SPLIT as usize;
 const N_BUCKET: usize = shared::N_BUCKET as usize;
-const N_COUNTERS: usize = N_BUCKET + BUCKETS;
 
-/// How Gaussians are chosen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Choice {
     /// 3DGS: those whose projected centre is pulled grow, the hardest pulled first; those that rules prune go.
@@ -47,55 +40,40 @@ pub enum Choice {
     Drawn,
 }
 
-/// A round of density control.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct DensityRound {
-    /// How Gaussians are chosen.
     pub choice: Choice,
     /// Frames of the clip, at times f / F.
     pub n_frames: u32,
-    /// Middle of the captured space, relative to the scene's origin.
+    /// Middle of the captured space, relative to the scene's origin, and its size, scene units.
     pub center: [f32; 3],
-    /// Its size, scene units.
     pub extent: f32,
-    /// Limits beyond which a Gaussian is removed or counts as dead; infinite ones, and an opacity of 0, let all stay.
+    /// Limits beyond which a Gaussian is removed or counts as dead.
     pub limits: PruneLimits,
     /// Opacity logit that none exceeds afterwards; `f32::MAX` leaves all.
     pub opacity_ceiling: f32,
-    /// Gaussians never exceed this.
     pub max_gaussians: u32,
-    /// A round adds at most this fraction of the Gaussians.
     pub growth: f32,
-    /// Key of the random numbers.
     pub key: u32,
 }
 
-/// The changes of a round.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct Counts {
     /// Gaussians cloned; of drawn ones, those added.
     pub cloned: u32,
-    /// Gaussians split in two.
     pub split: u32,
-    /// Gaussians removed.
     pub pruned: u32,
     /// Dead Gaussians that became copies of living ones.
     pub relocated: u32,
 }
 
-/// A scene after a round, with its moments and state by group, as in `Optimiser`.
 pub struct Grown {
-    /// The Gaussians.
     pub scene: SceneBuffers,
-    /// Their moments.
     pub moments: Moments,
-    /// Their state.
     pub state: Vec<Buf<[f32; 4]>>,
-    /// The changes of the round.
     pub counts: Counts,
 }
 
-/// A scene before it.
 #[derive(Clone, Copy)]
 struct OldScene<'a> {
     scene: &'a SceneBuffers,
@@ -105,6 +83,8 @@ struct OldScene<'a> {
 
 /// Scratch of a round, by flat index unless said otherwise.
 struct Scratch {
+    lenses: Buf<[f32; 4]>,
+    n_lenses: u32,
     flags: Buf<u32>,
     scores: Buf<u32>,
     identity: Buf<u32>,
@@ -114,18 +94,13 @@ struct Scratch {
     counters: Buf<u32>,
     n_flat: Buf<u32>,
     scan: Scan,
-    /// By place in the list.
     sources: Buf<u32>,
     source_codes: Buf<u32>,
 }
 
 impl DensityRound {
-    /// One round on `scene`, with the moments and the state of `Optimiser`, before `lenses`, relative to the scene's
-    /// origin. The Gaussians come out by population, time and place (Morton's order); whatever is not as it was has moments
-    /// zero, and so has every opacity after a reset; all statistics begin anew.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when no Gaussian is left, [`Error::OutOfMemory`] naming the buffer that does not fit.
+    /// One round on `scene` before `lenses`, relative to the scene's origin. The Gaussians come out by population, time and place
+    /// (Morton's order); whatever is not as it was has moments zero, and so has every opacity after a reset; all statistics begin anew.
     pub fn run(
         &self,
         gpu: &Gpu,
@@ -137,32 +112,27 @@ impl DensityRound {
     ) -> Result<Grown> {
         let old = OldScene { scene, moments, state };
         if scene.n_flat >= MAX_FLAT {
-            return Err(Error::OutOfMemory {
-                what: "density control (Gaussians)".to_owned(),
-                needed: u64::from(scene.n),
-                limit: u64::from(MAX_FLAT),
-                remedy: "lower --max-gaussians".to_owned(),
-            });
+            let (needed, limit) = (scene.n.into(), MAX_FLAT.into());
+            return Err(too_large("density control (Gaussians)", needed, limit, "lower --max-gaussians"));
         }
         if scene.n == 0 {
             return Err(nothing_left());
         }
         let most_new = self.most_new(scene.n);
-        let scratch = Scratch::new(gpu, scene, most_new)?;
-        let n_lenses = lenses.len() as u32;
-        let lenses = gpu.upload("lenses", bytemuck::cast_slice(lenses))?;
+        let scratch = Scratch::new(gpu, scene, most_new, lenses)?;
         let mut rec = Recording::new();
         rec.section("density");
         rec.fill(scratch.counters.slice(), 0);
         rec.fill(scratch.copies.slice(), 0);
-        self.record_classify(&mut rec, &scratch, old, n_lenses, &lenses);
+        self.record_classify(&mut rec, &scratch, old);
         match self.choice {
             Choice::Pulled { .. } => self.record_pulled(gpu, &mut rec, &scratch)?,
             Choice::Drawn => self.record_drawn(gpu, &mut rec, &scratch, scene.n, most_new)?,
         }
         gpu.run(&rec)?;
         let counters = gpu.read(&scratch.counters)?;
-        let [n_kept, n_cloned, n_split] = [N_KEPT, N_CLONED, N_SPLIT].map(|at| counters[at]);
+        let places = [shared::N_LISTED, shared::N_KEPT, shared::N_CLONED, shared::N_SPLIT];
+        let [n_listed, n_kept, n_cloned, n_split] = places.map(|at| counters[at as usize]);
         if n_kept == 0 {
             return Err(nothing_left());
         }
@@ -171,8 +141,12 @@ impl DensityRound {
             Choice::Pulled { .. } => (0, Counts { cloned: n_cloned, split: n_split, pruned: n_gone, relocated: 0 }),
             Choice::Drawn => (most_new, Counts { cloned: most_new, split: 0, pruned: 0, relocated: n_gone }),
         };
-        let n = (counters[N_LISTED] + n_new) as usize;
-        let sources = scratch.sorted_sources(gpu, n)?;
+        let n = (n_listed + n_new) as usize;
+        let mut rec = Recording::new();
+        rec.section("density");
+        let (count, Scratch { source_codes, sources, .. }) = (gpu.upload("density listed", &[n as u32])?, &scratch);
+        let (_, sources) = record_sort(gpu, &mut rec, &count, n, source_codes, sources)?;
+        gpu.run(&rec)?;
         let counts_by_bucket = std::array::from_fn(|bucket| counters[N_BUCKET + bucket] as usize);
         let scene = SceneBuffers::reshaped(gpu, scene, &counts_by_bucket)?;
         let (moments, state) = self.carry(gpu, old, &scene, &sources, &scratch.copies, constants)?;
@@ -188,27 +162,17 @@ impl DensityRound {
         }
     }
 
-    /// Times that slots of time are halved, until they are two frames long.
-    fn levels(&self) -> u32 {
-        self.n_frames.div_ceil(2).next_power_of_two().ilog2().min(MOST_LEVELS)
-    }
-
-    fn record_classify(
-        &self,
-        rec: &mut Recording,
-        scratch: &Scratch,
-        old: OldScene,
-        n_lenses: u32,
-        lenses: &Buf<[f32; 4]>,
-    ) {
+    fn record_classify(&self, rec: &mut Recording, scratch: &Scratch, old: OldScene) {
         let n_flat = old.scene.n_flat;
         let [x, y, z] = self.center;
         let (weight, split_above, gradient) = match self.choice {
             Choice::Pulled { gradient, split_above } => (0, split_above.ln(), gradient),
             Choice::Drawn => (WEIGHT.min(u32::MAX / n_flat.max(1) - 1), f32::MAX, f32::MAX),
         };
+        // Times that slots of time are halved, until they are two frames long.
+        let levels = self.n_frames.div_ceil(2).next_power_of_two().ilog2().min(MOST_LEVELS);
         let limits = PruneLimits { log_scale: self.limits.log_scale.min(LARGEST), ..self.limits };
-        let Scratch { flags, scores, identity, entries, codes, counters, .. } = scratch;
+        let Scratch { lenses, flags, scores, identity, entries, codes, counters, .. } = scratch;
         for (index, (group, state)) in old.scene.groups.iter().zip(old.state).enumerate() {
             rec.group(Some(index));
             let (is_held, params) = (old.scene.holds(group), &group.params);
@@ -219,11 +183,11 @@ impl DensityRound {
                 n_frames: self.n_frames,
                 weight,
                 split_above,
-                // What is held does not grow either.
+                // Held Gaussians do not grow either.
                 gradient: if is_held { f32::MAX } else { gradient },
                 bucket: group.bucket() as u32,
-                n_lenses,
-                levels: self.levels(),
+                n_lenses: scratch.n_lenses,
+                levels,
                 is_held: u32::from(is_held),
                 limits,
             };
@@ -239,8 +203,7 @@ impl DensityRound {
                 lenses,
                 motion: params.motion.as_ref().unwrap_or(&params.geometry),
             };
-            let kernel = generated::density_classify(params.motion.is_some());
-            rec.pass_variant(kernel, args, push, Grid::Threads(group.n));
+            rec.pass_variant(generated::density_classify(group.is_dynamic()), args, push, Grid::Threads(group.n));
         }
         rec.group(None);
     }
@@ -292,16 +255,10 @@ impl DensityRound {
         rec.section("density");
         for (index, group) in scene.groups.iter().enumerate() {
             rec.group(Some(index));
-            for (from, source) in old.scene.groups.iter().enumerate() {
-                if source.bucket() != group.bucket() {
-                    continue;
-                }
-                let args = density_children::Args {
-                    sources,
-                    copies,
-                    old: &source.params.geometry,
-                    geometry: &group.params.geometry,
-                };
+            let of_bucket = |(_, source): &(usize, &Group)| source.bucket() == group.bucket();
+            for (from, source) in old.scene.groups.iter().enumerate().filter(of_bucket) {
+                let (old_params, geometry) = (&source.params.geometry, &group.params.geometry);
+                let args = density_children::Args { sources, copies, old: old_params, geometry };
                 let push = density_children::Push {
                     n: group.n,
                     start: group.start as u32,
@@ -316,8 +273,7 @@ impl DensityRound {
                 for ((old, new), planes) in params.skip(1) {
                     transport.record(&mut rec, old, new, planes, 0, [[1.0; 4], [1.0; 4]]);
                 }
-                // What is known of opacities tells nothing of those that they are reset to. They are in the first plane of the geometry,
-                // which comes first.
+                // What is known of opacities says nothing of those that they are reset to. They are in the first plane of the geometry.
                 let resets = self.opacity_ceiling < f32::MAX && !scene.holds(group);
                 let pairs = old.moments.groups[from].buffers().zip(moments.groups[index].buffers());
                 for (at, ((old, new), planes)) in pairs.zip(group.params.plane_counts()).enumerate() {
@@ -325,14 +281,8 @@ impl DensityRound {
                     transport.record(&mut rec, old, new, moments.planes(planes), faded, [[1.0; 4], [0.0; 4]]);
                 }
                 // The statistics begin anew; a child has no residual.
-                transport.record(
-                    &mut rec,
-                    &old.state[from],
-                    &state[index],
-                    1,
-                    0,
-                    [[0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]],
-                );
+                let stays = [[0.0, 0.0, 1.0, 1.0], [0.0, 0.0, 0.0, 1.0]];
+                transport.record(&mut rec, &old.state[from], &state[index], 1, 0, stays);
             }
         }
         // Whatever could not be drawn was pruned or relocated.
@@ -347,7 +297,6 @@ fn nothing_left() -> Error {
     Error::data(Path::new("settings"), "density", "density control pruned every Gaussian", remedy)
 }
 
-/// From an old group to a new one.
 struct Transport<'a> {
     sources: &'a Buf<u32>,
     old: &'a Group,
@@ -356,7 +305,7 @@ struct Transport<'a> {
 
 impl Transport<'_> {
     /// Appends the transport of one buffer; the masks say which components stay of a Gaussian that is as it was, and of
-    /// any other. Of the last component of the first `faded` planes none stays.
+    /// any other. Of the first `faded` planes the last component does not stay.
     fn record(
         &self,
         rec: &mut Recording,
@@ -383,18 +332,19 @@ impl Transport<'_> {
 }
 
 impl Scratch {
-    /// For `scene` and `most_new` Gaussians more.
-    fn new(gpu: &Gpu, scene: &SceneBuffers, most_new: u32) -> Result<Self> {
+    fn new(gpu: &Gpu, scene: &SceneBuffers, most_new: u32, lenses: &[Cone]) -> Result<Self> {
         let n = scene.n_flat as usize;
         let listed = scene.n as usize + most_new as usize;
         Ok(Scratch {
+            lenses: gpu.upload("lenses", bytemuck::cast_slice(lenses))?,
+            n_lenses: lenses.len() as u32,
             flags: gpu.alloc("density flags", n)?,
             scores: gpu.alloc("density scores", n)?,
             identity: gpu.alloc("density identity", n)?,
             entries: gpu.alloc("density entries", n)?,
             codes: gpu.alloc("density codes", n)?,
             copies: gpu.alloc("density copies", n)?,
-            counters: gpu.alloc("density counters", N_COUNTERS)?,
+            counters: gpu.alloc("density counters", N_BUCKET + BUCKETS)?,
             n_flat: gpu.upload("density length", &[scene.n_flat])?,
             scan: Scan::new(gpu, n)?,
             sources: gpu.alloc("density sources", listed)?,
@@ -407,19 +357,9 @@ impl Scratch {
         let blocks = Grid::Groups(values.len().div_ceil(SCAN_BLOCK) as u32);
         self.scan.record(rec, &self.n_flat, values, total, blocks);
     }
-
-    /// The first `n` sources in the order of their codes.
-    fn sorted_sources(&self, gpu: &Gpu, n: usize) -> Result<Buf<u32>> {
-        let count = gpu.upload("density listed", &[n as u32])?;
-        let mut rec = Recording::new();
-        rec.section("density");
-        let (_, sources) = record_sort(gpu, &mut rec, &count, n, &self.source_codes, &self.sources)?;
-        gpu.run(&rec)?;
-        Ok(sources)
-    }
 }
 
-/// Appends the sort of `n` pairs, which is also what `count` says, by all bits of their keys.
+/// Appends the sort of `n` pairs, as many as `count` says, by all bits of their keys.
 fn record_sort(
     gpu: &Gpu,
     rec: &mut Recording,
@@ -434,9 +374,8 @@ fn record_sort(
     Ok(sort.record(rec, Unsorted { count, keys, carried: Carried::Values(values), n_bits: u32::BITS, blocks }))
 }
 
-/// Appends the noise of 3DGS-MCMC after a step: faint Gaussians of `scene` wander by `rate` (the learning rate of
-/// positions, scene units, times the noise's) times their covariance. Nothing moves when `status` says that the step
-/// failed. The bounds are due afterwards.
+/// Appends the noise of 3DGS-MCMC after a step: faint Gaussians move by `rate` (the learning rate of positions, scene units, times the
+/// noise's) times their covariance; none when the step failed. The bounds are due afterwards.
 pub fn record_mcmc_noise(rec: &mut Recording, scene: &SceneBuffers, status: &Buf<Status>, rate: f32, key: u32) {
     rec.section("noise");
     for (index, group) in scene.groups.iter().enumerate() {

@@ -1,19 +1,15 @@
 //! A strip of a picture on its way through the device. Its view goes there and its status comes back in the submission that
-//! renders it, its images in one behind that: the host waits for nothing before the end, and may hand over another strip meanwhile.
+//! renders it, its images in one behind that: the host waits only at the end, and may hand over another strip meanwhile.
 
-use super::backward::{Backward, Target};
-use super::job::{Copies, Extent, Job, Landed, Launched, Measure};
-use super::params::{Strip, view_params};
-use super::renderer::Renderer;
-use super::room::{Outcome, Size};
-use super::workspace::Workspace;
+use super::backward::Backward;
+use super::{Lists, Outcome, Outputs, Purpose, Renderer, Room, Size, Strip, Target, Workspace, view_params};
 use crate::error::Result;
 use crate::gpu::generated::Status;
-use crate::gpu::{Buf, Gpu, Recording, Slice};
+use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
 use crate::scene::{Frame, View};
 use std::time::Instant;
 
-/// Slices that wait to be copied to again; two pictures on their way have three each.
+/// Slices of the host's memory that are kept; two pictures on their way have three each.
 const MOST_SPARE: usize = 6;
 
 impl Renderer {
@@ -37,7 +33,8 @@ impl Renderer {
         work.record_backward(&mut recording, &self.scene, &lists, size, &Target::Gradients);
         recording.section("status");
         recording.copy(work.status.slice(), status.clone());
-        let images = job.read_back(&work.blend);
+        let is_read_back = job.destination == Destination::Host;
+        let images = if is_read_back { work.blend.images() } else { Vec::new() };
         let running = match job.measure {
             Measure::Nothing => self.gpu.start(&recording)?,
             Measure::Times | Measure::Work => self.gpu.start_timed(&recording)?,
@@ -47,19 +44,17 @@ impl Renderer {
         Ok(Launched { running, copies, recording, lists, extent, status, room: self.room, rounds, n })
     }
 
-    /// Room for a strip of `job`.
     fn make_room(&mut self, job: &Job, extent: &Extent) {
         let room = &mut self.room;
         room.tiles = room.tiles.max(extent.n_tiles);
         room.pixels = room.pixels.max(extent.n_pixels as usize);
         room.outputs = job.outputs;
-        room.purpose = job.purpose();
+        room.purpose = if job.cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture };
         room.active = room.active_of(self.scene.n, self.gpu.caps());
         room.intersections = room.intersections.min(room.max_intersections(&self.gpu));
     }
 
-    /// Hands the copies of the first `n` pixels of `images` to the device: by themselves, so that it is known when the picture was
-    /// there.
+    /// Starts the copies of the first `n` pixels of `images`: by themselves, so that it is known when the picture was there.
     fn copy_back(&mut self, images: &[Buf<[f32; 4]>], n: usize) -> Result<Option<Copies>> {
         if images.is_empty() {
             return Ok(None);
@@ -74,7 +69,7 @@ impl Renderer {
         Ok(Some(Copies { running: self.gpu.start(&recording)?, images, _recording: recording }))
     }
 
-    /// A slice of the host's memory that so many bytes are copied to: one that is free, or a new one.
+    /// A slice of the host's memory that so many bytes are copied to.
     fn slice(&mut self, bytes: usize) -> Result<Slice> {
         match self.spare.iter().position(|spare| spare.size() == bytes as u64) {
             Some(found) => Ok(self.spare.swap_remove(found)),
@@ -82,7 +77,6 @@ impl Renderer {
         }
     }
 
-    /// Waits for a strip.
     pub(super) fn land(&self, launched: &Launched) -> Result<Landed> {
         let times = launched.running.wait()?;
         let status: Status = self.gpu.peek(&launched.status)?.first().copied().unwrap_or_default();
@@ -95,17 +89,10 @@ impl Renderer {
             }
             _ => Vec::new(),
         };
-        Ok(Landed {
-            extent: launched.extent,
-            status,
-            outcome,
-            images,
-            times,
-            read_back_s: begun.elapsed().as_secs_f64(),
-        })
+        let read_back_s = begun.elapsed().as_secs_f64();
+        Ok(Landed { extent: launched.extent, status, outcome, images, times, read_back_s })
     }
 
-    /// Frees what a strip that has landed was copied to.
     pub(super) fn retire(&mut self, launched: Launched) {
         let images = launched.copies.map_or_else(Vec::new, |copies| copies.images);
         self.spare.extend(images.into_iter().chain([launched.status]));
@@ -114,7 +101,6 @@ impl Renderer {
     }
 }
 
-/// Uploads the strip's rows of the cotangents.
 fn write_cotangents(gpu: &Gpu, backward: &Backward, c: &Frame, view: &View, strip: Strip) -> Result<()> {
     let first = (view.intrinsics.width * strip.first_row) as usize;
     let pixels = first..first + (view.intrinsics.width * strip.n_rows) as usize;
@@ -125,4 +111,81 @@ fn write_cotangents(gpu: &Gpu, backward: &Backward, c: &Frame, view: &View, stri
         gpu.write(d_image1, &image1)?;
     }
     Ok(())
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Destination {
+    Device,
+    /// Copied and read back.
+    Host,
+}
+
+#[derive(Clone, Copy)]
+pub(super) struct Job<'a> {
+    pub view: &'a View,
+    pub outputs: Outputs,
+    pub destination: Destination,
+    pub cotangents: Option<&'a Frame>,
+    pub measure: Measure,
+}
+
+impl<'a> Job<'a> {
+    pub(super) fn new(view: &'a View, outputs: Outputs, destination: Destination) -> Self {
+        Job { view, outputs, destination, cotangents: None, measure: Measure::Nothing }
+    }
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Measure {
+    Nothing,
+    Times,
+    /// Times, and what the passes had to do, which is read back and takes longer than they did.
+    Work,
+}
+
+#[derive(Clone, Copy)]
+pub(super) struct Extent {
+    pub strip: Strip,
+    pub n_tiles: u32,
+    pub n_pixels: u32,
+}
+
+impl Extent {
+    pub(super) fn new(view: &View, strip: Strip) -> Self {
+        let (tiles_x, tiles_y) = strip.tiles(view);
+        Extent { strip, n_tiles: tiles_x * tiles_y, n_pixels: view.intrinsics.width * strip.n_rows }
+    }
+}
+
+/// A strip that the device works on.
+pub(super) struct Launched {
+    // Goes first: it waits for the device, which uses what the recording holds.
+    pub running: Running,
+    pub copies: Option<Copies>,
+    pub recording: Recording,
+    pub lists: Lists,
+    pub extent: Extent,
+    pub status: Slice,
+    pub room: Room,
+    pub rounds: u32,
+    /// Gaussians on the device, and those of them that are never drawn.
+    pub n: (u32, u32),
+}
+
+pub(super) struct Copies {
+    // Goes first, as above.
+    pub running: Running,
+    pub _recording: Recording,
+    pub images: Vec<Slice>,
+}
+
+pub(super) struct Landed {
+    pub extent: Extent,
+    pub status: Status,
+    pub outcome: Outcome,
+    /// Colour and alpha; depth, inverse depth and flow; as many as are read back.
+    pub images: Vec<Vec<[f32; 4]>>,
+    pub times: Vec<PassTime>,
+    /// Seconds from when the images were there until they were read back.
+    pub read_back_s: f64,
 }

@@ -1,4 +1,4 @@
-//! Which blocks of a group may have a Gaussian that lives at a view's time: culling and what follows it leave the others out.
+//! Which blocks of a group may have a Gaussian that lives at a view's time: culling and what follows leave the others out.
 
 use crate::error::Result;
 use crate::gpu::generated::constants::grid::MAX_GROUPS;
@@ -9,22 +9,18 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 /// Gaussians per workgroup of the cull; groups begin at multiples of it in the flat index.
 pub const CULL_BLOCK: u32 = cull_static::INFO.local;
 
-/// Which blocks of Gaussians a pass goes over.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Among {
-    /// All of them.
     All,
-    /// Those that the culling recorded last found alive; static Gaussians always are.
+    /// Those that the culling recorded last found alive, and static Gaussians.
     Live,
 }
 
-/// The blocks of a group that may live.
 pub struct Live {
     /// Keys of -first and last time that a Gaussian of a block may be seen, `bound.comp`; dynamic groups only.
     pub life: Option<Buf<[u32; 2]>>,
-    /// The blocks that live, in any order.
+    /// The blocks that live, in any order, and a workgroup for each of them.
     pub blocks: Buf<u32>,
-    /// A workgroup for each of them.
     pub args: Buf<[u32; 4]>,
     n_blocks: u32,
 }
@@ -36,7 +32,7 @@ impl Live {
         let blocks: Vec<u32> = (0..n_blocks).collect();
         let args = [n_blocks.min(MAX_GROUPS), n_blocks.div_ceil(MAX_GROUPS), 1, n_blocks];
         Ok(Live {
-            life: if dynamic { Some(gpu.alloc("lives", n_blocks as usize)?) } else { None },
+            life: dynamic.then(|| gpu.alloc("lives", n_blocks as usize)).transpose()?,
             blocks: gpu.upload("live blocks", &blocks)?,
             args: gpu.upload("live args", &[args])?,
             n_blocks,
@@ -51,7 +47,6 @@ impl Live {
         }
     }
 
-    /// Gaussians of the blocks that live, of `n`.
     pub(super) fn count(&self, gpu: &Gpu, n: u32) -> Result<u32> {
         let listed = gpu.read(&self.args)?.first().map_or(0, |args| args[3]);
         Ok(listed.saturating_mul(CULL_BLOCK).min(n))
@@ -75,7 +70,6 @@ impl Live {
 }
 
 impl Among {
-    /// The count that a pass over these grows with.
     pub(super) fn counted(self) -> Count {
         match self {
             Among::All => Count::Gaussians,

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use super::lpips_tiles::{Share, Tile};
 use super::lpips_trunk::{Conv, Extent, Layer, Network, TAP_PIXELS, Trunk, tap_planes};
+use super::room;
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::lpips_conv::{BLOCKS, PIXELS};
 use crate::gpu::generated::{
@@ -16,14 +17,13 @@ use crate::gpu::{Buf, Gpu, Grid, KernelInfo, Recording};
 /// Widths of subgroups that have kernels of their own, in the order of the table; others share the first kernel.
 const WIDTHS: [u32; 3] = [16, 32, 64];
 
-/// A part of a picture, and the same part of the truth.
+/// A part of a picture, and the same of the truth.
 #[derive(Clone, Copy)]
 pub struct Compared<'a> {
     /// The picture, `[height][width]`: colour in the first three channels, about [0, 1].
     pub image: &'a Buf<[f32; 4]>,
     /// RGB and the mask in the top byte, 8 bits each. A hidden pixel (mask 0) of the picture is taken to equal the truth.
     pub truth: &'a Buf<u32>,
-    /// Width and height of the whole picture.
     pub size: [u32; 2],
     /// First column and row of the part.
     pub origin: [u32; 2],
@@ -40,26 +40,13 @@ pub enum Shown {
     Unscaled,
 }
 
-impl Shown {
-    /// Factor and summand of a colour.
-    fn gain_and_offset(self) -> (f32, f32) {
-        match self {
-            Shown::Scaled => (2.0, -1.0),
-            Shown::Unscaled => (1.0, 0.0),
-        }
-    }
-}
-
-/// Where the cotangent goes.
 #[derive(Clone, Copy)]
 pub struct Cotangent<'a> {
     /// `weight` times the derivative of LPIPS by the picture's colour is added to the crop's pixels of this.
     pub d_image: &'a Buf<[f32; 4]>,
-    /// Weight of LPIPS in the loss.
     pub weight: f32,
 }
 
-/// LPIPS with its weights and scratch on the device.
 pub struct Lpips {
     net: Network,
     maps: Vec<Maps>,
@@ -70,17 +57,13 @@ pub struct Lpips {
 /// Scratch of one depth, which only grows: features of picture and truth, and the picture's cotangent.
 struct Maps {
     features: [Buf<[f32; 4]>; 2],
-    /// Which place of its window a pool took.
+    /// The place of its window that a pool took.
     choices: [Buf<u32>; 2],
     cotangent: Buf<[f32; 4]>,
 }
 
 impl Lpips {
     /// Reads the weights of a trunk and of LPIPS from a safetensors file, as `tools/lpips_weights.py` makes it.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the file cannot be read, holds neither trunk, or a tensor is missing, has another shape, or
-    /// values that cannot be; [`Error::OutOfMemory`] when the device has no room for the weights.
     pub fn load(gpu: &Gpu, path: &Path) -> Result<Self> {
         let net = Network::load(gpu, path)?;
         let empty = |name| gpu.alloc(name, 0);
@@ -95,21 +78,16 @@ impl Lpips {
         Ok(Lpips { net, maps, d_blocks: gpu.alloc(D_BLOCKS, 0)?, sums: gpu.alloc(SUMS, 0)? })
     }
 
-    /// The network whose features are compared.
     pub fn trunk(&self) -> Trunk {
         self.net.trunk
     }
 
-    /// Bytes of scratch for a crop of `size`, with a cotangent or without: about 174 or 119 a pixel for AlexNet, 688
-    /// or 466 for SqueezeNet.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the file of weights when the crop is too small for its trunk.
+    /// Bytes of scratch for a crop of `size`, with a cotangent or without: about 174 or 119 a pixel for AlexNet, 688 or 466 for
+    /// SqueezeNet. A crop that is too small for the trunk is an error.
     pub fn scratch_bytes(&self, size: [u32; 2], with_cotangent: bool) -> Result<u64> {
         Ok(self.net.extent(size, with_cotangent)?.bytes())
     }
 
-    /// Makes room for a crop.
     fn fit(&mut self, gpu: &Gpu, extent: &Extent) -> Result<()> {
         for (maps, len) in self.maps.iter_mut().zip(&extent.maps) {
             for side in 0..2 {
@@ -121,10 +99,7 @@ impl Lpips {
         grow(gpu, &mut self.d_blocks, D_BLOCKS, extent.d_blocks)
     }
 
-    /// [`Lpips::scratch_bytes`] with a cotangent, and of these the bytes of the largest buffer.
-    ///
-    /// # Errors
-    /// As [`Lpips::scratch_bytes`].
+    /// The same with a cotangent, and the bytes of the largest buffer.
     pub(crate) fn loss_bytes(&self, size: [u32; 2]) -> Result<[u64; 2]> {
         let extent = self.net.extent(size, true)?;
         Ok([extent.bytes(), extent.largest()])
@@ -132,10 +107,6 @@ impl Lpips {
 
     /// Appends LPIPS of `what`, and its cotangent, if there is a place for it. Gives sums by workgroup; the first number of their
     /// total is LPIPS, 0 for equal pictures.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the file of weights when the crop is too small for its trunk; [`Error::OutOfMemory`] when
-    /// it is too large for a binding or for the device.
     pub fn record(
         &mut self,
         gpu: &Gpu,
@@ -143,9 +114,8 @@ impl Lpips {
         what: &Compared<'_>,
         cotangent: Option<Cotangent<'_>>,
     ) -> Result<Buf<[f32; 4]>> {
-        let inside =
-            |axis: usize| what.origin[axis].checked_add(what.crop[axis]).is_some_and(|end| end <= what.size[axis]);
-        assert!(inside(0) && inside(1), "a crop lies within its picture");
+        let ends = [0, 1].map(|axis| u64::from(what.origin[axis]) + u64::from(what.crop[axis]));
+        assert!((0..2).all(|axis| ends[axis] <= what.size[axis].into()), "a crop lies within its picture");
         let extent = self.net.extent(what.crop, cotangent.is_some())?;
         self.fit(gpu, &extent)?;
         grow(gpu, &mut self.sums, SUMS, extent.sums)?;
@@ -160,11 +130,8 @@ impl Lpips {
         Ok(self.sums.range(0, extent.sums))
     }
 
-    /// Appends LPIPS of `what` alone, the trunk being `shown` its colours so, however large it is: in tiles whose buffers have at most
-    /// `most_bytes` each. Gives sums as [`Lpips::record`] does; of several tiles they differ in their last bits.
-    ///
-    /// # Errors
-    /// As [`Lpips::record`], too large being what no tile makes smaller.
+    /// Appends LPIPS of `what` alone, however large it is: in tiles whose buffers have at most `most_bytes` each. Gives sums as
+    /// [`Lpips::record`] does; of several tiles they differ in their last bits.
     pub fn record_score(
         &mut self,
         gpu: &Gpu,
@@ -193,9 +160,6 @@ impl Lpips {
     }
 
     /// Bytes of scratch of a score of `size`, and of its largest buffer, where that may have `most_bytes`.
-    ///
-    /// # Errors
-    /// As [`Lpips::record_score`].
     pub fn score_bytes(&self, size: [u32; 2], most_bytes: u64) -> Result<[u64; 2]> {
         let each = self.tiles(size, most_bytes)?;
         let extents = each.iter().map(|tile| self.net.extent(tile.size, false)).collect::<Result<Vec<_>>>()?;
@@ -216,8 +180,7 @@ impl Lpips {
             }
             let longer = usize::from(sides[1] >= sides[0]);
             let axis = [longer, 1 - longer].into_iter().find(|axis| n[*axis] * self.net.step() <= size[*axis]);
-            let Some(axis) = axis else { return Err(too_large(FEATURES, needed, most_bytes)) };
-            n[axis] *= 2;
+            n[axis.ok_or_else(|| too_large(FEATURES, needed, most_bytes))?] *= 2;
         }
     }
 }
@@ -229,8 +192,8 @@ const D_BLOCKS: &str = "d lpips blocks";
 const SUMS: &str = "lpips sums";
 
 fn too_large(name: &str, needed: u64, limit: u64) -> Error {
-    let what = format!("bytes of `{name}` in one binding");
-    Error::OutOfMemory { what, needed, limit, remedy: "compare a smaller crop: --set loss.lpips_crop=512".to_owned() }
+    let remedy = "compare a smaller crop: --set loss.lpips_crop=512";
+    room::too_large(format!("bytes of `{name}` in one binding"), needed, limit, remedy)
 }
 
 /// Gives `buf` room for `len` items, unless it has it.
@@ -245,16 +208,13 @@ fn grow<T: Pod>(gpu: &Gpu, buf: &mut Buf<T>, name: &str, len: usize) -> Result<(
     Ok(())
 }
 
-/// The passes over one crop.
 struct Passes<'a> {
     lpips: &'a Lpips,
     sizes: &'a [[u32; 2]],
     lanes: u32,
 }
 
-/// The parts of maps that the taps of a crop compare, and the place of their sums.
 struct Taps<'a> {
-    /// Parts of the maps, by tap.
     shares: &'a [Share],
     sums: &'a Buf<[f32; 4]>,
     /// Where in `sums` those of this crop begin.
@@ -262,11 +222,10 @@ struct Taps<'a> {
 }
 
 impl Passes<'_> {
-    /// Features of both pictures, layer by layer, and the taps with their cotangents.
     fn forward(&self, rec: &mut Recording, what: &Compared<'_>, shown: Shown, taps: Taps, with_cotangent: bool) {
         let Lpips { net, maps, .. } = self.lpips;
         let Taps { shares, sums, mut first_sum } = taps;
-        let (gain, offset) = shown.gain_and_offset();
+        let (gain, offset) = if shown == Shown::Scaled { (2.0, -1.0) } else { (1.0, 0.0) };
         let ([crop_width, crop_height], [first_x, first_y]) = (what.crop, what.origin);
         let [features, truth_features] = &maps[0].features;
         rec.pass(
@@ -367,16 +326,10 @@ impl Passes<'_> {
         lpips_pool::Push { width, height, planes: self.lpips.net.planes(from), out_width, out_height }
     }
 
-    /// From the taps' cotangents to the picture's, the last layer first.
     fn backward(&self, rec: &mut Recording, what: &Compared<'_>, cotangent: &Cotangent<'_>) {
         let Lpips { net, maps, d_blocks, .. } = self.lpips;
-        // Whether the cotangent of these maps has been begun; the others hold what an earlier crop left.
-        let mut begun = vec![false; maps.len()];
-        for layer in &net.layers {
-            if let Layer::Tap { of, .. } = layer {
-                begun[*of] = true;
-            }
-        }
+        // Maps whose cotangent has been begun; the others hold what an earlier crop left.
+        let mut begun: Vec<bool> = (0..maps.len()).map(|map| net.taps().any(|tap| tap == map)).collect();
         for layer in net.layers.iter().rev() {
             match layer {
                 Layer::Conv(conv) => {
@@ -420,13 +373,13 @@ impl Passes<'_> {
         rec.scale(f64::from(crop_width * crop_height));
     }
 
-    /// A layer's cotangent to the maps it came from, or to the blocks of the picture.
     fn conv_back(&self, rec: &mut Recording, conv: &Conv, add: bool) {
         let Lpips { net, maps, d_blocks, .. } = self.lpips;
         let [in_width, in_height] = self.sizes[conv.to];
         let [out_width, out_height] = self.sizes[conv.from].map(|n| conv.blocks(n));
         let out_channels = conv.stride * conv.stride * net.channels[conv.from];
-        let (taps, run) = (conv.taps_back(), tap_planes(conv.outputs));
+        // A block of `stride` pixels a side is reached by so many outputs a side.
+        let (taps, run) = (conv.kernel.div_ceil(conv.stride), tap_planes(conv.outputs));
         let to_picture = conv.from == 0;
         rec.pass_variant(
             self.conv_kernel(true),

@@ -8,19 +8,16 @@ use std::ops::Range;
 pub(super) struct Share {
     /// First column and row, in the tile's maps.
     pub first: [u32; 2],
-    /// Columns and rows.
     pub size: [u32; 2],
     /// Pixels of the maps of the whole picture.
     pub of: u32,
 }
 
 impl Share {
-    /// All of the maps of a picture that is one tile.
     pub fn whole(size: [u32; 2]) -> Self {
         Share { first: [0, 0], size, of: size[0] * size[1] }
     }
 
-    /// Pixels that are compared.
     pub fn pixels(&self) -> u32 {
         self.size[0] * self.size[1]
     }
@@ -29,17 +26,13 @@ impl Share {
 /// A part of a picture whose features are, where they are compared, those of the whole picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Tile {
-    /// First column and row.
     pub first: [u32; 2],
-    /// Width and height.
     pub size: [u32; 2],
-    /// The compared parts, by tap.
+    /// By tap.
     pub shares: Vec<Share>,
 }
 
-/// A tile along one axis.
 struct Span {
-    /// Of the picture.
     pixels: Range<u32>,
     /// The compared part of each tap, in the tile's maps.
     taps: Vec<Range<u32>>,
@@ -76,7 +69,7 @@ impl Network {
         })
     }
 
-    /// Pixels to a side of the picture that the deepest maps have one place for.
+    /// Pixels to a side of the picture for one place of the deepest maps.
     pub fn step(&self) -> u32 {
         self.strides().into_iter().max().unwrap_or(1)
     }

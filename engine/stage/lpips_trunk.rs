@@ -15,78 +15,46 @@ const STEP: usize = 16;
 const MAX_CHANNELS: usize = 4096;
 /// Pixels of a workgroup that compares features.
 pub(super) const TAP_PIXELS: u32 = lpips_tap::INFO.local / constants::lpips_tap::TEAM;
-
-/// Channels of a picture.
 pub(super) const COLORS: u32 = 3;
 
 const REMEDY: &str = "make the file with tools/lpips_weights.py from the published weights of the trunk and of LPIPS";
 
-/// The network whose features are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trunk {
-    /// torchvision's AlexNet: five taps.
     AlexNet,
-    /// torchvision's SqueezeNet 1.1: seven taps.
     SqueezeNet,
 }
 
-/// A part of a trunk, by torchvision's number in `features`.
+/// A module by its number in torchvision's `features`.
 #[derive(Clone, Copy)]
-enum Part {
+enum Module {
     /// A convolution with bias and ReLU: kernel, stride and zero padding, pixels.
-    Conv(u32, [u32; 3]),
-    /// SqueezeNet's module: a 1x1 layer, then a 1x1 and a 3x3 layer side by side.
+    Plain(u32, [u32; 3]),
+    /// SqueezeNet's: a 1x1 layer, then a 1x1 and a 3x3 layer side by side.
     Fire(u32),
-    /// The greatest of 3 x 3, two pixels apart; whether a window that sticks out counts.
-    Pool { ceil: bool },
-    /// The features here are compared.
-    Tap,
 }
+use Module::{Fire, Plain};
 
-const ALEXNET: &[Part] = {
-    use Part::*;
-    const POOL: Part = Pool { ceil: false };
-    &[
-        Conv(0, [11, 4, 2]),
-        Tap,
-        POOL,
-        Conv(3, [5, 1, 2]),
-        Tap,
-        POOL,
-        Conv(6, [3, 1, 1]),
-        Tap,
-        Conv(8, [3, 1, 1]),
-        Tap,
-        Conv(10, [3, 1, 1]),
-        Tap,
-    ]
-};
+/// Modules up to where features are compared, and whether a pool comes before them: the greatest of 3 x 3, two pixels apart.
+type Block = (bool, &'static [Module]);
 
-const SQUEEZENET: &[Part] = {
-    use Part::*;
-    const POOL: Part = Pool { ceil: true };
-    &[
-        Conv(0, [3, 2, 0]),
-        Tap,
-        POOL,
-        Fire(3),
-        Fire(4),
-        Tap,
-        POOL,
-        Fire(6),
-        Fire(7),
-        Tap,
-        POOL,
-        Fire(9),
-        Tap,
-        Fire(10),
-        Tap,
-        Fire(11),
-        Tap,
-        Fire(12),
-        Tap,
-    ]
-};
+const ALEXNET: &[Block] = &[
+    (false, &[Plain(0, [11, 4, 2])]),
+    (true, &[Plain(3, [5, 1, 2])]),
+    (true, &[Plain(6, [3, 1, 1])]),
+    (false, &[Plain(8, [3, 1, 1])]),
+    (false, &[Plain(10, [3, 1, 1])]),
+];
+
+const SQUEEZENET: &[Block] = &[
+    (false, &[Plain(0, [3, 2, 0])]),
+    (true, &[Fire(3), Fire(4)]),
+    (true, &[Fire(6), Fire(7)]),
+    (true, &[Fire(9)]),
+    (false, &[Fire(10)]),
+    (false, &[Fire(11)]),
+    (false, &[Fire(12)]),
+];
 
 impl fmt::Display for Trunk {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -101,7 +69,6 @@ impl fmt::Display for Trunk {
 pub(super) struct Conv {
     pub from: usize,
     pub to: usize,
-    /// The first of its channels in `to`.
     pub first: u32,
     pub outputs: u32,
     pub kernel: u32,
@@ -113,11 +80,6 @@ pub(super) struct Conv {
 }
 
 impl Conv {
-    /// Taps a side of the way back: a block of `stride` pixels a side is reached by so many outputs.
-    pub fn taps_back(&self) -> u32 {
-        self.kernel.div_ceil(self.stride)
-    }
-
     /// Blocks that lie wholly in the padding; the way back begins after them.
     pub fn blocks_before(&self) -> u32 {
         self.pad / self.stride
@@ -145,21 +107,18 @@ pub(super) enum Layer {
     Tap { of: usize, linear: Buf<[f32; 4]> },
 }
 
-/// A trunk with the linear layers of LPIPS.
 pub(super) struct Network {
     pub trunk: Trunk,
     pub file: PathBuf,
-    /// Channels of each set of maps.
     pub channels: Vec<u32>,
     pub layers: Vec<Layer>,
 }
 
 impl Network {
-    /// Reads and uploads the weights: torchvision's `features.N...` and LPIPS's `linK.model.1.weight`. Widths are the
-    /// file's.
+    /// Reads and uploads torchvision's `features.N...` and LPIPS's `linK.model.1.weight`, as wide as the file has them.
     pub fn load(gpu: &Gpu, path: &Path) -> Result<Self> {
         let tensors = read_tensors(path)?;
-        let (trunk, parts) = if tensors.contains_key("features.3.squeeze.weight") {
+        let (trunk, blocks) = if tensors.contains_key("features.3.squeeze.weight") {
             (Trunk::SqueezeNet, SQUEEZENET)
         } else if tensors.contains_key("features.3.weight") {
             (Trunk::AlexNet, ALEXNET)
@@ -169,29 +128,35 @@ impl Network {
         };
         let file = File { gpu, path, trunk, tensors };
         let mut net = Network { trunk, file: path.to_owned(), channels: vec![COLORS], layers: Vec::new() };
-        let mut n_taps = 0;
-        for part in parts {
-            let from = net.channels.len() - 1;
-            match *part {
-                Part::Conv(i, shape) => net.add_conv(&file, &[(format!("features.{i}"), shape)], from)?,
-                Part::Fire(i) => {
-                    let name = |part| format!("features.{i}.{part}");
-                    net.add_conv(&file, &[(name("squeeze"), [1, 1, 0])], from)?;
-                    let expand = [(name("expand1x1"), [1, 1, 0]), (name("expand3x3"), [3, 1, 1])];
-                    net.add_conv(&file, &expand, from + 1)?;
-                }
-                Part::Pool { ceil } => {
-                    net.channels.push(net.channels[from]);
-                    net.layers.push(Layer::Pool { from, to: from + 1, ceil });
-                }
-                Part::Tap => {
-                    let linear = file.linear(n_taps, net.channels[from] as usize)?;
-                    net.layers.push(Layer::Tap { of: from, linear });
-                    n_taps += 1;
+        for (tap, (is_pooled, modules)) in blocks.iter().enumerate() {
+            if *is_pooled {
+                let (from, channels) = net.last();
+                net.channels.push(channels);
+                // A window that sticks out counts.
+                let ceil = trunk == Trunk::SqueezeNet;
+                net.layers.push(Layer::Pool { from, to: from + 1, ceil });
+            }
+            for module in *modules {
+                let (from, _) = net.last();
+                match *module {
+                    Plain(i, shape) => net.add_conv(&file, &[(format!("features.{i}"), shape)], from)?,
+                    Fire(i) => {
+                        let name = |part| format!("features.{i}.{part}");
+                        net.add_conv(&file, &[(name("squeeze"), [1, 1, 0])], from)?;
+                        let expand = [(name("expand1x1"), [1, 1, 0]), (name("expand3x3"), [3, 1, 1])];
+                        net.add_conv(&file, &expand, from + 1)?;
+                    }
                 }
             }
+            let (of, channels) = net.last();
+            net.layers.push(Layer::Tap { of, linear: file.linear(tap, channels as usize)? });
         }
         Ok(net)
+    }
+
+    fn last(&self) -> (usize, u32) {
+        let last = self.channels.len() - 1;
+        (last, self.channels[last])
     }
 
     /// Appends convolutions of the same maps, whose channels follow one another in the new maps.
@@ -207,7 +172,6 @@ impl Network {
         Ok(())
     }
 
-    /// vec4 of a pixel.
     pub fn planes(&self, maps: usize) -> u32 {
         self.channels[maps].div_ceil(4)
     }
@@ -237,7 +201,6 @@ impl Network {
         Some(sizes)
     }
 
-    /// The memory that a crop of `size` needs, with a cotangent or without.
     pub fn extent(&self, size: [u32; 2], with_cotangent: bool) -> Result<Extent> {
         let Some(sizes) = self.sizes(size) else {
             let (place, smallest) = (format!("a crop of {}x{} pixels", size[0], size[1]), self.smallest());
@@ -273,19 +236,14 @@ impl Network {
     }
 }
 
-/// The memory that a crop needs.
 pub(super) struct Extent {
-    /// Width and height of all maps.
     pub sizes: Vec<[u32; 2]>,
-    /// Items of their buffers.
     pub maps: Vec<MapsLen>,
     /// Items of the cotangent of the picture, in blocks of the first layer's stride.
     pub d_blocks: usize,
-    /// Sums that the taps leave.
     pub sums: usize,
 }
 
-/// Items of the buffers of one depth.
 pub(super) struct MapsLen {
     pub features: usize,
     pub choices: usize,
@@ -293,20 +251,17 @@ pub(super) struct MapsLen {
 }
 
 impl Extent {
-    /// Of all buffers.
     pub fn bytes(&self) -> u64 {
         let of_maps = |len: &MapsLen| 32 * len.features + 8 * len.choices + 16 * len.cotangent;
         (self.maps.iter().map(of_maps).sum::<usize>() + 4 * self.d_blocks + 16 * self.sums) as u64
     }
 
-    /// Of the largest buffer.
     pub fn largest(&self) -> u64 {
         let of_maps = self.maps.iter().map(|len| 16 * len.features.max(len.cotangent));
         of_maps.max().unwrap_or(0).max(4 * self.d_blocks) as u64
     }
 }
 
-/// A file of weights being read.
 struct File<'a> {
     gpu: &'a Gpu,
     path: &'a Path,

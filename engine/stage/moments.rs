@@ -1,7 +1,7 @@
 //! Adam's moments of every Gaussian on the device, as floats or two to a word (`include/moments.glsl`).
 
-use super::planes::{Arrays, BAND_PLANES, PLANE_BLOCK, Planes, plane_of};
-use super::scene::{Group, SceneBuffers};
+use super::planes::{Arrays, BAND_PLANES, PLANE_BLOCK, plane_of};
+use super::{Group, Planes, SceneBuffers};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::gpu::generated::constants::moments::{INFINITY_BITS, LARGEST_BITS};
@@ -9,20 +9,15 @@ use crate::scene::Splats;
 
 const SIGN: u32 = 1 << 31;
 
-/// First and second moments.
 pub struct Moments {
-    /// By group. Of 32 bits in twice the planes of the parameters, all in blocks: 2p the first, 2p + 1 the second of plane p.
-    /// Of 16 in as many as the parameters: words that share the bits of a float, as [`moment_word`] has them.
+    /// By group. Of 32 bits in twice the planes of the parameters: 2p the first, 2p + 1 the second of plane p. Of 16 in as many as
+    /// the parameters: words that share the bits of a float, as [`moment_word`] has them.
     pub groups: Vec<Planes>,
-    /// Bits of each number: 32, or 16.
     pub bits: u32,
 }
 
 impl Moments {
     /// Moments of `scene`'s Gaussians, in its order. With 16 bits each is rounded to the nearest.
-    ///
-    /// # Errors
-    /// `OutOfMemory` naming the buffer that does not fit.
     pub fn upload(gpu: &Gpu, scene: &SceneBuffers, first: &Splats, second: &Splats, bits: u32) -> Result<Self> {
         let of_group = |group: &Group| {
             let n = group.n as usize;
@@ -43,13 +38,10 @@ impl Moments {
         Ok(Moments { groups: scene.groups.iter().map(of_group).collect::<Result<_>>()?, bits })
     }
 
-    /// Undefined moments for `scene`, of as many bits as these.
     pub(super) fn undefined(&self, gpu: &Gpu, scene: &SceneBuffers) -> Result<Self> {
         let times = self.planes(1);
-        let of_group = |group: &Group| {
-            let Planes { bands, motion, .. } = &group.params;
-            Planes::alloc(gpu, "moments", group.n as usize, bands.len(), motion.is_some(), times)
-        };
+        let of_group =
+            |group: &Group| Planes::alloc(gpu, "moments", group.n as usize, group.degree(), group.is_dynamic(), times);
         Ok(Moments { groups: scene.groups.iter().map(of_group).collect::<Result<_>>()?, bits: self.bits })
     }
 
@@ -58,23 +50,20 @@ impl Moments {
         if self.bits == 16 { of_parameters } else { 2 * of_parameters }
     }
 
-    /// Reads them back: the first and the second, in the order of `scene`'s Gaussians, to whom they belong.
-    ///
-    /// # Errors
-    /// Those of the device.
+    /// The first and the second, in the order of `scene`'s Gaussians, to whom they belong.
     pub fn download(&self, gpu: &Gpu, scene: &SceneBuffers) -> Result<(Splats, Splats)> {
         let arrays = self.groups.iter().map(|planes| Arrays::read(gpu, planes)).collect::<Result<Vec<_>>>()?;
-        let part = |of_word: fn(f32) -> f32, second: usize| {
+        let part = |of_word: fn(f32) -> f32, second: usize| -> Result<Splats> {
             let groups = scene.groups.iter().zip(&arrays);
             let of_group = |(group, arrays): (&Group, &Arrays)| {
-                arrays.map(|planes, from| match self.bits {
-                    16 => from.iter().map(|words| words.map(of_word)).collect(),
-                    _ => every_other(from, planes, group.n as usize, second),
+                arrays.try_map(|planes, from| match self.bits {
+                    16 => Ok(from.iter().map(|words| words.map(of_word)).collect()),
+                    _ => Ok(every_other(from, planes, group.n as usize, second)),
                 })
             };
-            scene.assemble(&groups.map(of_group).collect::<Vec<_>>())
+            Ok(scene.assemble(&groups.map(of_group).collect::<Result<Vec<_>>>()?))
         };
-        Ok((part(|word| moments_of(word)[0], 0), part(|word| moments_of(word)[1], 1)))
+        Ok((part(|word| moments_of(word)[0], 0)?, part(|word| moments_of(word)[1], 1)?))
     }
 }
 

@@ -5,7 +5,7 @@ use super::params::{TILE, TILE_PIXELS};
 use super::project::SPLAT_PLANES;
 use crate::gpu::generated::ViewParams;
 
-/// Pairs of a tile's pixels and its list that are walked at most; of larger frames a sample of the tiles is.
+/// Pairs of a tile's pixels and its list that are walked at most; larger frames are sampled.
 const WALKED: f64 = 4e6;
 
 /// The lists of a strip and the shape of the blocks that walk them.
@@ -21,19 +21,17 @@ pub(super) struct Blocks {
     pub last: Vec<u32>,
 }
 
-/// Counts of a strip.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(super) struct Pairs {
     /// The block is hit and the pixel is not finished.
     pub evaluated: f64,
-    /// Of these, added to the pixel.
     pub added: f64,
     /// Pixels that a splat finished.
     pub finished: f64,
 }
 
 impl Blocks {
-    /// The pairs of all tiles; estimated from a sample where they are many.
+    /// Those of all tiles, estimated where they are many.
     pub fn pairs(&self) -> Pairs {
         let length = |tile: usize| u64::from(self.last[tile].saturating_sub(self.first[tile]));
         let mut tiles: Vec<usize> = (0..self.first.len()).filter(|tile| length(*tile) > 0).collect();
@@ -52,7 +50,7 @@ impl Blocks {
         Pairs { evaluated: sum.evaluated * by_entry, added: sum.added * by_entry, finished: sum.finished * by_tile }
     }
 
-    /// Walks a tile as `blend_fwd.comp` does.
+    /// As `blend_fwd.comp` does.
     fn walk(&self, tile: usize, sum: &mut Pairs) {
         let columns = self.lanes.min(TILE);
         let rows = self.lanes / columns * self.pixels_per_lane;
@@ -104,8 +102,7 @@ impl Blocks {
     }
 }
 
-/// True if the ellipse (slope, chord, reach_y) about `xy` may touch the block of pixel centres from `corner` to `end`:
-/// `touches_block` of the shaders.
+/// True if the ellipse (slope, chord, reach_y) about `xy` may touch the pixel centres from `corner` to `end`: the shaders' `touches_block`.
 fn touches(xy: [f32; 2], [slope, chord, reach_y]: [f32; 3], corner: [f32; 2], end: [f32; 2]) -> bool {
     let margin_y = 1e-3 + 1e-6 * xy[1].abs();
     let low = (corner[1] - xy[1] - margin_y).max(-reach_y);
@@ -128,7 +125,6 @@ fn touches(xy: [f32; 2], [slope, chord, reach_y]: [f32; 3], corner: [f32; 2], en
 mod tests {
     use super::*;
 
-    /// Those of one pixel behind 30 splats of alpha 0.5.
     fn pairs(t_cut: f32) -> Pairs {
         let view = ViewParams {
             width: 1,

@@ -6,11 +6,10 @@ use crate::gpu::generated::constants::types::{
     DEPTH_SHIFT_16, DEPTH_SHIFT_24, EVERY_BLOCK, FLOW_DISPLACEMENT, FLOW_VELOCITY, TILES_ELLIPSE, TILES_RECTANGLE,
     TILES_SQUARE,
 };
-use crate::scene::{FlowModel, Pose, View};
+use crate::scene::{FlowModel, Intrinsics, Pose, View};
 use crate::settings::{Constants, Knobs, TileBound};
 use crate::vk::DeviceKind;
 
-/// Pixels of a tile.
 pub(super) const TILE_PIXELS: u32 = TILE * TILE;
 
 /// The outputs that a picture needs; the rest is neither computed nor read back.
@@ -22,12 +21,12 @@ pub enum Outputs {
     All,
 }
 
-/// The nearest near plane that goes with short depth keys, scene units. Those of 24 bits tell depths apart up to 2^32 times as far
-/// (`depth_key` of `project.comp`): this lets them reach 1e5 units, 100 km where those are metres.
+/// The nearest near plane that goes with short depth keys, scene units: those of 24 bits tell depths apart up to 2^32 times as far
+/// (`depth_key` of `project.comp`), which lets them reach 1e5 units.
 const NEAREST_OF_SHORT_KEYS: f32 = 1e5 / 4_294_967_296.0;
 
-/// `constants` with these `knobs`, and with what they leave to the device. Depth keys have 24 bits on a GPU, which spares it a round
-/// of their sort. They have all bits of the depth on a CPU driver, and where the near plane is so near that 24 do not reach far.
+/// `constants` with these `knobs`, and with what they leave to the device. Depth keys have 24 bits on a GPU, which spares a round of
+/// their sort, but all on a CPU driver and where the near plane is so near that 24 do not reach far.
 pub fn constants_on(kind: DeviceKind, knobs: Knobs, constants: Constants) -> Constants {
     let short_ones_reach = constants.near >= NEAREST_OF_SHORT_KEYS;
     let of_device = if kind == DeviceKind::Cpu || !short_ones_reach { u32::BITS } else { 24 };
@@ -42,14 +41,12 @@ pub fn constants_on(kind: DeviceKind, knobs: Knobs, constants: Constants) -> Con
     Knobs { depth_bits, ..knobs }.on(constants)
 }
 
-/// The use of a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Purpose {
     /// A picture, without a backward pass.
     Picture,
     /// A picture and its gradients: every pixel keeps its final transmittance and last entry.
     Gradient,
-    /// A step of the optimiser.
     Training,
 }
 
@@ -58,30 +55,25 @@ pub enum Purpose {
 pub struct Strip {
     /// First pixel row, a multiple of `TILE`.
     pub first_row: u32,
-    /// Pixel rows.
     pub n_rows: u32,
 }
 
 impl Strip {
-    /// The strip that is the whole picture.
     pub fn whole(view: &View) -> Self {
         Strip { first_row: 0, n_rows: view.intrinsics.height }
     }
 
-    /// Tiles across and down.
     pub fn tiles(&self, view: &View) -> (u32, u32) {
         (view.intrinsics.width.div_ceil(TILE), self.n_rows.div_ceil(TILE))
     }
 }
 
-/// The normalised time that a view shows.
 pub(super) fn moment(view: &View) -> f64 {
     view.time + view.time_offset * view.flow_dt
 }
 
 /// Parameters of `strip` of `view` for a scene whose positions were shifted by `-origin`.
 pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: Strip) -> ViewParams {
-    // Centre of the camera relative to the scene's origin.
     let rows = |pose: &Pose| -> [[f32; 4]; 3] {
         let (m, center) = (pose.rows(), pose.center());
         std::array::from_fn(|r| [m[r][0] as f32, m[r][1] as f32, m[r][2] as f32, (center[r] - origin[r]) as f32])
@@ -93,8 +85,9 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         let half = size / (2.0 * f);
         (-(c / f + 0.3 * half), (size - c) / f + 0.3 * half)
     };
-    let (u_low, u_high) = clamp(view.intrinsics.fx, view.intrinsics.cx, f64::from(view.intrinsics.width));
-    let (v_low, v_high) = clamp(view.intrinsics.fy, view.intrinsics.cy, f64::from(view.intrinsics.height));
+    let Intrinsics { fx, fy, cx, cy, width, height, .. } = view.intrinsics;
+    let (u_low, u_high) = clamp(fx, cx, f64::from(width));
+    let (v_low, v_high) = clamp(fy, cy, f64::from(height));
     let (tiles_x, tiles_y) = strip.tiles(view);
     let [r, g, b] = view.background;
     let knobs = &constants.knobs;
@@ -108,13 +101,8 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         row0,
         row1,
         row2,
-        intrinsics: [
-            view.intrinsics.fx as f32,
-            view.intrinsics.fy as f32,
-            view.intrinsics.cx as f32,
-            view.intrinsics.cy as f32,
-        ],
-        clamp_uv: [u_low as f32, u_high as f32, v_low as f32, v_high as f32],
+        intrinsics: [fx, fy, cx, cy].map(|x| x as f32),
+        clamp_uv: [u_low, u_high, v_low, v_high].map(|x| x as f32),
         background: [r, g, b, view.flow_dt as f32],
         next0,
         next1,
@@ -125,8 +113,8 @@ pub fn view_params(view: &View, constants: &Constants, origin: [f64; 3], strip: 
         alpha_min: constants.alpha_min,
         alpha_max: constants.alpha_max,
         t_min: constants.t_min,
-        width: view.intrinsics.width,
-        height: view.intrinsics.height,
+        width,
+        height,
         first_row: strip.first_row,
         n_rows: strip.n_rows,
         tiles_x,

@@ -5,31 +5,38 @@ use crate::gpu::generated::constants;
 use crate::gpu::{Buf, Gpu, PlaneSlices};
 use crate::scene::{Motion, Splats};
 
-/// Items in one block of planes.
 pub(super) const PLANE_BLOCK: usize = constants::grid::PLANE_BLOCK as usize;
 /// vec4 planes of bands 1 to 3.
 pub(super) const BAND_PLANES: [usize; 3] = [3, 4, 6];
-/// Those of what pictures say of a Gaussian, summed.
+/// Planes of the sums of [`super::Response`].
 pub(super) const FISHER_PLANES: usize = 6;
 
-/// Numbers per Gaussian in the layout of the parameters: the parameters themselves, their gradients, their moments.
-pub struct Planes {
+/// Something for each set of planes of a Gaussian's parameters, and of gradients and moments in their layout.
+pub struct Layout<T> {
     /// Position and opacity; rotation; scale and t_scale.
-    pub geometry: Buf<[f32; 4]>,
+    pub geometry: T,
     /// The constant band.
-    pub sh0: Buf<[f32; 4]>,
+    pub sh0: T,
     /// Bands 1 to 3; as many as the degree.
-    pub bands: Vec<Buf<[f32; 4]>>,
+    pub bands: Vec<T>,
     /// Velocity and t_center; dynamic groups only.
-    pub motion: Option<Buf<[f32; 4]>>,
+    pub motion: Option<T>,
 }
 
-/// [`Planes`] on the host.
-pub(super) struct Arrays {
-    pub(super) geometry: Vec<[f32; 4]>,
-    pub(super) sh0: Vec<[f32; 4]>,
-    pub(super) bands: Vec<Vec<[f32; 4]>>,
-    pub(super) motion: Option<Vec<[f32; 4]>>,
+pub type Planes = Layout<Buf<[f32; 4]>>;
+pub(super) type Arrays = Layout<Vec<[f32; 4]>>;
+
+impl<T> Layout<T> {
+    /// Each through `f`, which receives how many planes the parameters have there.
+    pub(super) fn try_map<U>(&self, f: impl Fn(usize, &T) -> Result<U>) -> Result<Layout<U>> {
+        let bands = self.bands.iter().zip(BAND_PLANES);
+        Ok(Layout {
+            geometry: f(3, &self.geometry)?,
+            sh0: f(1, &self.sh0)?,
+            bands: bands.map(|(band, planes)| f(planes, band)).collect::<Result<_>>()?,
+            motion: self.motion.as_ref().map(|motion| f(1, motion)).transpose()?,
+        })
+    }
 }
 
 impl Planes {
@@ -40,27 +47,16 @@ impl Planes {
 
     /// Buffers of the same shape with undefined contents.
     pub fn like(gpu: &Gpu, other: &Planes, name: &str) -> Result<Self> {
-        let like = |buffer: &Buf<[f32; 4]>| gpu.alloc(name, buffer.len());
-        Ok(Planes {
-            geometry: like(&other.geometry)?,
-            sh0: like(&other.sh0)?,
-            bands: other.bands.iter().map(like).collect::<Result<_>>()?,
-            motion: other.motion.as_ref().map(like).transpose()?,
-        })
+        other.try_map(|_, buffer| gpu.alloc(name, buffer.len()))
     }
 
     /// Undefined numbers for `n` Gaussians, with `times` the planes of the parameters.
     pub(super) fn alloc(gpu: &Gpu, name: &str, n: usize, degree: usize, dynamic: bool, times: usize) -> Result<Self> {
+        let shape = Layout { geometry: (), sh0: (), bands: vec![(); degree], motion: dynamic.then_some(()) };
         // A single plane is flat; its last block is as long as there are items.
-        let buffer = |planes: usize| match planes * times {
+        shape.try_map(|planes, ()| match planes * times {
             1 => gpu.alloc(name, n),
             planes => gpu.alloc(name, n.next_multiple_of(PLANE_BLOCK) * planes),
-        };
-        Ok(Planes {
-            geometry: buffer(3)?,
-            sh0: buffer(1)?,
-            bands: BAND_PLANES.iter().take(degree).map(|planes| buffer(*planes)).collect::<Result<_>>()?,
-            motion: if dynamic { Some(buffer(1)?) } else { None },
         })
     }
 
@@ -84,31 +80,11 @@ impl Planes {
 
 impl Arrays {
     pub(super) fn read(gpu: &Gpu, planes: &Planes) -> Result<Self> {
-        Ok(Arrays {
-            geometry: gpu.read(&planes.geometry)?,
-            sh0: gpu.read(&planes.sh0)?,
-            bands: planes.bands.iter().map(|band| gpu.read(band)).collect::<Result<_>>()?,
-            motion: planes.motion.as_ref().map(|motion| gpu.read(motion)).transpose()?,
-        })
+        planes.try_map(|_, buffer| gpu.read(buffer))
     }
 
     pub(super) fn upload(&self, gpu: &Gpu, name: &str) -> Result<Planes> {
-        Ok(Planes {
-            geometry: gpu.upload(name, &self.geometry)?,
-            sh0: gpu.upload(name, &self.sh0)?,
-            bands: self.bands.iter().map(|band| gpu.upload(name, band)).collect::<Result<_>>()?,
-            motion: self.motion.as_ref().map(|motion| gpu.upload(name, motion)).transpose()?,
-        })
-    }
-
-    /// Each array through `f`, which receives its planes in the layout of the parameters.
-    pub(super) fn map(&self, f: impl Fn(usize, &[[f32; 4]]) -> Vec<[f32; 4]>) -> Arrays {
-        Arrays {
-            geometry: f(3, &self.geometry),
-            sh0: f(1, &self.sh0),
-            bands: self.bands.iter().enumerate().map(|(b, data)| f(BAND_PLANES[b], data)).collect(),
-            motion: self.motion.as_ref().map(|data| f(1, data)),
-        }
+        self.try_map(|_, data| gpu.upload(name, data))
     }
 
     pub(super) fn write_into(&self, out: &mut Splats, start: usize, n: usize) {
@@ -133,9 +109,7 @@ impl Arrays {
             }
         }
     }
-}
 
-impl Arrays {
     /// The values of Gaussians `start..start + n` of `splats`, all of one bucket, positions relative to `origin`.
     pub(super) fn of(splats: &Splats, origin: [f64; 3], start: usize, n: usize) -> Self {
         let dynamic = start >= splats.n_static;
@@ -156,23 +130,14 @@ impl Arrays {
             if c < 2 * band + 1 { coefficient(i, band * band + c)[f % 3] } else { 0.0 }
         };
         let vec4 = |i: usize, band: usize, p: usize| std::array::from_fn(|j| float(i, band, 4 * p + j));
-        let mut bands = Vec::new();
-        for band in 1..=splats.degree_of(start) {
-            let data = match band {
-                1 => planes::<3>(n, |i| std::array::from_fn(|p| vec4(i, 1, p))),
-                2 => planes::<4>(n, |i| std::array::from_fn(|p| vec4(i, 2, p))),
-                _ => planes::<6>(n, |i| std::array::from_fn(|p| vec4(i, 3, p))),
-            };
-            bands.push(data);
-        }
-        let motion: Option<Vec<[f32; 4]>> = dynamic.then(|| {
-            (0..n)
-                .map(|i| {
-                    let m = motion_of(i);
-                    [m.velocity[0], m.velocity[1], m.velocity[2], m.t_center]
-                })
-                .collect()
-        });
+        let band = |band| match band {
+            1 => planes::<3>(n, |i| std::array::from_fn(|p| vec4(i, 1, p))),
+            2 => planes::<4>(n, |i| std::array::from_fn(|p| vec4(i, 2, p))),
+            _ => planes::<6>(n, |i| std::array::from_fn(|p| vec4(i, 3, p))),
+        };
+        let bands = (1..=splats.degree_of(start)).map(band).collect();
+        let of_motion = |m: Motion| [m.velocity[0], m.velocity[1], m.velocity[2], m.t_center];
+        let motion = dynamic.then(|| (0..n).map(|i| of_motion(motion_of(i))).collect());
         Arrays { geometry, sh0, bands, motion }
     }
 }

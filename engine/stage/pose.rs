@@ -7,24 +7,20 @@ use crate::gpu::{Buf, Gpu, Grid, Recording};
 use glam::DVec3;
 
 /// The rows of a camera: turn about the world's axes, radians, and shift along them, scene units, both with 1 - beta_1^steps in their
-/// last number; then the first moments of the gradients by both. Behind those of all cameras there are as many again, of which the
-/// first holds what all share: second moments of the gradients by turn and by shift, and 1 - beta_2^steps.
+/// last number; then the first moments of the gradients by both. Behind those of all cameras are as many again, of which the first
+/// holds what all share: second moments of the gradients by turn and by shift, and 1 - beta_2^steps.
 pub type PoseRows = [[f32; 4]; POSE_ROWS as usize];
 
-/// The inputs of a step of a pose.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct PoseStep {
-    /// Camera of the step's image.
     pub camera: u32,
-    /// Learning rate of the turn, radians.
+    /// Learning rates of the turn, radians, and of the shift, scene units.
     pub turn_rate: f64,
-    /// Learning rate of the shift, scene units.
     pub shift_rate: f64,
     /// Longest shift, scene units.
     pub most_shift: f64,
 }
 
-/// Corrections of poses, their moments, and which of them are learnt.
 pub struct Poses {
     /// By camera, [`PoseRows`]; then those of all.
     pub state: Buf<[f32; 4]>,
@@ -32,13 +28,11 @@ pub struct Poses {
     arrangement: Buf<[f32; 4]>,
     n: u32,
     n_learnt: u32,
-    /// Sum of the squared distances from the mean.
     spread: f64,
 }
 
 impl Poses {
-    /// The corrections in `state`, by camera, then what all share; zeros at first. `centers`: where the cameras are whose poses are
-    /// learnt; the others stay as they are.
+    /// The corrections in `state`, by camera, then what all share. `centers`: those of the cameras whose poses are learnt.
     pub fn new(gpu: &Gpu, state: &[PoseRows], centers: &[Option<DVec3>]) -> Result<Self> {
         let learnt = || centers.iter().flatten();
         let n_learnt = learnt().count();
@@ -59,25 +53,19 @@ impl Poses {
         rec.pass(pose_apply::Args { poses: &self.state, view }, pose_apply::Push { camera }, Grid::Groups(1));
     }
 
-    /// Appends a step along the camera's gradient `d_camera` (three vec4: turn and time, shift) of the picture seen from the corrected
+    /// Appends a step along the camera's gradient `total` (three vec4: turn and time, shift) of the picture seen from the corrected
     /// `view`; none if the frame failed.
     pub fn record_step(
         &self,
         rec: &mut Recording,
-        d_camera: &Buf<[f32; 4]>,
+        total: &Buf<[f32; 4]>,
         view: &Buf<ViewParams>,
-        status: &Buf<Status>,
+        frame_status: &Buf<Status>,
         at: &PoseStep,
     ) {
         rec.section("pose");
         rec.pass(
-            pose_step::Args {
-                total: d_camera,
-                arrangement: &self.arrangement,
-                frame_status: status,
-                view,
-                poses: &self.state,
-            },
+            pose_step::Args { total, arrangement: &self.arrangement, frame_status, view, poses: &self.state },
             pose_step::Push {
                 camera: at.camera,
                 n_cameras: self.n,

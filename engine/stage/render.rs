@@ -1,17 +1,14 @@
-//! One frame from a view, in strips where a device's bindings are shorter than the picture, replayed with
-//! more room where it overflows.
+//! One frame from a view, in strips where a device's bindings are shorter than the picture, replayed with more room where it overflows.
 
 use super::blend::SEGMENT;
-use super::counters::{Counters, PassReport, add_passes};
-use super::fisher::{Census, Fisher, Response};
-use super::gradients::Gradients;
-use super::job::{Destination, Extent, Job, Landed, Launched, Measure};
-use super::params::{Outputs, Strip, TILE, view_params};
-use super::renderer::Renderer;
-use super::room::{Outcome, Size};
-use super::scene::SceneBuffers;
-use super::show::{Layer, Screen};
-use super::workspace::Workspace;
+use super::fisher::Fisher;
+use super::launch::{Extent, Job, Landed, Launched, Measure};
+use super::params::TILE;
+use super::room::too_large;
+use super::{
+    Census, Counters, Destination, Gradients, Layer, Outcome, Outputs, PassReport, Renderer, Response, SceneBuffers,
+    Screen, Size, Strip, Workspace, add_passes, view_params,
+};
 use crate::error::{Error, Result};
 use crate::gpu::{Dispatch, PassTime, Recording};
 use crate::scene::{Frame, View};
@@ -42,7 +39,7 @@ pub struct FrameReport {
     pub passes: Vec<PassReport>,
     /// Barriers between all its passes, summed over strips; zero unless the passes were asked for.
     pub barriers: usize,
-    /// Each pass.
+    /// The time of each pass.
     #[serde(skip)]
     pub times: Vec<PassTime>,
     /// The work of the passes; zeros unless asked for.
@@ -86,22 +83,15 @@ impl Renderer {
         Ok(self.end(picture)?.1)
     }
 
-    /// Renders `view`, which has the size of `screen`, and puts `layer` of it there. The report has the time of each pass where
-    /// it `is_timed`.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`].
+    /// Renders `view`, which has the size of `screen`, and puts `layer` of it there; timed where it `is_timed`.
     #[doc(hidden)]
     pub fn show(&mut self, view: &View, layer: Layer, screen: &Screen, is_timed: bool) -> Result<FrameReport> {
-        assert_eq!(
-            (view.intrinsics.width, view.intrinsics.height),
-            (screen.width, screen.height),
-            "the view and the screen"
-        );
+        let size = (view.intrinsics.width, view.intrinsics.height);
+        assert_eq!(size, (screen.width, screen.height), "the view and the screen");
         let gpu = self.gpu.clone();
         let outputs = if matches!(layer, Layer::Color | Layer::Alpha) { Outputs::Color } else { Outputs::All };
         let measure = if is_timed { Measure::Times } else { Measure::Nothing };
-        let job = Job { view, outputs, destination: Destination::Device, cotangents: None, measure };
+        let job = Job { measure, ..Job::new(view, outputs, Destination::Device) };
         self.strips(&job, None, |_, work, landed| {
             let mut rec = Recording::new();
             let strip = landed.extent.strip;
@@ -111,21 +101,15 @@ impl Renderer {
         })
     }
 
-    /// As [`Renderer::draw`], with the time of every pass in the report.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`].
+    /// As [`Renderer::draw`], with the time and the work of every pass in the report.
     #[doc(hidden)]
     pub fn profile(&mut self, view: &View, outputs: Outputs) -> Result<FrameReport> {
-        let job = Job { view, outputs, destination: Destination::Device, cotangents: None, measure: Measure::Work };
+        let job = Job { measure: Measure::Work, ..Job::new(view, outputs, Destination::Device) };
         self.strips(&job, None, |_, _, _| Ok(()))
     }
 
     /// Renders `views` one after the other, each while the host is busy with the one before: `done` has a view, its picture
     /// (empty where it stays on the device) and report, and says whether to go on.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`]; those of `done`.
     #[doc(hidden)]
     pub fn stream<E: From<Error>>(
         &mut self,
@@ -153,25 +137,18 @@ impl Renderer {
     }
 
     /// Hands a picture to the device and does not wait for it.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`].
     #[doc(hidden)]
     pub fn begin(&mut self, view: &View, outputs: Outputs, destination: Destination) -> Result<Picture> {
-        let job = Job { view, outputs, destination, cotangents: None, measure: Measure::Nothing };
+        let job = Job::new(view, outputs, destination);
         let fits = self.longest_strip(view)? >= view.intrinsics.height;
         let launched = if fits { Some(self.launch(&job, Strip::whole(view), 1)?) } else { None };
         Ok(Picture { view: view.clone(), outputs, destination, launched })
     }
 
-    /// Waits for a picture.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`].
     #[doc(hidden)]
     pub fn end(&mut self, picture: Picture) -> Result<(Frame, FrameReport)> {
         let Picture { view, outputs, destination, launched } = picture;
-        let job = Job { view: &view, outputs, destination, cotangents: None, measure: Measure::Nothing };
+        let job = Job::new(&view, outputs, destination);
         let mut frame = Frame { width: view.intrinsics.width, height: view.intrinsics.height, ..Frame::default() };
         let report = self.strips(&job, launched, |_, _, landed| {
             append(&mut frame, &landed.images);
@@ -180,22 +157,14 @@ impl Renderer {
         Ok((frame, report))
     }
 
-    /// As [`Renderer::render`], but gives the frame's first dispatch of a kernel, with what it worked on. The picture is of
-    /// one strip.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`]; [`Error::OutOfMemory`] when one strip does not hold the picture.
+    /// The first dispatch of a kernel in a frame, with what it worked on. The picture must be of one strip.
     #[doc(hidden)]
     pub fn dump(&mut self, view: &View, outputs: Outputs, kernel: &str) -> Result<Option<Dispatch>> {
         // Lists grow to their size.
         let report = self.draw(view, outputs)?;
         if report.strips > 1 {
-            return Err(Error::OutOfMemory {
-                what: format!("view `{}` in one strip (strips)", view.name),
-                needed: report.strips,
-                limit: 1,
-                remedy: "dump it of a smaller picture".to_owned(),
-            });
+            let what = format!("view `{}` in one strip (strips)", view.name);
+            return Err(too_large(what, report.strips, 1, "dump it of a smaller picture"));
         }
         let rounds = (report.max_tile_list as u32).div_ceil(SEGMENT).max(1);
         let strip = Strip::whole(view);
@@ -215,13 +184,7 @@ impl Renderer {
         let gpu = self.gpu.clone();
         let mut gradients = Gradients::default();
         self.load_whole()?;
-        let job = Job {
-            view,
-            outputs: Outputs::All,
-            destination: Destination::Device,
-            cotangents: Some(cotangents),
-            measure: Measure::Nothing,
-        };
+        let job = Job { cotangents: Some(cotangents), ..Job::new(view, Outputs::All, Destination::Device) };
         let report = self.strips(&job, None, |scene, work, _| {
             let Some(backward) = &work.backward else { return Ok(()) };
             let strip = scene.download(&gpu, backward.gradients.iter())?;
@@ -233,9 +196,6 @@ impl Renderer {
     }
 
     /// An empty census of this renderer's scene, for cameras with these centres (world), over which the means of bands are.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] naming the buffer that does not fit.
     #[doc(hidden)]
     pub fn census(&mut self, cameras: &[[f64; 3]]) -> Result<Census> {
         self.load_whole()?;
@@ -244,9 +204,6 @@ impl Renderer {
 
     /// Adds `view` to `census`, which this renderer made: by the cotangents of colour `signs`, which must be random signs, the
     /// information; by those that `errors` makes of the picture, its errors, the slope of half their square.
-    ///
-    /// # Errors
-    /// As [`Renderer::render`].
     #[doc(hidden)]
     pub fn count(
         &mut self,
@@ -263,13 +220,7 @@ impl Renderer {
             fisher.record(&mut rec, scene, &backward.gradients, view);
             gpu.run(&rec)
         };
-        let job = Job {
-            view,
-            outputs: Outputs::Color,
-            destination: Destination::Host,
-            cotangents: Some(signs),
-            measure: Measure::Nothing,
-        };
+        let job = Job { cotangents: Some(signs), ..Job::new(view, Outputs::Color, Destination::Host) };
         self.strips(&job, None, |scene, work, landed| {
             append(&mut frame, &landed.images);
             add(&census.information, scene, work)
@@ -280,19 +231,13 @@ impl Renderer {
         Ok(())
     }
 
-    /// Of every Gaussian, in the scene's order, how often a picture of `census` showed it so far; once for each of its strips.
-    ///
-    /// # Errors
-    /// [`Error::DeviceLost`].
+    /// How often a picture of `census` showed each Gaussian so far, in the scene's order; once for each of its strips.
     #[doc(hidden)]
     pub fn seen(&self, census: &Census) -> Result<Vec<f32>> {
         census.information.seen(&self.gpu, &self.scene)
     }
 
     /// The sums of `census` for every Gaussian, in the scene's order: information, and slope of half the squared error.
-    ///
-    /// # Errors
-    /// [`Error::DeviceLost`].
     #[doc(hidden)]
     pub fn counted(&self, census: &Census) -> Result<(Vec<Response>, Vec<Response>)> {
         Ok((census.information.read(&self.gpu, &self.scene)?, census.slope.read(&self.gpu, &self.scene)?))
@@ -324,18 +269,14 @@ impl Renderer {
         Ok(report)
     }
 
-    /// The most rows, whole tiles, whose images fit a binding.
     fn longest_strip(&self, view: &View) -> Result<u32> {
         let row_bytes = 16 * u64::from(view.intrinsics.width);
         let limit = self.gpu.caps().max_binding_bytes;
         let rows = limit / row_bytes / u64::from(TILE) * u64::from(TILE);
         if rows == 0 {
-            return Err(Error::OutOfMemory {
-                what: format!("one row of tiles of view `{}` (bytes of a binding)", view.name),
-                needed: row_bytes * u64::from(TILE),
-                limit,
-                remedy: "render a narrower picture or choose another device".to_owned(),
-            });
+            let what = format!("one row of tiles of view `{}` (bytes of a binding)", view.name);
+            let remedy = "render a narrower picture or choose another device";
+            return Err(too_large(what, row_bytes * u64::from(TILE), limit, remedy));
         }
         let whole = u64::from(view.intrinsics.height.next_multiple_of(TILE));
         Ok(rows.min(whole) as u32)
@@ -365,13 +306,9 @@ impl Renderer {
                     return Ok(None);
                 }
                 Outcome::TooMuch { what, needed, limit } => {
-                    return Err(Error::OutOfMemory {
-                        what: format!("view `{}`: {what} in one row of tiles", job.view.name),
-                        needed: u64::from(needed),
-                        limit: u64::from(limit),
-                        remedy: "render a narrower picture, a smaller scene, or choose a device with longer bindings"
-                            .to_owned(),
-                    });
+                    let remedy = "render a narrower picture, a smaller scene, or choose a device with longer bindings";
+                    let what = format!("view `{}`: {what} in one row of tiles", job.view.name);
+                    return Err(too_large(what, needed.into(), limit.into(), remedy));
                 }
             }
             report.add(&launched, &landed);
@@ -383,7 +320,6 @@ impl Renderer {
         }
     }
 
-    /// Adds a strip's passes with their times, and what they had to do, to `report`.
     fn count_passes(&self, launched: &Launched, landed: &Landed, report: &mut FrameReport) -> Result<()> {
         let begun = Instant::now();
         let Launched { recording, lists, extent, .. } = launched;
@@ -398,7 +334,6 @@ impl Renderer {
     }
 }
 
-/// Appends a strip's images to the frame.
 pub(super) fn append(frame: &mut Frame, images: &[Vec<[f32; 4]>]) {
     let [image0, image1] = std::array::from_fn(|at| images.get(at).map_or(&[][..], |image| image));
     for [r, g, b, alpha] in image0 {
@@ -413,7 +348,6 @@ pub(super) fn append(frame: &mut Frame, images: &[Vec<[f32; 4]>]) {
 }
 
 impl FrameReport {
-    /// Adds a strip.
     pub(super) fn add(&mut self, launched: &Launched, landed: &Landed) {
         let status = &landed.status;
         let (n, n_bad) = launched.n;

@@ -1,11 +1,7 @@
 //! The renderer: a scene on the device, with what its frames are made in.
 
-use super::accumulation::Sums;
-use super::params::{Outputs, Purpose, constants_on};
-use super::room::Room;
-use super::scene::SceneBuffers;
 use super::window::Windows;
-use super::workspace::Workspace;
+use super::{Outputs, Purpose, Room, SceneBuffers, Sums, Workspace, constants_on};
 use crate::error::Result;
 use crate::gpu::{Gpu, Slice};
 use crate::scene::{Parts, Splats, View};
@@ -19,9 +15,9 @@ pub struct Renderer {
     pub(super) constants: Constants,
     pub(super) work: Option<Workspace>,
     pub(super) room: Room,
-    /// Slices of the host's memory that were copied to and are free again.
+    /// Slices of the host's memory that are free again.
     pub(super) spare: Vec<Slice>,
-    /// Where only what lives near a view's time is on the device.
+    /// None where the whole scene is on the device.
     pub(super) windows: Option<Windows>,
 }
 
@@ -38,9 +34,9 @@ impl Renderer {
         Self::of_whole(gpu, splats, constants)
     }
 
-    /// As [`Renderer::new`], for a clip that may be longer than what the device holds. Where most dynamic Gaussians live for a
-    /// small part of the clip, only those that live near the time of a view are uploaded, anew whenever that leaves their window:
-    /// views in order of time are the fastest. Pictures are the same to the bit.
+    /// As [`Renderer::new`], for a clip that may be longer than what the device holds. Where most dynamic Gaussians live for a small
+    /// part of the clip, only those that live near a view's time are uploaded, anew whenever that leaves their window: views in order
+    /// of time are the fastest. Pictures are the same to the bit.
     ///
     /// # Errors
     /// As [`Renderer::new`].
@@ -52,11 +48,8 @@ impl Renderer {
         }
     }
 
-    /// As [`Renderer::of_clip`], for a clip that may be longer than what the host's memory holds too: its Gaussians are read part by
-    /// part as views need them. Gradients and what else takes a scene as a whole are refused.
-    ///
-    /// # Errors
-    /// As [`Renderer::new`]; those of the clip, here and whenever a view needs another part of it.
+    /// As [`Renderer::of_clip`], for a clip that may be longer than what the host's memory holds too: its Gaussians are read as views
+    /// need them. What takes a scene as a whole, as gradients do, is refused.
     #[doc(hidden)]
     pub fn of_parts(gpu: Arc<Gpu>, clip: Box<dyn Parts>, constants: Constants) -> Result<Self> {
         let constants = constants_on(gpu.caps().kind, constants.knobs, constants);
@@ -102,9 +95,6 @@ impl Renderer {
     }
 
     /// Adds gradients up in another way from now on.
-    ///
-    /// # Errors
-    /// [`Error::NoDevice`](crate::Error::NoDevice) when the device cannot.
     #[doc(hidden)]
     pub fn accumulate(&mut self, sums: Sums) -> Result<()> {
         sums.check(self.gpu.caps())?;
@@ -112,7 +102,6 @@ impl Renderer {
         Ok(())
     }
 
-    /// Puts the Gaussians on the device that live near the time of `view`.
     pub(super) fn load_window(&mut self, view: &View) -> Result<()> {
         let Some(windows) = &mut self.windows else { return Ok(()) };
         if !windows.is_due(view) {
@@ -123,7 +112,7 @@ impl Renderer {
         windows.load(&self.gpu, &self.constants, &mut self.scene, view)
     }
 
-    /// Puts all Gaussians on the device, for what is asked of the scene as a whole.
+    /// Puts all Gaussians on the device.
     pub(super) fn load_whole(&mut self) -> Result<()> {
         if let Some(windows) = &mut self.windows {
             self.scene = windows.load_whole(&self.gpu, &self.constants)?;

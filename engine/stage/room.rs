@@ -1,21 +1,19 @@
 //! How much a frame may hold, and what is to be done when it holds more.
 
-use super::accumulation::{SLOT_PAIRS, Sums};
-use super::blend::{Blend, SEGMENT};
+use super::accumulation::SLOT_PAIRS;
+use super::blend::SEGMENT;
 use super::chunks;
-use super::params::{Outputs, Purpose};
 use super::project::SPLAT_PLANES;
+use super::{Blend, Outputs, Purpose, Sums};
+use crate::error::Error;
 use crate::gpu::Gpu;
 use crate::gpu::generated::Status;
 use crate::gpu::generated::constants::types::{FAILED_ACTIVE, FAILED_INTERSECTIONS, FAILED_LIST};
 use crate::vk::Caps;
 
-/// The size of a strip on its way through the stages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Size {
-    /// Tiles.
     pub n_tiles: u32,
-    /// Pixels.
     pub n_pixels: u32,
     /// Rounds of the blend, enough for lists of `rounds * SEGMENT` entries.
     pub rounds: u32,
@@ -24,19 +22,12 @@ pub struct Size {
 /// Capacities; they only grow, but for the strip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Room {
-    /// Active Gaussians.
     pub active: u32,
-    /// Pairs of a Gaussian and a tile.
     pub intersections: u32,
-    /// Tiles of a strip.
     pub tiles: u32,
-    /// Pixels of a strip.
     pub pixels: usize,
-    /// The outputs of the pictures.
     pub outputs: Outputs,
-    /// The use of the frames.
     pub purpose: Purpose,
-    /// How gradients are added up.
     pub sums: Sums,
     /// True if a step of the optimiser needs the camera's gradient too; [`Purpose::Gradient`] always has it.
     pub camera: bool,
@@ -49,13 +40,12 @@ pub struct Room {
 }
 
 impl Room {
-    /// True if each intersection has a slot for its gradient.
     pub(super) fn has_slots(&self) -> bool {
         self.purpose != Purpose::Picture && self.sums == Sums::Slots
     }
 
-    /// Active Gaussians of a scene of `n`: all, or as many as one binding holds the splats of, and the sums where a backward pass has
-    /// any. A view that has more fails for them, see [`Room::outcome`].
+    /// Active Gaussians of a scene of `n`: all, or as many as one binding holds the splats and sums of. A view that has more fails for
+    /// them, see [`Room::outcome`].
     pub fn active_of(&self, n: u32, caps: &Caps) -> u32 {
         let sums = if self.purpose == Purpose::Picture { 0 } else { self.sums.bytes() };
         let most = caps.max_binding_bytes / sums.max(16 * SPLAT_PLANES as u64);
@@ -74,7 +64,6 @@ impl Room {
         self.intersections.div_ceil(SEGMENT).max(1)
     }
 
-    /// The outcome of a frame within this room, of `rounds` rounds, that ended with `status`.
     pub fn outcome(&self, gpu: &Gpu, status: &Status, rounds: u32) -> Outcome {
         let limit = self.max_intersections(gpu);
         if status.failed & FAILED_ACTIVE != 0 {
@@ -93,20 +82,19 @@ impl Room {
     }
 }
 
-/// The outcome of a frame, and the remedy where it failed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
-    /// Nothing: the frame is complete.
     Complete,
-    /// A replay with this much room and this many rounds.
+    /// With this much room and this many rounds.
     Replay(Room, u32),
     /// Fewer tile rows at a time, or an error: a binding cannot hold `needed` of `what`.
     TooMuch {
-        /// The name of what does not fit.
         what: &'static str,
-        /// How many.
         needed: u32,
-        /// How many fit.
         limit: u32,
     },
+}
+
+pub(super) fn too_large(what: impl Into<String>, needed: u64, limit: u64, remedy: &str) -> Error {
+    Error::OutOfMemory { what: what.into(), needed, limit, remedy: remedy.to_owned() }
 }

@@ -5,16 +5,13 @@ use crate::gpu::generated::{Status, constants, scan_downsweep, scan_downsweep_ga
 use crate::gpu::generated::{scan_reduce, scan_reduce_gathered};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// Items per workgroup.
 pub const SCAN_BLOCK: usize = constants::args::SCAN_BLOCK as usize;
 
-/// Scratch of a prefix sum.
 pub struct Scan {
     partials: Buf<u32>,
 }
 
 impl Scan {
-    /// Scratch for up to `capacity` items.
     pub fn new(gpu: &Gpu, capacity: usize) -> Result<Self> {
         Ok(Scan { partials: gpu.alloc("scan partials", capacity.div_ceil(SCAN_BLOCK))? })
     }
@@ -49,14 +46,11 @@ impl Scan {
 
 /// The grids that [`Scan::record_gathered`] makes of the number of intersections.
 pub struct PairGrids<'a> {
-    /// Its own grid, as that of [`Scan::record`].
     pub blocks: Grid,
     /// Grids over the items of `index`; those of threads and of a sort become grids over intersections.
     pub args: &'a Buf<[u32; 4]>,
     /// The grid of threads over the items, which it was before; none where the intersections do not fit.
     pub emit_args: &'a Buf<[u32; 4]>,
-    /// The frame's report.
     pub frame_status: &'a Buf<Status>,
-    /// Most intersections.
     pub capacity: u32,
 }

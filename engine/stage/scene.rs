@@ -1,10 +1,11 @@
 //! A scene on the device: groups of Gaussians of one population and one SH degree, each short enough for the device's
 //! bindings.
 
-use super::live::{Among, CULL_BLOCK, Live};
-use super::params::Purpose;
-use super::planes::{Arrays, BAND_PLANES, FISHER_PLANES, Planes};
-use crate::error::{Error, Result};
+use super::live::CULL_BLOCK;
+use super::planes::{Arrays, BAND_PLANES, FISHER_PLANES};
+use super::room::too_large;
+use super::{Among, Live, Planes, Purpose};
+use crate::error::Result;
 use crate::gpu::generated::{bound_dynamic, bound_static};
 use crate::gpu::{Buf, Gpu, Recording};
 use crate::scene::{Motion, Splats};
@@ -14,9 +15,7 @@ use crate::settings::{Constants, Knobs};
 pub struct Group {
     /// Flat index of the first, a multiple of 128, the workgroup of the cull.
     pub first: u32,
-    /// Number of Gaussians.
     pub n: u32,
-    /// Index of the first in the scene's order.
     pub start: usize,
     /// The parameters; positions relative to the scene's origin.
     pub params: Planes,
@@ -24,23 +23,16 @@ pub struct Group {
     pub bound: Buf<[f32; 4]>,
     /// Half-width of the time window, derived; dynamic groups only.
     pub window: Option<Buf<f32>>,
-    /// Its blocks of `CULL_BLOCK` Gaussians, and which of them live at the view's time.
     pub live: Live,
 }
 
-/// A scene on the device.
 pub struct SceneBuffers {
-    /// The groups, static ones first.
     pub groups: Vec<Group>,
     /// Length of the flat index, a multiple of `CULL_BLOCK`.
     pub n_flat: u32,
-    /// Gaussians.
     pub n: u32,
-    /// First cull workgroup of each group.
     pub group_first: Buf<u32>,
-    /// Most Gaussians of a group, a multiple of `CULL_BLOCK`.
     pub group_limit: usize,
-    /// SH degree that a Gaussian has at most.
     pub sh_degree: usize,
     /// Subtracted from every position, and from the cameras; zero unless the scene is far from its origin.
     pub origin: [f64; 3],
@@ -52,17 +44,11 @@ pub struct SceneBuffers {
 
 impl SceneBuffers {
     /// Uploads `splats` and derives what culling reads for `constants`.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`] naming the buffer.
     pub fn upload(gpu: &Gpu, splats: &Splats, constants: &Constants, purpose: Purpose) -> Result<Self> {
         Self::upload_in_groups(gpu, splats, constants, group_limit(gpu, splats.sh_degree as usize, purpose))
     }
 
     /// As [`SceneBuffers::upload`] in groups of at most `limit` Gaussians, a multiple of 128.
-    ///
-    /// # Errors
-    /// As [`SceneBuffers::upload`].
     pub fn upload_in_groups(gpu: &Gpu, splats: &Splats, constants: &Constants, limit: usize) -> Result<Self> {
         Self::upload_around(gpu, splats, constants, limit, far_origin(splats))
     }
@@ -104,8 +90,7 @@ impl SceneBuffers {
         self.groups.extend(dynamic.groups.into_iter().map(moved));
         (self.n, self.n_bad) = (self.n + dynamic.n, self.n_bad + dynamic.n_bad);
         self.n_flat += dynamic.n_flat;
-        let group_first: Vec<u32> = self.groups.iter().map(|group| group.first / CULL_BLOCK).collect();
-        self.group_first = gpu.upload("group starts", &group_first)?;
+        self.group_first = upload_starts(gpu, &self.groups)?;
         Ok(())
     }
 
@@ -127,14 +112,11 @@ impl SceneBuffers {
         sh_degree: usize,
         origin: [f64; 3],
     ) -> Result<Self> {
-        let group_first: Vec<u32> = groups.iter().map(|g| g.first / CULL_BLOCK).collect();
-        let n = groups.iter().map(|g| g.n).sum();
-        let group_first = gpu.upload("group starts", &group_first)?;
         Ok(SceneBuffers {
+            n: groups.iter().map(|g| g.n).sum(),
+            group_first: upload_starts(gpu, &groups)?,
             groups,
             n_flat,
-            n,
-            group_first,
             group_limit,
             sh_degree,
             origin,
@@ -143,8 +125,8 @@ impl SceneBuffers {
         })
     }
 
-    /// Appends the derivation of what culling reads; due whenever the parameters of any `among` these have changed. `n_bad` grows by
-    /// the number of Gaussians that can never be drawn.
+    /// Appends the derivation of what culling reads; due whenever parameters `among` these have changed. `n_bad` grows by the Gaussians
+    /// that can never be drawn.
     pub fn record_bounds(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>, among: Among) {
         rec.section("bound");
         for (index, group) in self.groups.iter().enumerate() {
@@ -154,16 +136,14 @@ impl SceneBuffers {
         rec.group(None);
     }
 
-    /// Reads numbers in the parameters' layout back into the scene's order; one [`Planes`] per group.
     pub fn download<'a>(&self, gpu: &Gpu, planes: impl Iterator<Item = &'a Planes>) -> Result<Splats> {
         let arrays = planes.map(|planes| Arrays::read(gpu, planes)).collect::<Result<Vec<_>>>()?;
         Ok(self.assemble(&arrays))
     }
 
-    /// The numbers of all groups in the scene's order.
     pub(super) fn assemble(&self, arrays: &[Arrays]) -> Splats {
         let (n, k) = (self.n as usize, self.n_coefficients());
-        let n_static = self.groups.iter().filter(|g| g.params.motion.is_none()).map(|g| g.n as usize).sum();
+        let n_static = self.groups.iter().filter(|g| !g.is_dynamic()).map(|g| g.n as usize).sum();
         let mut out = Splats {
             n_static,
             position: vec![[0.0; 3]; n],
@@ -185,8 +165,12 @@ impl SceneBuffers {
     }
 }
 
-/// The most Gaussians of a degree whose longest binding the device can see: that of the widest set of planes, and of its
-/// moments for [`Purpose::Training`]. A multiple of the workgroup of the cull.
+fn upload_starts(gpu: &Gpu, groups: &[Group]) -> Result<Buf<u32>> {
+    gpu.upload("group starts", &groups.iter().map(|group| group.first / CULL_BLOCK).collect::<Vec<_>>())
+}
+
+/// The most Gaussians of a degree whose longest binding the device can see: the widest planes, with their moments for
+/// [`Purpose::Training`]. A multiple of the workgroup of the cull.
 pub fn group_limit(gpu: &Gpu, degree: usize, purpose: Purpose) -> usize {
     let widest = BAND_PLANES.iter().take(degree).copied().chain([3]).max().unwrap_or(3);
     // What pictures say of a rendered scene is summed beside it.
@@ -200,17 +184,14 @@ impl SceneBuffers {
         self.groups.iter().enumerate().filter(|(_, group)| !self.holds(group))
     }
 
-    /// True if training leaves `group` as it is.
     pub(super) fn holds(&self, group: &Group) -> bool {
-        self.holds_static && group.params.motion.is_none()
+        self.holds_static && !group.is_dynamic()
     }
 
-    /// Gaussians that training changes.
     pub fn n_trained(&self) -> u32 {
         self.trained().map(|(_, group)| group.n).sum()
     }
 
-    /// SH coefficients per Gaussian.
     pub fn n_coefficients(&self) -> usize {
         let side = self.sh_degree + 1;
         side * side
@@ -225,19 +206,31 @@ impl Group {
             start: slot.start,
             params,
             bound: gpu.alloc("bound", slot.n)?,
-            window: if slot.dynamic { Some(gpu.alloc("window", slot.n)?) } else { None },
+            window: slot.dynamic.then(|| gpu.alloc("window", slot.n)).transpose()?,
             live: Live::new(gpu, slot.n, slot.dynamic)?,
         })
     }
 
-    /// SH degree.
     pub fn degree(&self) -> usize {
         self.params.bands.len()
     }
 
-    /// Its bucket.
+    pub(super) fn is_dynamic(&self) -> bool {
+        self.params.motion.is_some()
+    }
+
+    /// `is_dynamic` and `degree` of push constants.
+    pub(super) fn kind(&self) -> (u32, u32) {
+        (u32::from(self.is_dynamic()), self.degree() as u32)
+    }
+
+    /// vec4 planes of its parameters, the scale of passes that go over all of them.
+    pub(super) fn n_planes(&self) -> f64 {
+        self.params.plane_counts().sum::<usize>() as f64
+    }
+
     pub(super) fn bucket(&self) -> usize {
-        bucket(self.params.motion.is_some(), self.degree())
+        bucket(self.is_dynamic(), self.degree())
     }
 
     fn record_bound(&self, rec: &mut Recording, constants: &Constants, n_bad: &Buf<u32>, among: Among) {
@@ -247,11 +240,8 @@ impl Group {
         let temporal_cut = if culls.time_cull { temporal_cut } else { -1.0 };
         if let (Some(motion), Some(window), Some(life)) = (&self.params.motion, &self.window, &self.live.life) {
             let (live, live_args) = (&self.live.blocks, &self.live.args.cast());
-            rec.pass(
-                bound_dynamic::Args { geometry, bound, n_bad, motion, window, life, live, live_args },
-                bound_dynamic::Push { n, alpha_min, temporal_cut, is_listed },
-                grid,
-            );
+            let args = bound_dynamic::Args { geometry, bound, n_bad, motion, window, life, live, live_args };
+            rec.pass(args, bound_dynamic::Push { n, alpha_min, temporal_cut, is_listed }, grid);
             rec.count(among.counted());
         } else {
             rec.pass(bound_static::Args { geometry, bound, n_bad }, bound_static::Push { n, alpha_min }, grid);
@@ -267,26 +257,21 @@ pub(super) fn bucket(dynamic: bool, degree: usize) -> usize {
     usize::from(dynamic) * 4 + 3 - degree
 }
 
-/// Gaussians of each bucket.
 fn counts(splats: &Splats) -> [usize; BUCKETS] {
     let mut counts = [0; BUCKETS];
     (0..splats.len()).for_each(|i| counts[bucket(i >= splats.n_static, splats.degree_of(i))] += 1);
     counts
 }
 
-/// Where a group lies.
 struct Slot {
-    /// Index of its first Gaussian in the scene's order.
     start: usize,
     n: usize,
-    /// Flat index of the first.
     first: u32,
     dynamic: bool,
     degree: usize,
 }
 
-/// Cuts so many Gaussians of each bucket into groups of at most `limit`. Returns what `group` makes of each, and the length
-/// of the flat index.
+/// Cuts so many Gaussians of each bucket into groups of at most `limit`, which `group` makes; gives the length of the flat index too.
 fn cut(counts: &[usize; BUCKETS], limit: usize, group: impl Fn(&Slot) -> Result<Group>) -> Result<(Vec<Group>, u32)> {
     let (mut groups, mut first, mut begin) = (Vec::new(), 0u32, 0);
     for (bucket, count) in counts.iter().enumerate() {
@@ -295,12 +280,9 @@ fn cut(counts: &[usize; BUCKETS], limit: usize, group: impl Fn(&Slot) -> Result<
             let slot = Slot { start, n: limit.min(end - start), first, dynamic: bucket >= 4, degree: 3 - bucket % 4 };
             let flat = (slot.n as u64).next_multiple_of(u64::from(CULL_BLOCK));
             groups.push(group(&slot)?);
-            first = u32::try_from(u64::from(first) + flat).map_err(|_| Error::OutOfMemory {
-                what: "the scene (Gaussians)".to_owned(),
-                needed: counts.iter().sum::<usize>() as u64,
-                limit: u64::from(u32::MAX),
-                remedy: "split the scene".to_owned(),
-            })?;
+            let needed = counts.iter().sum::<usize>() as u64;
+            let too_large = |_| too_large("the scene (Gaussians)", needed, u32::MAX.into(), "split the scene");
+            first = u32::try_from(u64::from(first) + flat).map_err(too_large)?;
         }
         begin = end;
     }
@@ -309,26 +291,21 @@ fn cut(counts: &[usize; BUCKETS], limit: usize, group: impl Fn(&Slot) -> Result<
 
 /// Where to put the origin: zero, unless the scene lies so far away that f32 would lose its detail there.
 ///
-/// The median and the quartiles of the finite positions decide, so that a few wild Gaussians move nothing; the result
+/// The median and the quartiles of the finite positions decide, so that a few wild Gaussians change nothing; the result
 /// is a multiple of a power of two above the scene's size, so that a few more or less do not either.
 pub(super) fn far_origin(splats: &Splats) -> [f64; 3] {
-    let mut axes: [Vec<f32>; 3] = Default::default();
-    for p in splats.position.iter().filter(|p| p.iter().all(|x| x.is_finite())) {
-        for (axis, x) in axes.iter_mut().zip(p) {
-            axis.push(*x);
-        }
-    }
-    if axes[0].is_empty() {
+    let finite = || splats.position.iter().filter(|p| p.iter().all(|x| x.is_finite()));
+    if finite().next().is_none() {
         return [0.0; 3];
     }
-    let mut medians = [0.0; 3];
     let mut spread = 0.0f64;
-    for (axis, median) in axes.iter_mut().zip(&mut medians) {
-        axis.sort_unstable_by(f32::total_cmp);
-        let quantile = |q: usize| f64::from(axis[(axis.len() - 1) * q / 4]);
-        *median = quantile(2);
+    let medians = [0, 1, 2].map(|axis| {
+        let mut along: Vec<f32> = finite().map(|p| p[axis]).collect();
+        along.sort_unstable_by(f32::total_cmp);
+        let quantile = |q: usize| f64::from(along[(along.len() - 1) * q / 4]);
         spread = spread.max(quantile(3) - quantile(1));
-    }
+        quantile(2)
+    });
     let distance = medians.iter().map(|m| m * m).sum::<f64>().sqrt();
     if distance < 64.0 * spread || distance < 64.0 {
         return [0.0; 3];

@@ -8,25 +8,21 @@ use crate::scene::Frame;
 /// The output of a picture that is shown.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub enum Layer {
-    /// Colour, as `Frame::write_png` writes it.
+    /// As `Frame::write_png` writes it.
     #[default]
     Color,
-    /// Alpha, as grey.
     Alpha,
     /// Inverse depth, from dark at 0 to bright at `high` and above, 1 / scene units.
     Depth {
-        /// Positive.
         high: f32,
     },
     /// Flow: its direction as hue, its length as saturation, full at `high` pixels.
     Flow {
-        /// Positive.
         high: f32,
     },
 }
 
 impl Layer {
-    /// Its number in the kernel, and what is shown as brightest.
     fn code(self) -> (u32, f32) {
         match self {
             Layer::Color => (0, 1.0),
@@ -39,34 +35,24 @@ impl Layer {
 
 /// The pixels of a window on the device, with an overlay over its last rows.
 pub struct Screen {
-    /// Pixels.
     pub width: u32,
-    /// Pixels.
     pub height: u32,
     /// Row by row, bytes red, green, blue and 255, or blue, green, red and 255.
     pub pixels: Buf<u32>,
-    /// True if red and blue are swapped.
     pub is_bgra: bool,
     overlay: Buf<u32>,
-    /// The first pixel under the overlay.
     top: u32,
 }
 
 impl Screen {
-    /// A screen without overlay; with `is_bgra` pixels begin with blue.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    /// With `is_bgra` pixels begin with blue.
     pub fn new(gpu: &Gpu, width: u32, height: u32, is_bgra: bool) -> Result<Self> {
         let n = width as usize * height as usize;
         let pixels = gpu.alloc("screen", n)?;
         Ok(Screen { width, height, pixels, is_bgra, overlay: gpu.alloc("overlay", 1)?, top: n as u32 })
     }
 
-    /// Lays `words` over the last rows from now on: whole rows of at most the screen, bytes red, green, blue, alpha.
-    ///
-    /// # Errors
-    /// [`Error::OutOfMemory`](crate::Error::OutOfMemory).
+    /// Lays `words` over the last rows from now on: whole rows, bytes red, green, blue, alpha.
     pub fn lay(&mut self, gpu: &Gpu, words: &[u32]) -> Result<()> {
         assert!(words.len() <= self.pixels.len(), "an overlay of {} pixels over a smaller screen", words.len());
         if self.overlay.len() < words.len() {
@@ -76,10 +62,6 @@ impl Screen {
         gpu.write(&self.overlay, words)
     }
 
-    /// The picture on it, with the overlay: its colours alone.
-    ///
-    /// # Errors
-    /// [`Error::DeviceLost`](crate::Error::DeviceLost).
     pub fn read(&self, gpu: &Gpu) -> Result<Frame> {
         let color = gpu.read(&self.pixels)?.into_iter().map(|word| {
             let [r, g, b, _] = word.to_le_bytes().map(|level| f32::from(level) / 255.0);

@@ -5,29 +5,21 @@ use crate::gpu::generated::{self, constants, sort_count};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 use bytemuck::bytes_of;
 
-/// Keys per workgroup.
 pub const SORT_BLOCK: usize = constants::args::SORT_BLOCK as usize;
 
-/// Room for the values of a digit.
+/// Values of the widest digit.
 const DIGITS: usize = constants::sort::DIGITS as usize;
-/// Bits of the widest digit.
 const DIGIT_BITS: u32 = DIGITS.ilog2();
 
-/// The input of a sort.
 pub struct Unsorted<'a> {
-    /// How many keys there are: the first number.
     pub count: &'a Buf<u32>,
-    /// The keys, which are overwritten.
     pub keys: &'a Buf<u32>,
-    /// The values that go with them.
     pub carried: Carried<'a>,
-    /// Low bits of the keys that they are sorted by.
     pub n_bits: u32,
     /// A workgroup per `SORT_BLOCK` keys.
     pub blocks: &'a Grid,
 }
 
-/// The values that go with the keys of a sort.
 #[derive(Clone, Copy)]
 pub enum Carried<'a> {
     /// A value each, which is overwritten.
@@ -39,7 +31,7 @@ pub enum Carried<'a> {
 /// Scratch of a sort: counts of digits, and the second half of the ping-pong.
 pub struct Sort {
     block_counts: Buf<u32>,
-    // Of each round, of ranges of blocks: zero before a sort.
+    // Of ranges of blocks, by round: zero before a sort.
     range_counts: Buf<u32>,
     round_counters: usize,
     keys: Buf<u32>,
@@ -47,7 +39,6 @@ pub struct Sort {
     is_wide: bool,
 }
 
-/// Rounds of a sort by so many bits.
 fn n_rounds(n_bits: u32) -> u32 {
     n_bits.div_ceil(DIGIT_BITS).max(1)
 }
@@ -93,7 +84,6 @@ impl Sort {
         DIGITS << (width / 2)
     }
 
-    /// Appends what makes the counters zero.
     pub fn record_clear(&self, rec: &mut Recording) {
         rec.fill(self.range_counts.slice(), 0);
     }

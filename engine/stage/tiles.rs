@@ -1,10 +1,8 @@
 //! Intersections of Gaussians and tiles: placed in depth order, sorted by tile, listed per tile.
 
-use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_THREADS, Cull, indirect};
-use super::project::{Eye, Projected};
-use super::scan::{PairGrids, Scan};
-use super::sort::{Carried, Sort, Unsorted};
-use super::zeros::{APART, Zeros};
+use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_THREADS, indirect};
+use super::workspace::APART;
+use super::{Carried, Cull, Eye, PairGrids, Projected, Scan, Sort, Unsorted, Zeros};
 use crate::error::Result;
 use crate::gpu::generated::{Status, emit, emit_slots, gather, tile_order, tile_ranges};
 use crate::gpu::table::Count;
@@ -15,19 +13,11 @@ const BUCKETS: usize = 32;
 
 /// The lists of all tiles, one after the other: sorted by tile, then depth, then index.
 pub struct Lists {
-    /// Active index of each entry.
     pub splat_ids: Buf<u32>,
     /// Slot of each entry: its place before the sort, where a Gaussian's slots are neighbours. For gradients only.
     pub slots: Option<Buf<u32>>,
 }
 
-/// Buffers of the slots.
-struct Slots {
-    slots: Buf<u32>,
-    sorted_ids: Buf<u32>,
-}
-
-/// Scratch and result of tile binning.
 pub struct Tiles {
     depth_sort: Sort,
     tile_sort: Sort,
@@ -37,28 +27,24 @@ pub struct Tiles {
     emit_args: Buf<[u32; 4]>,
     tile_keys: Buf<u32>,
     splat_ids: Buf<u32>,
-    slots: Option<Slots>,
-    /// First slot of each active Gaussian; for gradients only.
+    /// Of gradients: the slots, and the active index of each entry.
+    slots: Option<[Buf<u32>; 2]>,
     pub slot_first: Buf<u32>,
-    // Tiles by the length of their lists, and how many of them are in order; they count up from zero.
+    // Tiles by the length of their lists, and how many of them are in order.
     buckets: [Buf<u32>; 2],
-    /// First entry of each tile's list.
     pub tile_first: Buf<u32>,
-    /// One past the last entry of each tile's list.
     pub tile_last: Buf<u32>,
-    /// Tiles, those with long lists first.
     pub tile_order: Buf<u32>,
-    depth_bits: u32,
+    pub(super) depth_bits: u32,
     capacity: u32,
 }
 
-/// Bits of the keys of so many tiles: they go from 0 to `n_tiles`, which marks a slot that no tile reads.
+/// Bits of the keys of so many tiles, and of `n_tiles` itself, which marks a slot that no tile reads.
 fn key_bits(n_tiles: u32) -> u32 {
     u32::BITS - n_tiles.leading_zeros()
 }
 
 impl Tiles {
-    /// Words of `zeros` that [`Tiles::new`] takes for the same room.
     pub fn n_zeros(room: [u32; 3]) -> usize {
         Self::counters(room).iter().sum()
     }
@@ -70,8 +56,7 @@ impl Tiles {
         [of_depths, of_tiles, APART, APART]
     }
 
-    /// `room` for so many Gaussians, pairs and tiles; with a slot per pair or without. Each binning needs its
-    /// part of `zeros` to be zero.
+    /// `room` for so many Gaussians, pairs and tiles; with a slot per pair or without. Each binning needs its part of `zeros` to be zero.
     pub fn new(gpu: &Gpu, room: [u32; 3], has_slots: bool, zeros: &mut Zeros) -> Result<Self> {
         let [n, i, t] = room.map(|n| n as usize);
         let lengths = Self::counters(room);
@@ -90,10 +75,7 @@ impl Tiles {
             emit_args: gpu.alloc("emit args", 1)?,
             tile_keys: gpu.alloc("tile keys", i)?,
             splat_ids: gpu.alloc("tile splats", i)?,
-            slots: match has_slots {
-                false => None,
-                true => Some(Slots { slots: gpu.alloc("slots", i)?, sorted_ids: gpu.alloc("sorted splats", i)? }),
-            },
+            slots: if has_slots { Some([gpu.alloc("slots", i)?, gpu.alloc("sorted splats", i)?]) } else { None },
             slot_first: gpu.alloc("slot first", if has_slots { n } else { 1 })?,
             buckets: [buckets, cursors].map(|whole| whole.range(0, BUCKETS)),
             tile_first: gpu.alloc("tile first", t)?,
@@ -102,11 +84,6 @@ impl Tiles {
             depth_bits: u32::BITS,
             capacity: room[1],
         })
-    }
-
-    /// Sorts by depth keys of so many bits from now on; they have 32 otherwise.
-    pub(crate) fn with_depth_bits(self, depth_bits: u32) -> Self {
-        Tiles { depth_bits, ..self }
     }
 
     /// The grid of a thread per active Gaussian, which `cull.args` lose to the intersections; empty where those did not fit.
@@ -147,73 +124,56 @@ impl Tiles {
 
     /// Appends the pairs of a Gaussian and a tile, near to far; from here on `cull.args` are grids over those.
     fn record_pairs(&self, rec: &mut Recording, cull: &Cull, eye: Eye, order: &Buf<u32>) {
-        let Eye { view, status, projected } = eye;
-        let (n_active, tile_counts, offsets) = (&cull.n_active, &projected.tile_counts, &self.offsets);
-        let grids = PairGrids {
-            blocks: indirect(&cull.args, ARGS_SCAN),
-            args: &cull.args,
-            emit_args: &self.emit_args,
-            frame_status: status,
-            capacity: self.capacity,
-        };
+        let Eye { view, status: frame_status, projected: Projected { splats, tile_counts, .. } } = eye;
+        let Tiles { offsets, tile_keys, splat_ids, slot_first, emit_args, capacity, .. } = self;
+        let (n_active, args, blocks) = (&cull.n_active, &cull.args, indirect(&cull.args, ARGS_SCAN));
+        let grids = PairGrids { blocks, args, emit_args, frame_status, capacity: *capacity };
         self.scan.record_gathered(rec, n_active, [order, tile_counts], offsets, &self.n_intersections, grids);
-        let (tile_keys, splat_ids) = (&self.tile_keys, &self.splat_ids);
-        let splats = &projected.splats;
-        let emit_grid = self.active_grid();
-        match &self.slots {
-            None => {
-                let args = emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids };
-                rec.pass(args, (), emit_grid);
-            }
-            Some(_) => {
-                let slot_first = &self.slot_first;
-                let args = emit_slots::Args {
-                    view,
-                    n_active,
-                    order,
-                    tile_counts,
-                    offsets,
-                    splats,
-                    tile_keys,
-                    splat_ids,
-                    slot_first,
-                };
-                rec.pass(args, (), emit_grid);
-            }
+        if self.slots.is_none() {
+            let args = emit::Args { view, n_active, order, tile_counts, offsets, splats, tile_keys, splat_ids };
+            rec.pass(args, (), self.active_grid());
+        } else {
+            let args = emit_slots::Args {
+                view,
+                n_active,
+                order,
+                tile_counts,
+                offsets,
+                splats,
+                tile_keys,
+                splat_ids,
+                slot_first,
+            };
+            rec.pass(args, (), self.active_grid());
         }
     }
 
-    /// Appends the sort of the pairs by tile; gives the tile of each, and the lists.
-    fn record_sort(&self, rec: &mut Recording, args: &Buf<[u32; 4]>, n_tiles: u32) -> (Buf<u32>, Lists) {
+    fn record_sort(&self, rec: &mut Recording, grids: &Buf<[u32; 4]>, n_tiles: u32) -> (Buf<u32>, Lists) {
         rec.section("tile sort");
         let (n_intersections, splat_ids) = (&self.n_intersections, &self.splat_ids);
         let first_pass = rec.passes().len();
-        let carried = self.slots.as_ref().map_or(Carried::Values(splat_ids), |s| Carried::Places(&s.slots));
+        let carried = self.slots.as_ref().map_or(Carried::Values(splat_ids), |[slots, _]| Carried::Places(slots));
         let unsorted = Unsorted {
             count: n_intersections,
             keys: &self.tile_keys,
             carried,
             n_bits: key_bits(n_tiles),
-            blocks: &indirect(args, ARGS_SORT),
+            blocks: &indirect(grids, ARGS_SORT),
         };
         let (tile_keys, sorted) = self.tile_sort.record(rec, unsorted);
         rec.count_as(first_pass, Count::Intersections);
 
         rec.section("tiles");
-        let Some(Slots { sorted_ids, .. }) = &self.slots else {
+        let Some([_, sorted_ids]) = &self.slots else {
             return (tile_keys, Lists { splat_ids: sorted, slots: None });
         };
         let first_pass = rec.passes().len();
-        rec.pass(
-            gather::Args { count: n_intersections, index: &sorted, table: splat_ids, gathered: sorted_ids },
-            (),
-            indirect(args, ARGS_THREADS),
-        );
+        let args = gather::Args { count: n_intersections, index: &sorted, table: splat_ids, gathered: sorted_ids };
+        rec.pass(args, (), indirect(grids, ARGS_THREADS));
         rec.count_as(first_pass, Count::Intersections);
         (tile_keys, Lists { splat_ids: sorted_ids.clone(), slots: Some(sorted) })
     }
 
-    /// Appends where the list of each tile begins and ends, and the order of the tiles.
     fn record_ranges(
         &self,
         rec: &mut Recording,
@@ -222,18 +182,13 @@ impl Tiles {
         n_tiles: u32,
         longest: u32,
     ) {
-        let n_intersections = &self.n_intersections;
-        let (tile_first, tile_last) = (&self.tile_first, &self.tile_last);
-        let [buckets, cursors] = &self.buckets;
+        let Tiles { n_intersections, tile_first, tile_last, tile_order, buckets: [buckets, cursors], .. } = self;
         rec.pass(
             tile_ranges::Args { n_intersections, tile_keys, tile_first, tile_last, buckets, frame_status },
             tile_ranges::Push { n_tiles, longest },
             Grid::Threads(n_tiles),
         );
-        rec.pass(
-            tile_order::Args { tile_first, tile_last, buckets, cursors, tile_order: &self.tile_order },
-            tile_order::Push { n_tiles },
-            Grid::Threads(n_tiles),
-        );
+        let args = tile_order::Args { tile_first, tile_last, buckets, cursors, tile_order };
+        rec.pass(args, tile_order::Push { n_tiles }, Grid::Threads(n_tiles));
     }
 }

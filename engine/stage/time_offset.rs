@@ -1,29 +1,26 @@
 //! The cameras' time offsets (SPEC 2, 4), which only the device knows during a run.
 
-use super::adam::{BETA1, BETA2, correction};
+use super::adam::correction;
+use super::{BETA1, BETA2};
 use crate::error::Result;
 use crate::gpu::generated::{Status, ViewParams, clock_apply, clock_step};
 use crate::gpu::{Buf, Gpu, Grid, Recording};
 
-/// Largest offset, frames: cameras that are further apart are to be aligned before.
+/// Largest offset, frames.
 pub const OFFSET_BOUND: f64 = 2.0;
 
-/// The inputs of a step of the offsets.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct TimeOffsetStep {
-    /// Camera of the step's picture.
     pub camera: u32,
     /// Normalised time between two frames.
     pub dt: f64,
-    /// Learning rate, frames.
     pub rate: f64,
     /// Weight of the squared offsets in the loss.
     pub regulariser: f64,
-    /// Number of the image in the run, from 1: for the bias corrections, since all moments decay with each image.
+    /// Number of the image in the run, from 1, since all moments decay with each image.
     pub step: u64,
 }
 
-/// Offsets, their moments, and which of them are learnt.
 pub struct TimeOffsets {
     /// Per camera: offset in frames; first and second moment of its gradient; what rounding has lost of it.
     pub state: Buf<[f32; 4]>,
@@ -32,7 +29,7 @@ pub struct TimeOffsets {
 }
 
 impl TimeOffsets {
-    /// The offsets in `state`; those of cameras that are not `learnt` stay as they are.
+    /// The offsets in `state`; of cameras that are not `learnt` they stay.
     pub fn new(gpu: &Gpu, state: &[[f32; 4]], learnt: &[bool]) -> Result<Self> {
         let is_learnt: Vec<u32> = learnt.iter().map(|learnt| u32::from(*learnt)).collect();
         Ok(TimeOffsets {
@@ -48,18 +45,18 @@ impl TimeOffsets {
         rec.pass(clock_apply::Args { clocks: &self.state, view }, clock_apply::Push { camera }, Grid::Groups(1));
     }
 
-    /// Appends a step along the camera's gradient `d_camera` (three vec4, that by time in the first one's last number);
-    /// none if the frame failed.
+    /// Appends a step along the camera's gradient `total` (three vec4, that by time in the first one's last number); none if the frame
+    /// failed.
     pub fn record_step(
         &self,
         rec: &mut Recording,
-        d_camera: &Buf<[f32; 4]>,
-        status: &Buf<Status>,
+        total: &Buf<[f32; 4]>,
+        frame_status: &Buf<Status>,
         at: &TimeOffsetStep,
     ) {
         rec.section("clock");
         rec.pass(
-            clock_step::Args { total: d_camera, free: &self.is_learnt, frame_status: status, clocks: &self.state },
+            clock_step::Args { total, free: &self.is_learnt, frame_status, clocks: &self.state },
             clock_step::Push {
                 camera: at.camera,
                 n_cameras: self.n,

@@ -1,9 +1,10 @@
-//! Windows of a clip: of the dynamic Gaussians only those that live near a view's time are on the device, so that neither its
-//! memory nor the work of a frame grows with the length of the clip. A clip that is in parts in a file is read part by part, too. Where Gaussians appear or disappear at once, a window begins,
-//! so that a window has them or has them not.
+//! Windows of a clip: of the dynamic Gaussians only those that live near a view's time are on the device, so that neither its memory
+//! nor the work of a frame grows with the length of the clip. A clip in parts in a file is read part by part, too. Where Gaussians
+//! appear or disappear at once, a window begins, so that a window has them or has them not.
 
-use super::params::{Purpose, moment};
-use super::scene::{SceneBuffers, far_origin, group_limit};
+use super::params::moment;
+use super::scene::far_origin;
+use super::{Purpose, SceneBuffers, group_limit};
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::scene::{Parts, Resident, Splats, View};
@@ -13,7 +14,6 @@ use std::sync::Arc;
 
 /// Dynamic Gaussians that are never worth a window: to cull them costs less than to upload them again.
 const FEW: usize = 1 << 14;
-/// Most windows of a clip.
 const MOST: u32 = 256;
 /// Twice as many windows must leave at most this part of the Gaussians in the fullest one.
 const LESS: f64 = 0.8;
@@ -22,21 +22,18 @@ const MARGIN: f64 = 1e-4;
 
 /// A clip on the host or in a file, and what of it is on the device.
 pub(super) struct Windows {
-    /// The dynamic Gaussians that are on the host. The first one may have static ones too.
+    /// The clip's Gaussians on the host. The first piece may have static Gaussians too.
     pieces: Vec<Piece>,
-    /// Where they are read from, part by part; none where all are on the host.
+    /// The file that pieces are read from.
     clip: Option<Resident>,
     /// Where windows end and the next ones begin, normalised time, ascending.
     borders: Vec<f64>,
     origin: [f64; 3],
     limit: usize,
-    /// Static Gaussians that are never drawn.
     n_bad: u32,
-    /// The window on the device: so many borders are before it.
     shown: Option<usize>,
 }
 
-/// Gaussians on the host.
 struct Piece {
     splats: Arc<Splats>,
     lives: Vec<Life>,
@@ -57,9 +54,6 @@ struct Life {
 
 impl Windows {
     /// The windows of a clip, and its static Gaussians, which are in every window; none where windows would save too little.
-    ///
-    /// # Errors
-    /// [`OutOfMemory`](crate::Error::OutOfMemory) naming the buffer that does not fit.
     pub fn of(gpu: &Gpu, splats: &Arc<Splats>, constants: &Constants) -> Result<Option<(Self, SceneBuffers)>> {
         let pieces = vec![Piece::new(splats.clone(), constants)];
         let n = n_windows(&pieces, [0.0, 1.0]);
@@ -75,9 +69,6 @@ impl Windows {
     }
 
     /// The same of a clip that is read as it is seen.
-    ///
-    /// # Errors
-    /// As [`Windows::of`]; those of the clip.
     pub fn of_parts(gpu: &Gpu, mut clip: Box<dyn Parts>, constants: &Constants) -> Result<(Self, SceneBuffers)> {
         let still = clip.still()?;
         let origin = match (still.is_empty(), clip.parts().is_empty()) {
@@ -111,10 +102,6 @@ impl Windows {
         self.shown != Some(self.window_of(time)) || self.clip.as_ref().is_some_and(|clip| !clip.holds(time))
     }
 
-    /// Puts the window that `view` needs in the place of the one in `scene`.
-    ///
-    /// # Errors
-    /// As [`Windows::of_parts`].
     pub fn load(&mut self, gpu: &Gpu, constants: &Constants, scene: &mut SceneBuffers, view: &View) -> Result<()> {
         self.shown = None;
         scene.clear_dynamic(self.n_bad);
@@ -132,10 +119,7 @@ impl Windows {
         Ok(())
     }
 
-    /// A scene of the whole clip.
-    ///
-    /// # Errors
-    /// As [`Windows::of`]; [`Error::Data`] where no scene is right for all times.
+    /// A scene of the whole clip; an error where no scene is right for all times.
     pub(crate) fn load_whole(&mut self, gpu: &Gpu, constants: &Constants) -> Result<SceneBuffers> {
         let (what, remedy) = ("what is asked of a scene as a whole", "give one of the segments that it was joined of");
         if let Some(clip) = &mut self.clip {
@@ -147,7 +131,6 @@ impl Windows {
         SceneBuffers::upload_around(gpu, splats, constants, self.limit, self.origin)
     }
 
-    /// The dynamic Gaussians that live in a window.
     fn part(&self, at: usize) -> Splats {
         let begin = at.checked_sub(1).map_or(f64::NEG_INFINITY, |before| self.borders[before]);
         let end = self.borders.get(at).copied().unwrap_or(f64::INFINITY);
@@ -172,7 +155,7 @@ impl Windows {
     }
 }
 
-/// Where the windows of a stretch of a clip end, `n` of them evenly, and more where Gaussians appear or disappear.
+/// The ends of the windows of a stretch of a clip, `n` of them evenly, and more where Gaussians appear or disappear.
 fn borders(pieces: &[Piece], stretch: [f64; 2], n: u32) -> Vec<f64> {
     let [begin, end] = within_clip(stretch);
     let even = (0..=n).filter(|_| n > 1).map(|k| begin + (end - begin) * f64::from(k) / f64::from(n));
@@ -184,7 +167,6 @@ fn borders(pieces: &[Piece], stretch: [f64; 2], n: u32) -> Vec<f64> {
     borders
 }
 
-/// The part of a stretch that is in the clip.
 fn within_clip([begin, end]: [f64; 2]) -> [f64; 2] {
     [begin.max(0.0), end.min(1.0)]
 }
@@ -211,7 +193,7 @@ fn lives(splats: &Splats, constants: &Constants) -> Vec<Life> {
     lives
 }
 
-/// How many windows a stretch of a clip is cut into: twice as many as long as that leaves less in each.
+/// The number of windows of a stretch of a clip: twice as many as long as that leaves less in each.
 fn n_windows(pieces: &[Piece], stretch: [f64; 2]) -> u32 {
     let lives = || pieces.iter().flat_map(|piece| &piece.lives);
     let total: usize = pieces.iter().map(|piece| piece.lives.len()).sum();
@@ -229,7 +211,6 @@ fn n_windows(pieces: &[Piece], stretch: [f64; 2]) -> u32 {
     n
 }
 
-/// Gaussians in the fullest of `n` windows of a stretch.
 fn fullest<'a>(lives: impl Iterator<Item = &'a Life>, [begin, end]: [f64; 2], n: u32) -> usize {
     let window = |time: f64| {
         let part = (time - begin) / (end - begin).max(f64::MIN_POSITIVE);

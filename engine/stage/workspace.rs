@@ -1,48 +1,28 @@
 //! The buffers of all stages of a frame, and their passes in order.
 
-use super::backward::{Backward, Drawn, Target};
-use super::blend::Blend;
-use super::cull::Cull;
-use super::params::Purpose;
-use super::project::{Eye, Projected};
-use super::room::{Room, Size};
-use super::scene::SceneBuffers;
-use super::tiles::{Lists, Tiles};
-use super::zeros::Zeros;
+use super::backward::Backward;
+use super::{Blend, Cull, Drawn, Eye, Lists, Projected, Purpose, Room, SceneBuffers, Size, Target, Tiles};
 use crate::error::Result;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::gpu::{Buf, Gpu, Recording};
 
-/// Words of what a frame reports; the first says whether it failed.
 const STATUS_WORDS: usize = size_of::<Status>() / 4;
 
-/// The buffers of all stages of a frame.
 pub struct Workspace {
-    /// The capacities.
     pub room: Room,
-    /// The view or strip at hand.
     pub view: Buf<ViewParams>,
-    // What begins at zero: the status, counters, what a backward pass adds up.
+    // The status, counters and sums of a backward pass, which begin at zero.
     pub(super) zeros: Zeros,
-    /// The frame's report.
     pub status: Buf<Status>,
-    /// Culling.
     pub cull: Cull,
-    /// Projection.
     pub projected: Projected,
-    /// Binning.
     pub tiles: Tiles,
-    /// Blending and its pictures.
     pub blend: Blend,
     /// The backward pass; unless for [`Purpose::Picture`].
     pub backward: Option<Backward>,
 }
 
 impl Workspace {
-    /// Buffers for frames of `scene` within `room`.
-    ///
-    /// # Errors
-    /// `OutOfMemory` naming the buffer that does not fit.
     pub fn new(gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<Self> {
         let Room { active, intersections, tiles, pixels, outputs, purpose, .. } = room;
         let is_seen_only = purpose == Purpose::Picture;
@@ -52,7 +32,8 @@ impl Workspace {
         let mut zeros = Zeros::new(gpu, &parts)?;
         let status = zeros.take(STATUS_WORDS).cast();
         gpu.write(&status, &[Status::default()])?;
-        let tiles = Tiles::new(gpu, lists, room.has_slots(), &mut zeros)?.with_depth_bits(room.depth_bits);
+        let mut tiles = Tiles::new(gpu, lists, room.has_slots(), &mut zeros)?;
+        tiles.depth_bits = room.depth_bits;
         let blend = Blend::new(gpu, pixels, intersections, outputs, purpose, &mut zeros)?;
         Ok(Workspace {
             room,
@@ -61,19 +42,13 @@ impl Workspace {
             cull: Cull::new(gpu, scene, room.active, room.idle)?,
             projected: Projected::new(gpu, room.active)?,
             tiles,
-            backward: match is_seen_only {
-                true => None,
-                false => Some(Backward::new(gpu, scene, &blend, &room, &mut zeros)?),
-            },
+            backward: (!is_seen_only).then(|| Backward::new(gpu, scene, &blend, &room, &mut zeros)).transpose()?,
             blend,
             zeros,
         })
     }
 
-    /// The workspace in `place`, replaced by a new one when it was made for another room; the old one's buffers go first.
-    ///
-    /// # Errors
-    /// As [`Workspace::new`].
+    /// The workspace in `place`, made anew where it is for another room; the old one's buffers go first.
     pub fn fit<'a>(place: &'a mut Option<Workspace>, gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<&'a Self> {
         if place.as_ref().is_none_or(|work| work.room != room) {
             *place = None;
@@ -84,9 +59,9 @@ impl Workspace {
         })
     }
 
-    /// Appends the forward pass of the view that was uploaded: all stages of one strip. A training step begins with the
-    /// failure of the one before, if that failed: steps are handed over ahead, and none may be taken out of order.
-    /// `seen` may append passes on the Gaussians in view, before they are projected.
+    /// Appends the forward pass of the view that was uploaded: all stages of one strip. A training step begins with the failure of the
+    /// one before, if that failed: steps are handed over ahead, and none may be taken out of order. `seen` may append passes on the
+    /// Gaussians in view, before they are projected.
     pub fn record_forward(
         &self,
         rec: &mut Recording,
@@ -107,7 +82,7 @@ impl Workspace {
         lists
     }
 
-    /// Appends the backward pass of the forward pass recorded just before, if the workspace has one.
+    /// Appends the backward pass of the forward pass recorded just before.
     pub fn record_backward(
         &self,
         rec: &mut Recording,
@@ -122,8 +97,34 @@ impl Workspace {
         }
     }
 
-    /// The view, and where the Gaussians in it lie.
     fn eye(&self) -> Eye<'_> {
         Eye { view: &self.view, status: &self.status, projected: &self.projected }
+    }
+}
+
+/// Words from one part to the next: a binding may begin there on every device, 256 bytes.
+pub(super) const APART: usize = 64;
+
+/// Buffers that a frame counts or adds up in from zero: parts of one buffer, so that one fill clears them all.
+pub struct Zeros {
+    words: Buf<u32>,
+    n_taken: usize,
+}
+
+impl Zeros {
+    pub fn new(gpu: &Gpu, parts: &[usize]) -> Result<Self> {
+        let n = parts.iter().map(|n| n.next_multiple_of(APART)).sum();
+        Ok(Zeros { words: gpu.alloc("frame sums", n)?, n_taken: 0 })
+    }
+
+    pub fn take(&mut self, n: usize) -> Buf<u32> {
+        let part = self.words.range(self.n_taken, n);
+        self.n_taken += n.next_multiple_of(APART);
+        part
+    }
+
+    /// Appends the fill of all parts but the first `kept` words.
+    pub fn record(&self, rec: &mut Recording, kept: usize) {
+        rec.fill(self.words.range(kept, self.words.len() - kept).slice(), 0);
     }
 }
