@@ -45,19 +45,6 @@ pub struct Args {
     pub overwrite: bool,
     #[command(flatten)]
     pub schedule: ScheduleArgs,
-    #[command(flatten)]
-    pub instead: InsteadArgs,
-    /// Shows the training in a browser, at this port of this machine: its curves, test views, and the scene of the newest checkpoint.
-    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8080")]
-    pub view: Option<u16>,
-    #[command(flatten)]
-    pub constants: ConstantArgs,
-    #[command(flatten)]
-    pub device: DeviceArgs,
-}
-
-#[derive(clap::Args)]
-pub struct InsteadArgs {
     /// Only prints the steps, memory and disk space of the run, for a clip of FRAMES frames if that is given. Writes nothing.
     #[arg(long, value_name = "FRAMES", num_args = 0..=1, conflicts_with = "resume")]
     pub plan: Option<Option<u32>>,
@@ -70,4 +57,11 @@ pub struct InsteadArgs {
     /// Only writes the first Gaussians of the run to this file, a PLY in the capture's own frame.
     #[arg(long, value_name = "FILE", conflicts_with_all = ["output", "resume", "base", "plan", "list_settings"])]
     pub only_init: Option<PathBuf>,
+    /// Shows the training in a browser, at this port of this machine: its curves, test views, and the scene of the newest checkpoint.
+    #[arg(long, value_name = "PORT", num_args = 0..=1, default_missing_value = "8080")]
+    pub view: Option<u16>,
+    #[command(flatten)]
+    pub constants: ConstantArgs,
+    #[command(flatten)]
+    pub device: DeviceArgs,
 }

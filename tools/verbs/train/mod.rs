@@ -23,7 +23,6 @@ use crate::ui::interrupt::{Interrupted, Stop};
 use crate::ui::progress::{TrainingProgress, watch};
 use crate::ui::screen::{alert, be_quiet, out, print_json, say};
 use crate::verbs::serve::{BackgroundServer, LatestLine};
-use crate::verbs::train::args::InsteadArgs;
 use crate::verbs::train::setup::TrainingSetup;
 use ivv::internals::scene::Splats;
 use ivv::internals::scene::capture::share_of_memory;
@@ -121,7 +120,7 @@ pub fn run(args: &Args, json: bool) -> anyhow::Result<()> {
 }
 
 fn instead(args: &Args, json: bool) -> Option<anyhow::Result<()>> {
-    let InsteadArgs { plan, list_settings, only_init, card: _ } = &args.instead;
+    let Args { plan, list_settings, only_init, .. } = args;
     match (list_settings, plan, only_init) {
         (Some(name), _, _) => Some(list_settings::print(name.as_deref().unwrap_or_default(), json)),
         (_, Some(frames), _) => Some(plan::print(args, *frames, json)),

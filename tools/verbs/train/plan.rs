@@ -20,7 +20,7 @@ pub fn print(args: &Args, frames: Option<u32>, json: bool) -> anyhow::Result<()>
     let path =
         args.capture.as_deref().context("--plan: expected a CAPTURE; a resumed run has its plan in train.json")?;
     let capture = capture::open(path, &args.read.settings())?;
-    let card = args.instead.card.as_deref().map(Card::named).transpose().map_err(anyhow::Error::msg)?;
+    let card = args.card.as_deref().map(Card::named).transpose().map_err(anyhow::Error::msg)?;
     let gpu = match card {
         Some(card) => card_gpu(card, &args.device)?,
         None => args.device.open()?,
