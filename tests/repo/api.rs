@@ -33,7 +33,7 @@ fn methods(source: &str, room: &str, names: &BTreeMap<String, String>) -> Vec<St
         if let Some(head) = line.strip_prefix("impl").filter(|head| head.ends_with('{') && !head.contains(" for ")) {
             let head = head.split_once("> ").filter(|_| head.starts_with('<')).map_or(head, |(_, name)| name).trim();
             let name = head.split(['<', ' ']).next().unwrap_or_default();
-            of = names.get(name).filter(|own| *own == room).map(|_| name.to_owned());
+            of = names.get(name).filter(|own| *own == room && !is_hidden).map(|_| name.to_owned());
         } else if line.starts_with('}') {
             of = None;
         } else if let Some(of) = &of
@@ -66,7 +66,8 @@ fn exported_names_and_shown_methods_are_counted() {
     let names = exported("pub use internals::a::b::{C, D as E};\nmod f {\n    pub use crate::internals::g::h;\n}");
     let expected = [("C", "a"), ("D", "a"), ("h", "g")].map(|(name, room)| (name.to_owned(), room.to_owned()));
     assert_eq!(names, expected.into());
-    let source = "impl<T> C<T> {\n    pub fn a() {}\n    #[doc(hidden)]\n    pub fn b() {}\n    fn c() {}\n}\nimpl X for C {\n    pub fn d() {}\n}\n";
+    let source = "impl<T> C<T> {\n    pub fn a() {}\n    #[doc(hidden)]\n    pub fn b() {}\n    fn c() {}\n}\nimpl X for C {\n    pub fn d() {}\n}\n\
+                  #[doc(hidden)]\nimpl C {\n    pub fn e() {}\n}\n";
     assert_eq!(methods(source, "a", &names), ["C: pub fn a() {}"]);
     assert!(methods(source, "g", &names).is_empty());
 }

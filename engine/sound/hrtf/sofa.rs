@@ -5,8 +5,7 @@ use std::collections::HashMap;
 use std::fs;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::mpsc::channel;
 use std::time::Duration;
 
 use glam::DVec3;
@@ -38,14 +37,17 @@ pub fn read(path: &Path) -> Result<Measured> {
     if bytes > MAX_BYTES {
         return Err(fault("", format!("it has {bytes} bytes, more than {MAX_BYTES}")));
     }
-    let bytes = Arc::new(read_file(path).map_err(|e| fault("", format!("cannot be read: {e}")))?);
-    let file = match places_of_nested_types(&bytes) {
-        n if n <= DEEPEST => in_time(bytes.clone(), LIMIT + Duration::from_secs(bytes.len() as u64 / 1_000_000)),
-        n => Err((String::new(), format!("its HDF5 types may be nested {n} times, more than {DEEPEST}"))),
+    let bytes = read_file(path).map_err(|e| fault("", format!("cannot be read: {e}")))?;
+    let limit = LIMIT + Duration::from_secs(bytes.len() as u64 / 1_000_000);
+    let measured = match places_of_nested_types(&bytes) {
+        n if n <= DEEPEST => in_time(bytes, limit),
+        n => Err(("", format!("its HDF5 types may be nested {n} times, more than {DEEPEST}"))),
     };
-    let file = file.map_err(|(place, reason)| fault(&place, reason))?;
-    file.measured(format!("{:x}", Sha256::digest(bytes.as_slice()))).map_err(|(place, reason)| fault(place, reason))
+    measured.map_err(|(place, reason)| fault(place, reason))
 }
+
+/// A variable or attribute, and what is wrong with it.
+type Fault = (&'static str, String);
 
 /// The places of a file that look like a type that holds types (class 6 or 9 in version 1 or 3, below 64 bytes): the parser's depth.
 fn places_of_nested_types(bytes: &[u8]) -> usize {
@@ -54,113 +56,82 @@ fn places_of_nested_types(bytes: &[u8]) -> usize {
 }
 
 /// Reads on a thread with a large stack. One that takes longer than `limit` is left behind: nothing can end it but the process.
-fn in_time(bytes: Arc<Vec<u8>>, limit: Duration) -> std::result::Result<File, (String, String)> {
-    let cannot = |reason: String| Err((String::new(), reason));
+fn in_time(bytes: Vec<u8>, limit: Duration) -> std::result::Result<Measured, Fault> {
     let (send, receive) = channel();
     let read = move || {
         // The parser has checked arithmetic and indexing only, so a damaged file can make it panic; that ends here.
-        let file = catch_unwind(AssertUnwindSafe(|| File::read(&bytes)));
+        let measured = catch_unwind(AssertUnwindSafe(|| parse(&bytes)));
         // Nobody listens any more where it took too long.
-        let _ = send.send(file.unwrap_or_else(|_| Err(("".into(), "its HDF5 structure is damaged".into()))));
+        let _ = send.send(measured.unwrap_or_else(|_| Err(("", "its HDF5 structure is damaged".into()))));
     };
     if let Err(fault) = std::thread::Builder::new().name("sofa".to_owned()).stack_size(STACK).spawn(read) {
-        return cannot(format!("no memory for the depth of its HDF5 types: {fault}"));
+        return Err(("", format!("no memory for the depth of its HDF5 types: {fault}")));
     }
-    receive.recv_timeout(limit).unwrap_or_else(|fault| match fault {
-        RecvTimeoutError::Timeout => {
-            cannot(format!("could not be read within {} s: its parts may refer to one another", limit.as_secs()))
-        }
-        RecvTimeoutError::Disconnected => cannot("its HDF5 structure is damaged".to_owned()),
+    receive.recv_timeout(limit).unwrap_or_else(|_| {
+        Err(("", format!("could not be read within {} s: its parts may refer to one another", limit.as_secs())))
     })
 }
 
-struct File {
-    attributes: HashMap<String, String>,
-    arrays: HashMap<&'static str, Array>,
+fn parse(bytes: &[u8]) -> std::result::Result<Measured, Fault> {
+    let hdf = parse_with_children(bytes).map_err(|e| ("", format!("it is no HDF5 file that can be read: {e}")))?;
+    let stated = attributes(&hdf.root);
+    let convention = stated.get("SOFAConventions").map_or("none", String::as_str);
+    if convention != "SimpleFreeFieldHRIR" {
+        return Err(("SOFAConventions", format!("its convention is {convention}")));
+    }
+    let find = |name: &'static str| array(&hdf, name).map_err(|reason| (name, reason));
+    let need = |name: &'static str| find(name)?.ok_or((name, "it is missing".to_owned()));
+    let (ir, rate, at) = (need("Data.IR")?, need("Data.SamplingRate")?, need("SourcePosition")?);
+    let (delay, view) = (find("Data.Delay")?, find("ListenerView")?);
+    let [n, ears, taps] = ir.dimensions[..] else {
+        return Err(("Data.IR", format!("it has {} dimensions, not 3", ir.dimensions.len())));
+    };
+    if ears != 2 || ir.values.len() != n * ears * taps || n == 0 || taps == 0 {
+        let reason = format!("{n} x {ears} x {taps} for {} values; two ears are needed", ir.values.len());
+        return Err(("Data.IR", reason));
+    }
+    if at.values.len() != 3 * n {
+        return Err(("SourcePosition", format!("{} values for {n} directions", at.values.len())));
+    }
+    let is_along_x = |view: &Array| match view.values[..] {
+        [x, y, z] if view.is_cartesian && x <= y.hypot(z) => false,
+        _ => true,
+    };
+    if !view.as_ref().is_none_or(is_along_x) {
+        return Err(("ListenerView", "the listener does not look along x".into()));
+    }
+    let place = |row: &[f64]| {
+        if at.is_cartesian { DVec3::from_slice(row) } else { degrees(row[0], row[1]) }
+    };
+    let pair = |row: &[f64]| [row[0], row[1]];
+    let delays = match delay.map(|delay| delay.values).unwrap_or_default() {
+        none if none.is_empty() => vec![[0.0; 2]; n],
+        one if one.len() == 2 => vec![pair(&one); n],
+        all if all.len() == 2 * n => all.chunks(2).map(pair).collect(),
+        other => return Err(("Data.Delay", format!("{} values for {n} directions", other.len()))),
+    };
+    let responses: Vec<Vec<f32>> = ir.values.chunks(taps).map(|row| row.iter().map(|v| *v as f32).collect()).collect();
+    let irs = responses.chunks(2).map(|ears| [ears[0].clone(), ears[1].clone()]).collect();
+    let named = ["Title", "DatabaseName", "ListenerShortName"].map(|name| stated.get(name).cloned());
+    let title: Vec<String> = named.into_iter().flatten().filter(|part| !part.is_empty()).collect();
+    Ok(Measured {
+        fs: rate.values.first().copied().unwrap_or(0.0),
+        directions: at.values.chunks(3).map(place).collect(),
+        irs,
+        delays,
+        meta: Meta {
+            title: title.join(", "),
+            licence: stated.get("License").cloned().unwrap_or_else(|| "not stated".into()),
+            sha256: format!("{:x}", Sha256::digest(bytes)),
+        },
+    })
 }
 
-/// Numbers of a variable, row by row, with its attributes.
+/// Numbers of a variable, row by row.
 struct Array {
     dimensions: Vec<usize>,
     values: Vec<f64>,
-    attributes: HashMap<String, String>,
-}
-
-const VARIABLES: [&str; 5] = ["Data.IR", "Data.SamplingRate", "Data.Delay", "SourcePosition", "ListenerView"];
-
-impl File {
-    fn read(bytes: &[u8]) -> std::result::Result<Self, (String, String)> {
-        let hdf = parse_with_children(bytes)
-            .map_err(|e| (String::new(), format!("it is no HDF5 file that can be read: {e}")))?;
-        let attributes = attributes(&hdf.root);
-        let convention = attributes.get("SOFAConventions").map_or("none", String::as_str);
-        if convention != "SimpleFreeFieldHRIR" {
-            return Err(("SOFAConventions".into(), format!("its convention is {convention}")));
-        }
-        let mut arrays = HashMap::new();
-        for name in VARIABLES {
-            if let Some(array) = array(&hdf, name).map_err(|reason| (name.to_owned(), reason))? {
-                arrays.insert(name, array);
-            }
-        }
-        Ok(File { attributes, arrays })
-    }
-
-    fn measured(mut self, sha256: String) -> std::result::Result<Measured, (&'static str, String)> {
-        let mut take = |name| self.arrays.remove(name).ok_or((name, "it is missing".to_owned()));
-        let (ir, rate, at) = (take("Data.IR")?, take("Data.SamplingRate")?, take("SourcePosition")?);
-        let (delay, view) = (take("Data.Delay").ok(), take("ListenerView").ok());
-        let [n, ears, taps] = ir.dimensions[..] else {
-            return Err(("Data.IR", format!("it has {} dimensions, not 3", ir.dimensions.len())));
-        };
-        if ears != 2 || ir.values.len() != n * ears * taps || n == 0 || taps == 0 {
-            let reason = format!("{n} x {ears} x {taps} for {} values; two ears are needed", ir.values.len());
-            return Err(("Data.IR", reason));
-        }
-        if at.values.len() != 3 * n {
-            return Err(("SourcePosition", format!("{} values for {n} directions", at.values.len())));
-        }
-        let is_along_x = |view: &Array| match view.values[..] {
-            [x, y, z] if view.is_cartesian() && x <= y.hypot(z) => false,
-            _ => true,
-        };
-        if !view.as_ref().is_none_or(is_along_x) {
-            return Err(("ListenerView", "the listener does not look along x".into()));
-        }
-        let is_cartesian = at.is_cartesian();
-        let place = |row: &[f64]| {
-            if is_cartesian { DVec3::from_slice(row) } else { degrees(row[0], row[1]) }
-        };
-        let pair = |row: &[f64]| [row[0], row[1]];
-        let delays = match delay.map(|delay| delay.values).unwrap_or_default() {
-            none if none.is_empty() => vec![[0.0; 2]; n],
-            one if one.len() == 2 => vec![pair(&one); n],
-            all if all.len() == 2 * n => all.chunks(2).map(pair).collect(),
-            other => return Err(("Data.Delay", format!("{} values for {n} directions", other.len()))),
-        };
-        let responses: Vec<Vec<f32>> =
-            ir.values.chunks(taps).map(|row| row.iter().map(|v| *v as f32).collect()).collect();
-        let irs = responses.chunks(2).map(|ears| [ears[0].clone(), ears[1].clone()]).collect();
-        let named = ["Title", "DatabaseName", "ListenerShortName"].map(|name| self.attributes.get(name).cloned());
-        let title: Vec<String> = named.into_iter().flatten().filter(|part| !part.is_empty()).collect();
-        Ok(Measured {
-            fs: rate.values.first().copied().unwrap_or(0.0),
-            directions: at.values.chunks(3).map(place).collect(),
-            irs,
-            delays,
-            meta: Meta {
-                title: title.join(", "),
-                licence: self.attributes.get("License").cloned().unwrap_or_else(|| "not stated".into()),
-                sha256,
-            },
-        })
-    }
-}
-
-impl Array {
-    fn is_cartesian(&self) -> bool {
-        self.attributes.get("Type").is_some_and(|kind| kind == "cartesian")
-    }
+    is_cartesian: bool,
 }
 
 fn attributes(object: &DataObject) -> HashMap<String, String> {
@@ -184,7 +155,7 @@ fn array(hdf: &ParsedHdf<'_>, name: &str) -> std::result::Result<Option<Array>, 
     Ok(Some(Array {
         dimensions: object.ds.dimension_size.iter().map(|size| *size as usize).collect(),
         values: values.ok_or("its values are not floats of 32 or 64 bits")?,
-        attributes: attributes(&object),
+        is_cartesian: attributes(&object).get("Type").is_some_and(|kind| kind == "cartesian"),
     }))
 }
 
@@ -216,7 +187,7 @@ mod tests {
 
     #[test]
     fn a_file_that_takes_for_ever_is_given_up() {
-        let told = in_time(Arc::new(endless()), Duration::from_secs(1)).err();
+        let told = in_time(endless(), Duration::from_secs(1)).err();
         assert!(told.as_ref().is_some_and(|(_, reason)| reason.contains("within 1 s")), "{told:?}");
     }
 }
