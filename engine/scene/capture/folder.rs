@@ -11,8 +11,9 @@ use super::{
 };
 use crate::error::{self, Error};
 use crate::files::{cannot_read, read_text, write_atomic};
+use crate::scene::Pose;
 use crate::scene::prior::{DEPTH_EXTENSIONS, FLOW_EXTENSIONS};
-use crate::scene::undistort::{Distortion, Lens};
+use crate::scene::undistort::Lens;
 
 const FILE: &str = "capture.toml";
 pub(crate) const PHOTOS: &str = "photos";
@@ -109,52 +110,18 @@ pub(super) fn read(named: &Named, settings: &CaptureSettings, faults: &mut Fault
         ..CaptureBuilder::default()
     };
     let ids = model.images.iter().filter_map(|posed| Some((posed.camera_id, camera_name(&posed.name)?))).collect();
-    for (camera, distortion) in cameras(path, &model.file, model.images, n_frames, &manifest.absent, faults) {
-        builder.distorted.insert(camera.name.clone(), distortion);
-        builder.cameras.push(camera);
-    }
-    if builder.cameras.is_empty() && faults.n() == 0 {
-        faults.add(&model.file, "", "holds no image", "write one for each camera, named <camera>/<frame>.png");
-    }
-    for (name, declared) in [
-        ("masks", manifest.masks),
-        ("foreground", manifest.foreground),
-        ("covisible", manifest.covisible),
-        ("points", manifest.points),
-        ("flow", manifest.flow),
-        ("depth", manifest.depth),
-        ("audio", manifest.audio),
-        (PHOTOS, manifest.photos),
-    ] {
-        let exists = path.join(name).is_dir();
-        if declared && !exists {
-            let remedy = format!("add the folder or set {name} = false in {FILE}");
-            faults.add(&path.join(name), "", "is missing", remedy);
-        } else if exists && !declared {
-            builder.notes.push(format!("{name}/ is not used: {FILE} does not declare it"));
-        }
-    }
-    for camera in &mut builder.cameras {
-        // A camera that has a folder of masks has one for every frame.
-        let folder = |name: &str, declared: bool| {
-            Some(path.join(name).join(&camera.name)).filter(|folder| declared && folder.is_dir())
-        };
-        let masks = folder("masks", manifest.masks);
-        let foreground = folder("foreground", manifest.foreground);
-        let covisible = folder("covisible", manifest.covisible);
-        for shot in &mut camera.shots {
-            let file = |folder: &Option<PathBuf>| Some(folder.as_ref()?.join(format!("{:05}.png", shot.frame)));
-            (shot.mask, shot.foreground, shot.covisible) = (file(&masks), file(&foreground), file(&covisible));
-        }
-    }
+    let mut reader = FolderReader { path, model: &model.file, n_frames, builder: &mut builder, faults };
+    reader.cameras(model.images, &manifest.absent);
+    reader.check_folders(&manifest);
+    reader.find_masks(&manifest);
     if manifest.flow {
-        find_priors(&path.join("flow"), FLOW_EXTENSIONS, &mut builder.cameras, |shot| &mut shot.flow, faults);
+        reader.find_priors("flow", FLOW_EXTENSIONS, |shot| &mut shot.flow);
     }
     if manifest.depth {
-        find_priors(&path.join("depth"), DEPTH_EXTENSIONS, &mut builder.cameras, |shot| &mut shot.depth, faults);
+        reader.find_priors("depth", DEPTH_EXTENSIONS, |shot| &mut shot.depth);
     }
     if manifest.points {
-        builder.frame_points = frame_points(path, &model.file, ids, settings.frames, n_frames, faults);
+        reader.find_points(ids, settings.frames);
     }
     let names: Vec<&str> = builder.cameras.iter().map(|camera| camera.name.as_str()).collect();
     check_names("test cameras", &manifest.test_cameras, &names, &builder.calibration, faults);
@@ -195,179 +162,206 @@ fn camera_name(image: &Path) -> Option<String> {
     }
 }
 
-/// The points of the frames, and the camera of each CAMERA_ID of the model.
-fn frame_points(
-    path: &Path,
-    file: &Path,
-    ids: Vec<(u32, String)>,
-    used: Frames,
-    n_frames: u32,
-    faults: &mut Faults,
-) -> Option<FramePoints> {
-    let folder = path.join("points");
-    if !folder.is_dir() {
-        return None;
-    }
-    let mut cameras = HashMap::new();
-    for (id, name) in ids {
-        let known = cameras.entry(id).or_insert_with(|| name.clone());
-        if *known != name {
-            let reason = format!("is that of `{}` and `{}`", known.escape_debug(), name.escape_debug());
-            let remedy = "give each camera its own id, by which points/ tells who saw a point";
-            faults.add(file, format!("camera {id}"), reason, remedy);
-        }
-    }
-    let points = FramePoints { folder, cameras, frames: Frames::default() };
-    // In a clip of millions of frames whose files are not there, the missing ones are counted without a search.
-    let n_listed = n_frames.min(n_files(&points.folder).saturating_add(MAX_MISSING));
-    let (there, absent): (Vec<u32>, Vec<u32>) = used.of(n_listed).partition(|frame| points.has(*frame));
-    if let Some(first) = absent.first() {
-        let reason = match used.of(n_frames).len() - there.len() - 1 {
-            0 => "is missing".to_owned(),
-            more => format!("is missing, as are those of {more} more frames"),
-        };
-        let remedy = format!("triangulate every frame, or set points = false in {FILE}");
-        faults.add(&points.path(*first), "", reason, remedy);
-    }
-    for frame in there {
-        faults.take(points.check(frame));
-    }
-    Some(points)
-}
-
 fn n_files(folder: &Path) -> u32 {
     std::fs::read_dir(folder).map_or(0, |files| u32::try_from(files.count()).unwrap_or(u32::MAX))
 }
 
-/// Finds the priors `<folder>/<camera>/<frame:05>.<extension>` of the shots. A camera may have no folder, and a folder may lack frames.
-fn find_priors(
-    priors: &Path,
-    extensions: [&str; 4],
-    cameras: &mut [Camera],
-    of: impl Fn(&mut Shot) -> &mut Option<PathBuf>,
-    faults: &mut Faults,
-) {
-    if !priors.is_dir() {
-        return;
-    }
-    let mut n_folders = 0;
-    for camera in cameras {
-        let folder = priors.join(&camera.name);
-        let Ok(files) = std::fs::read_dir(&folder) else { continue };
-        n_folders += 1;
-        let names: HashSet<OsString> = files.flatten().map(|file| file.file_name()).collect();
-        let is_of = |name: &OsString, extension: &str| Path::new(name).extension().is_some_and(|e| e == extension);
-        let present = |extension: &&str| names.iter().any(|name| is_of(name, extension));
-        let present: Vec<&str> = extensions.into_iter().filter(present).collect();
-        let &[extension] = present.as_slice() else {
-            let (reason, remedy) = match present.as_slice() {
-                [] => ("holds no file of a known kind", format!("give one of {}", extensions.join(", "))),
-                several => ("holds files of several kinds", format!("keep one of {}", several.join(", "))),
+struct FolderReader<'a> {
+    path: &'a Path,
+    /// The file of the model's images.
+    model: &'a Path,
+    /// Up to the last that is used.
+    n_frames: u32,
+    builder: &'a mut CaptureBuilder,
+    faults: &'a mut Faults,
+}
+
+impl FolderReader<'_> {
+    /// The cameras of the model's images: `<camera>.<ext>`, or `<camera>/<frame>.<ext>` of a camera that moves.
+    fn cameras(&mut self, images: Vec<Posed>, absent: &BTreeMap<String, BTreeSet<u32>>) {
+        let mut by_name: BTreeMap<String, Vec<Posed>> = BTreeMap::new();
+        for posed in images {
+            let Some(name) = camera_name(&posed.name) else {
+                let (place, remedy) = (posed.name.display(), "name images <camera>.<ext> or <camera>/<frame>.<ext>");
+                self.faults.add(self.model, format!("image `{place}`"), "is nested too deep", remedy);
+                continue;
             };
-            faults.add(&folder, "", reason, remedy);
-            continue;
-        };
-        let mut n_found = 0;
-        for shot in &mut camera.shots {
-            let name = format!("{:05}.{extension}", shot.frame);
-            if names.contains(OsStr::new(&name)) {
-                *of(shot) = Some(folder.join(name));
-                n_found += 1;
+            by_name.entry(name).or_default().push(posed);
+        }
+        for (name, posed) in by_name {
+            let Some((Lens { intrinsics, distortion }, moving)) = self.check_poses(&name, &posed) else { continue };
+            let folder = self.path.join("images").join(&name);
+            let n_files = n_files(&folder);
+            let absent = absent.get(&name);
+            let n_absent = absent.map_or(0, BTreeSet::len) as u32;
+            let n_listed = self.n_frames.min(n_files.saturating_add(n_absent).saturating_add(MAX_MISSING));
+            if n_listed < self.n_frames {
+                let reason = format!("has {n_files} files, the clip has {} frames", self.n_frames);
+                self.faults.add(&folder, "", reason, format!("add the images, or correct `frames` in {FILE}"));
             }
+            let there = (0..n_listed).filter(|frame| absent.is_none_or(|absent| !absent.contains(frame)));
+            let shot = |frame: u32| Shot {
+                frame,
+                image: with_image_extension(&folder.join(format!("{frame:05}"))),
+                world_to_camera: moving.get(&frame).copied(),
+                ..Shot::default()
+            };
+            let (shots, world_to_camera) = (there.map(shot).collect(), posed[0].pose);
+            self.builder.distorted.insert(name.clone(), distortion);
+            self.builder.cameras.push(Camera { name, intrinsics, world_to_camera, shots, ..Camera::default() });
         }
-        if n_found == 0 {
-            let remedy = format!("name the files by their frames, 00000.{extension} the first");
-            faults.add(&folder, "", "holds no file of any frame of the clip", remedy);
+        if self.builder.cameras.is_empty() && self.faults.n() == 0 {
+            let remedy = "write one for each camera, named <camera>/<frame>.png";
+            self.faults.add(self.model, "", "holds no image", remedy);
         }
     }
-    if n_folders == 0 {
-        let remedy = format!("give each camera a folder there, or remove the declaration from {FILE}");
-        faults.add(priors, "", "holds no folder of any camera", remedy);
-    }
-}
 
-/// The cameras of the model's images: `<camera>.<ext>`, or `<camera>/<frame>.<ext>` of a camera that moves.
-fn cameras(
-    path: &Path,
-    file: &Path,
-    images: Vec<Posed>,
-    n_frames: u32,
-    absent: &BTreeMap<String, BTreeSet<u32>>,
-    faults: &mut Faults,
-) -> Vec<(Camera, Distortion)> {
-    let mut by_name: BTreeMap<String, Vec<(PathBuf, Posed)>> = BTreeMap::new();
-    for posed in images {
-        let Some(name) = camera_name(&posed.name) else {
-            let place = format!("image `{}`", posed.name.display());
-            faults.add(file, place, "is nested too deep", "name images <camera>.<ext> or <camera>/<frame>.<ext>");
-            continue;
-        };
-        let stem = PathBuf::from(posed.name.with_extension("").file_name().unwrap_or_default());
-        by_name.entry(name).or_default().push((stem, posed));
-    }
-    let mut cameras = Vec::new();
-    for (name, posed) in by_name {
-        let Some((lens, moving)) = check_poses(file, &name, &posed, n_frames, faults) else { continue };
-        let folder = path.join("images").join(&name);
-        let n_files = n_files(&folder);
-        let absent = absent.get(&name);
-        let n_absent = absent.map_or(0, BTreeSet::len) as u32;
-        let n_listed = n_frames.min(n_files.saturating_add(n_absent).saturating_add(MAX_MISSING));
-        if n_listed < n_frames {
-            let reason = format!("has {n_files} files, the clip has {n_frames} frames");
-            faults.add(&folder, "", reason, format!("add the images, or correct `frames` in {FILE}"));
+    /// A camera's lens, and the poses of a moving camera by frame.
+    fn check_poses(&mut self, name: &str, posed: &[Posed]) -> Option<(Lens, BTreeMap<u32, Pose>)> {
+        let place = camera_place(name);
+        let mut fault = |reason: String, remedy: &str| self.faults.add(self.model, &place, reason, remedy);
+        let lens = posed.first()?.lens;
+        if posed.iter().any(|posed| posed.lens != lens) {
+            fault("changes its intrinsics".to_owned(), "make it a camera for each of them");
+            return None;
         }
-        let there = (0..n_listed).filter(|frame| absent.is_none_or(|absent| !absent.contains(frame)));
-        let shots = there.map(|frame| Shot {
-            frame,
-            image: with_image_extension(&folder.join(format!("{frame:05}"))),
-            world_to_camera: moving.as_ref().and_then(|moving| moving.get(&frame)).map(|&at| posed[at].1.pose),
-            ..Shot::default()
-        });
-        let (shots, intrinsics, world_to_camera) = (shots.collect(), lens.intrinsics, posed[0].1.pose);
-        cameras.push((Camera { name, intrinsics, world_to_camera, shots, ..Camera::default() }, lens.distortion));
-    }
-    cameras
-}
-
-/// The camera's lens, and for a moving camera the index of each frame's pose. `posed` has names without folder and extension.
-fn check_poses(
-    file: &Path,
-    name: &str,
-    posed: &[(PathBuf, Posed)],
-    n_frames: u32,
-    faults: &mut Faults,
-) -> Option<(Lens, Option<BTreeMap<u32, usize>>)> {
-    let place = camera_place(name);
-    let mut fault = |reason: String, remedy: &str| faults.add(file, &place, reason, remedy);
-    let lens = posed.first()?.1.lens;
-    if posed.iter().any(|(_, posed)| posed.lens != lens) {
-        fault("changes its intrinsics".to_owned(), "make it a camera for each of them");
-        return None;
-    }
-    if posed.len() == 1 {
-        return Some((lens, None));
-    }
-    let mut frames = BTreeMap::new();
-    for (index, (stem, posed)) in posed.iter().enumerate() {
-        match stem.to_str().and_then(|stem| stem.parse().ok()) {
-            Some(frame) if frame < n_frames => {
-                if frames.insert(frame, index).is_some() {
-                    fault(format!("has two poses at frame {frame}"), "keep one");
+        let mut poses = BTreeMap::new();
+        if posed.len() == 1 {
+            return Some((lens, poses));
+        }
+        for posed in posed {
+            match posed.name.file_stem().and_then(|stem| stem.to_str()?.parse().ok()) {
+                Some(frame) if frame < self.n_frames => {
+                    if poses.insert(frame, posed.pose).is_some() {
+                        fault(format!("has two poses at frame {frame}"), "keep one");
+                    }
+                }
+                // A frame behind the last that is used.
+                Some(_) => {}
+                None => {
+                    let reason = format!("has several images and one named `{}`", posed.name.display());
+                    fault(reason, "name the images of a moving camera <camera>/<frame>.<ext>");
                 }
             }
-            // A frame behind the last that is used.
-            Some(_) => {}
-            None => {
-                let reason = format!("has several images and one named `{}`", posed.name.display());
-                fault(reason, "name the images of a moving camera <camera>/<frame>.<ext>");
+        }
+        let mut absent = (0..self.n_frames).filter(|frame| !poses.contains_key(frame));
+        let n = absent.clone().count();
+        if let Some(first) = absent.next() {
+            let reason = format!("moves and has no pose at {n} frames, the first is {first}");
+            fault(reason, "add the poses, or keep one image of a camera that stands still");
+        }
+        Some((lens, poses))
+    }
+
+    fn check_folders(&mut self, manifest: &Manifest) {
+        for (name, declared) in [
+            ("masks", manifest.masks),
+            ("foreground", manifest.foreground),
+            ("covisible", manifest.covisible),
+            ("points", manifest.points),
+            ("flow", manifest.flow),
+            ("depth", manifest.depth),
+            ("audio", manifest.audio),
+            (PHOTOS, manifest.photos),
+        ] {
+            let exists = self.path.join(name).is_dir();
+            if declared && !exists {
+                let remedy = format!("add the folder or set {name} = false in {FILE}");
+                self.faults.add(&self.path.join(name), "", "is missing", remedy);
+            } else if exists && !declared {
+                self.builder.notes.push(format!("{name}/ is not used: {FILE} does not declare it"));
             }
         }
     }
-    let absent: Vec<u32> = (0..n_frames).filter(|frame| !frames.contains_key(frame)).collect();
-    if let Some(first) = absent.first() {
-        let reason = format!("moves and has no pose at {} frames, the first is {first}", absent.len());
-        fault(reason, "add the poses, or keep one image of a camera that stands still");
+
+    fn find_masks(&mut self, manifest: &Manifest) {
+        for camera in &mut self.builder.cameras {
+            // A camera that has a folder of masks has one for every frame.
+            let folder = |name: &str, declared: bool| {
+                Some(self.path.join(name).join(&camera.name)).filter(|folder| declared && folder.is_dir())
+            };
+            let masks = folder("masks", manifest.masks);
+            let foreground = folder("foreground", manifest.foreground);
+            let covisible = folder("covisible", manifest.covisible);
+            for shot in &mut camera.shots {
+                let file = |folder: &Option<PathBuf>| Some(folder.as_ref()?.join(format!("{:05}.png", shot.frame)));
+                (shot.mask, shot.foreground, shot.covisible) = (file(&masks), file(&foreground), file(&covisible));
+            }
+        }
     }
-    Some((lens, Some(frames)))
+
+    /// Finds the priors `<folder>/<camera>/<frame:05>.<extension>`. A camera may have no folder, and a folder may lack frames.
+    fn find_priors(&mut self, folder: &str, extensions: [&str; 4], of: fn(&mut Shot) -> &mut Option<PathBuf>) {
+        let priors = self.path.join(folder);
+        if !priors.is_dir() {
+            return;
+        }
+        let mut n_folders = 0;
+        for camera in &mut self.builder.cameras {
+            let folder = priors.join(&camera.name);
+            let Ok(files) = std::fs::read_dir(&folder) else { continue };
+            n_folders += 1;
+            let names: HashSet<OsString> = files.flatten().map(|file| file.file_name()).collect();
+            let is_of = |name: &OsString, extension: &str| Path::new(name).extension().is_some_and(|e| e == extension);
+            let present = |extension: &&str| names.iter().any(|name| is_of(name, extension));
+            let present: Vec<&str> = extensions.into_iter().filter(present).collect();
+            let &[extension] = present.as_slice() else {
+                let (reason, remedy) = match present.as_slice() {
+                    [] => ("holds no file of a known kind", format!("give one of {}", extensions.join(", "))),
+                    several => ("holds files of several kinds", format!("keep one of {}", several.join(", "))),
+                };
+                self.faults.add(&folder, "", reason, remedy);
+                continue;
+            };
+            let mut n_found = 0;
+            for shot in &mut camera.shots {
+                let name = format!("{:05}.{extension}", shot.frame);
+                if names.contains(OsStr::new(&name)) {
+                    *of(shot) = Some(folder.join(name));
+                    n_found += 1;
+                }
+            }
+            if n_found == 0 {
+                let remedy = format!("name the files by their frames, 00000.{extension} the first");
+                self.faults.add(&folder, "", "holds no file of any frame of the clip", remedy);
+            }
+        }
+        if n_folders == 0 {
+            let remedy = format!("give each camera a folder there, or remove the declaration from {FILE}");
+            self.faults.add(&priors, "", "holds no folder of any camera", remedy);
+        }
+    }
+
+    /// Finds the points of the frames. `ids` are the cameras by CAMERA_ID of the model.
+    fn find_points(&mut self, ids: Vec<(u32, String)>, used: Frames) {
+        let folder = self.path.join("points");
+        if !folder.is_dir() {
+            return;
+        }
+        let mut cameras = HashMap::new();
+        for (id, name) in ids {
+            let known = cameras.entry(id).or_insert_with(|| name.clone());
+            if *known != name {
+                let reason = format!("is that of `{}` and `{}`", known.escape_debug(), name.escape_debug());
+                let remedy = "give each camera its own id, by which points/ tells who saw a point";
+                self.faults.add(self.model, format!("camera {id}"), reason, remedy);
+            }
+        }
+        let points = FramePoints { folder, cameras, frames: Frames::default() };
+        // In a clip of millions of frames whose files are not there, the missing ones are counted without a search.
+        let n_listed = self.n_frames.min(n_files(&points.folder).saturating_add(MAX_MISSING));
+        let (there, absent): (Vec<u32>, Vec<u32>) = used.of(n_listed).partition(|frame| points.has(*frame));
+        if let Some(first) = absent.first() {
+            let reason = match used.of(self.n_frames).len() - there.len() - 1 {
+                0 => "is missing".to_owned(),
+                more => format!("is missing, as are those of {more} more frames"),
+            };
+            let remedy = format!("triangulate every frame, or set points = false in {FILE}");
+            self.faults.add(&points.path(*first), "", reason, remedy);
+        }
+        for frame in there {
+            self.faults.take(points.check(frame));
+        }
+        self.builder.frame_points = Some(points);
+    }
 }
