@@ -1,7 +1,7 @@
 //! COLMAP's binary files: little-endian records after a count of 64 bits.
 
 use std::fs::File;
-use std::io::{BufReader, Read};
+use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use super::raw::{DAMAGED, MODELS, RawCamera, RawImage, RawPoint};
@@ -86,19 +86,17 @@ impl<'a> Reader<'a> {
 
     /// A name that a zero byte ends.
     fn name(&mut self) -> Result<Vec<u8>> {
-        let start = self.place();
-        let mut name = Vec::new();
-        loop {
-            match self.bytes()? {
-                [0] => break,
-                [_] if name.len() >= MAX_NAME_BYTES => {
-                    let reason = format!("a name has more than {MAX_NAME_BYTES} bytes");
-                    return Err(Error::data(self.path, start, reason, DAMAGED));
-                }
-                [byte] => name.push(byte),
+        let (start, mut name) = (self.place(), Vec::new());
+        let read = self.from.by_ref().take(MAX_NAME_BYTES as u64 + 1).read_until(0, &mut name);
+        self.left = self.left.saturating_sub(read.map_err(|fault| cannot_read(self.path, &fault))? as u64);
+        match name.pop() {
+            Some(0) => Ok(name),
+            Some(_) if name.len() == MAX_NAME_BYTES => {
+                let reason = format!("a name has more than {MAX_NAME_BYTES} bytes");
+                Err(Error::data(self.path, start, reason, DAMAGED))
             }
+            _ => Err(self.fault("ends where 1 more bytes are needed".to_owned())),
         }
-        Ok(name)
     }
 
     fn end(&self) -> Result<()> {

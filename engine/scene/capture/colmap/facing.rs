@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::scene::Pose;
 use crate::scene::undistort::{Distortion, Lens};
-use glam::DVec3;
+use glam::{DVec3, DVec4};
 
 /// Observations that are judged, those of the first points.
 const MAX_JUDGED: usize = 20_000;
@@ -39,7 +39,7 @@ const CONVENTIONS: [Convention; 6] = [
 #[derive(Default)]
 pub(super) struct Facing {
     /// By image: its lens with its reach, and its pose in every way.
-    cameras: HashMap<u32, (Lens, f64, [Option<Pose>; CONVENTIONS.len()])>,
+    cameras: HashMap<u32, (Lens, f64, [Pose; CONVENTIONS.len()])>,
     n_judged: usize,
     n_behind: usize,
     n_seen: [usize; CONVENTIONS.len()],
@@ -48,8 +48,7 @@ pub(super) struct Facing {
 impl Facing {
     pub fn add_camera(&mut self, id: u32, lens: Lens, quaternion: [f64; 4], translation: [f64; 3]) {
         let [w, x, y, z] = quaternion;
-        let length = |q: [f64; 4]| q.iter().map(|v| v * v).sum::<f64>().sqrt();
-        if !length(quaternion).is_normal() {
+        if !DVec4::from(quaternion).length().is_normal() {
             return;
         }
         let t = DVec3::from(translation);
@@ -59,7 +58,7 @@ impl Facing {
         let centre = |pose: &Pose| Pose::at(t, pose.rotation);
         let inverse = |pose: &Pose| Pose::at(t, pose.rotation.transpose());
         let ways = [plain, turned, centre(&plain), inverse(&plain), centre(&turned), inverse(&turned)];
-        self.cameras.insert(id, (lens, lens.reach(), ways.map(Some)));
+        self.cameras.insert(id, (lens, lens.reach(), ways));
     }
 
     pub fn add(&mut self, point: [f64; 3], seen_in: &[u32]) {
@@ -69,7 +68,6 @@ impl Facing {
             };
             self.n_judged += 1;
             for (way, (n, pose)) in self.n_seen.iter_mut().zip(ways).enumerate() {
-                let Some(pose) = pose else { continue };
                 let local = pose.to_camera(DVec3::from(point));
                 *n += usize::from(shows(lens, *reach, local));
                 self.n_behind += usize::from(way == 0 && local.z <= 0.0);

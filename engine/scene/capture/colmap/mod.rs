@@ -83,7 +83,10 @@ fn read(folder: &Path, with_points: bool, faults: &mut Faults) -> Model {
             facing.add(point.position, seen_in);
             model.points.push(point);
         });
-        model.notes.extend(checked.note());
+        if checked.n_astray > 0 {
+            let n = checked.n_astray;
+            model.notes.push(format!("points seen in images that the model does not have: {n}"));
+        }
         // Programs of Gaussian splatting leave their copy of the points beside the cameras.
         let cloud = folder.join("points3D.ply");
         if checked.file.is_none() && cloud.is_file() {
@@ -230,11 +233,6 @@ impl CheckedPoints {
             self.n_astray += usize::from(point.seen_in.len() < before);
         }
         Some((Point { position: point.position, color: point.color }, point.seen_in))
-    }
-
-    fn note(&self) -> Option<String> {
-        let n = self.n_astray;
-        (n > 0).then(|| format!("points seen in images that the model does not have: {n}"))
     }
 }
 

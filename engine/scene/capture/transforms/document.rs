@@ -99,8 +99,8 @@ impl Document {
     pub fn notes(&self) -> Vec<String> {
         let mut notes = Vec::new();
         let lenses = || self.frames.iter().map(|frame| &frame.lens);
-        let unread: BTreeSet<&str> = lenses().chain([&self.lens]).flat_map(GivenLens::unread).collect();
-        for key in unread {
+        let others = lenses().chain([&self.lens]).flat_map(|lens| lens.others.keys().map(String::as_str));
+        for key in others.filter(|key| !MATRICES.contains(key)).collect::<BTreeSet<_>>() {
             let plain: String = key.chars().filter(char::is_ascii_alphanumeric).collect::<String>().to_lowercase();
             if let Some((meant, _)) = MEANT.iter().find(|(_, spelled)| spelled.contains(&plain.as_str())) {
                 notes.push(format!("`{}` is not read: `{meant}` may be meant", key.escape_debug()));
@@ -119,12 +119,11 @@ impl Document {
 
 pub(super) struct Unfit {
     pub reason: String,
-    pub remedy: &'static str,
     pub needs_size: bool,
 }
 
 pub(super) fn unfit(reason: String) -> Unfit {
-    Unfit { reason, remedy: REMEDY, needs_size: false }
+    Unfit { reason, needs_size: false }
 }
 
 /// The numbers of an array, or of an array of rows.
@@ -137,10 +136,6 @@ pub(super) fn numbers(value: &Value) -> Option<Vec<f64>> {
 }
 
 impl GivenLens {
-    fn unread(&self) -> impl Iterator<Item = &str> {
-        self.others.keys().map(String::as_str).filter(|key| !MATRICES.contains(key))
-    }
-
     /// The matrix of intrinsics, if there is one: fx, fy, cx, cy.
     fn matrix(&self) -> Result<Option<[f64; 4]>, Unfit> {
         let Some(value) = MATRICES.iter().find_map(|key| self.others.get(*key)) else { return Ok(None) };

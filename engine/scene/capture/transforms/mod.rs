@@ -122,7 +122,7 @@ impl FrameReader<'_> {
                     entries.push(Entry { camera, distortion, name, shot, time: frame.time });
                 }
                 Err(Unfit { needs_size: true, .. }) if size.is_none() => unsized_images.push(image),
-                Err(Unfit { reason, remedy, .. }) => self.faults.add(file, place, reason, remedy),
+                Err(Unfit { reason, .. }) => self.faults.add(file, place, reason, REMEDY),
             }
         }
         self.builder.notes.extend(scales.note());

@@ -17,11 +17,6 @@ pub(super) struct Scales {
 }
 
 impl Scales {
-    fn add(&mut self, scale: f64) {
-        self.n += 1;
-        self.largest = self.largest.max(scale);
-    }
-
     pub fn note(&self) -> Option<String> {
         let (n, scale) = (self.n, self.largest);
         (n > 0).then(|| format!("frames whose rotation is times a number ({scale:.4}): {n}; it is divided by that"))
@@ -48,7 +43,8 @@ pub(super) fn world_to_camera(matrix: &Value, scales: &mut Scales) -> Result<Pos
     }
     let is_scaled = is_even && scale.is_finite() && scale > 0.0 && (scale - 1.0).abs() > EVEN;
     if is_scaled || whole != 1.0 {
-        scales.add(if is_scaled { scale } else { whole });
+        scales.n += 1;
+        scales.largest = scales.largest.max(if is_scaled { scale } else { whole });
     }
     let turn = if is_scaled { 1.0 / scale } else { 1.0 };
     let rotation = DMat3::from_cols(column(0) * turn, -column(1) * turn, -column(2) * turn).transpose();
