@@ -26,7 +26,8 @@ pub struct Bound {
 impl Gpu {
     /// Runs `recording` and waits; gives back its first dispatch of a kernel called `kernel`, if there is one.
     pub(crate) fn run_dumping(&self, mut recording: Recording, kernel: &str) -> Result<Option<Dispatch>> {
-        let Some(at) = recording.passes().iter().position(|pass| pass.kernel() == Some(kernel)) else {
+        let Some(at) = recording.passes().iter().position(|pass| pass.kernel().is_some_and(|info| info.name == kernel))
+        else {
             self.run(&recording)?;
             return Ok(None);
         };

@@ -147,11 +147,8 @@ impl Recording {
 }
 
 impl Pass {
-    pub fn kernel(&self) -> Option<&'static str> {
-        match &self.work {
-            Work::Dispatch { kernel, .. } => Some(kernel.name),
-            Work::Copy(..) | Work::Fill(..) => None,
-        }
+    pub fn kernel(&self) -> Option<&'static KernelInfo> {
+        if let Work::Dispatch { kernel, .. } = &self.work { Some(kernel) } else { None }
     }
 
     fn accesses(&self) -> Vec<(&Slice, bool)> {

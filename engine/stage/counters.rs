@@ -161,7 +161,7 @@ impl Counters {
 }
 
 fn row(pass: &Pass) -> Option<&'static Spec> {
-    table::kernel(pass.kernel()?)
+    table::kernel(pass.kernel()?.name)
 }
 
 /// One line of a profile: all passes of a frame with the same label.

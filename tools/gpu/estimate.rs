@@ -5,7 +5,7 @@ use super::budget::Budgets;
 use super::loops::Loops;
 use ivv::internals::gpu::generated::constants::types::TILE;
 use ivv::internals::gpu::table::{self, Cost, Spec};
-use ivv::internals::gpu::{KernelInfo, Pass, Recording, Work};
+use ivv::internals::gpu::{KernelInfo, Pass, Recording};
 use ivv::internals::profile::Card;
 use ivv::internals::report::Table;
 use ivv::internals::report::statistics::median;
@@ -69,7 +69,8 @@ impl Estimate {
         }
         let mut total = Part { name: "sum".to_owned(), ..Part::default() };
         parts.iter().for_each(|part| total.add(part));
-        let pixels = recording.passes().iter().filter_map(|pass| Some(table::kernel(pass.kernel()?)?.value("PIXELS")));
+        let pixels =
+            recording.passes().iter().filter_map(|pass| Some(table::kernel(pass.kernel()?.name)?.value("PIXELS")));
         let block = card.lanes as usize * pixels.max().unwrap_or(0);
         let compiler = compiled.driver(card.compiled.0).unwrap_or("nobody").to_owned();
         let uncompiled = model.uncompiled.into_iter().map(str::to_owned).collect();
@@ -202,7 +203,7 @@ struct Model<'a> {
 
 impl<'a> Model<'a> {
     fn new(card: &'a Card, counters: &'a Counters, compiled: &'a Budgets, recording: &Recording) -> Self {
-        let kernels = recording.passes().iter().filter_map(kernel);
+        let kernels = recording.passes().iter().filter_map(Pass::kernel);
         let loops: BTreeMap<&str, Loops> = kernels.map(|kernel| (kernel.name, Loops::of(kernel.spirv))).collect();
         let ratio =
             |(name, loops): (&&str, &Loops)| compiled.instructions(name, card.compiled.0).map(|n| n / loops.written());
@@ -215,7 +216,7 @@ impl<'a> Model<'a> {
         let (units, cost) = self.counters.cost(pass);
         let Card { bytes, cache, issue, flops, exp2, barrier_ns, .. } = self.card;
         let Cost { rows, atomics, .. } = cost;
-        let instructions = kernel(pass).map_or(0.0, |kernel| self.instructions(pass, kernel, units));
+        let instructions = pass.kernel().map_or(0.0, |kernel| self.instructions(pass, kernel, units));
         let moved = cost.bytes + cost.copied + cost.filled;
         let cached = ROW_BYTES * rows + ATOMIC_BYTES * atomics;
         let us = |amount: f64, rate: f64| 1e6 * amount / rate;
@@ -264,12 +265,5 @@ impl<'a> Model<'a> {
             ("project/project_bwd.comp", _) => intersections,
             _ => units,
         }
-    }
-}
-
-fn kernel(pass: &Pass) -> Option<&'static KernelInfo> {
-    match &pass.work {
-        Work::Dispatch { kernel, .. } => Some(kernel),
-        Work::Copy(..) | Work::Fill(..) => None,
     }
 }
