@@ -5,6 +5,7 @@ use super::points::{Found, median_color};
 use super::sweep::Depths;
 use crate::error::Result;
 use crate::parallel::in_parallel;
+use crate::report::statistics::median_high;
 use crate::scene::capture::{Point, TRAINING_RADIUS};
 use glam::{DVec3, Vec3};
 use std::collections::HashMap;
@@ -14,8 +15,8 @@ const TOLERANCE: f32 = 1.5;
 /// Steps beyond which another camera sees through a point.
 const THROUGH: f32 = 3.0;
 
-/// A pixel so far from the nearest known depth gets a guess. A narrower gap closes from its rim, sooner than training
-/// mends a wrong guess in it; a plain wall or ceiling that fills a picture does not.
+/// A pixel so far from the nearest known depth gets a guess. A narrower gap, unlike a plain wall, closes from its rim
+/// sooner than training mends a wrong guess in it.
 const GAP: u32 = 16;
 
 /// A point and the cameras that saw it there; 0 where it is guessed, `usize::MAX` where it was known before.
@@ -25,8 +26,7 @@ pub(super) struct Agreed {
     pub n_cameras: usize,
 }
 
-/// The points that cameras see, then guesses in the gaps between them and the points `before`. No guesses if nothing
-/// is known at all.
+/// The points that cameras see, then guesses in the gaps between them and `before`; no guesses if nothing is known.
 pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found], threads: usize) -> Result<Vec<Agreed>> {
     let mut all = Vec::new();
     let mut known: Vec<Vec<f32>> = Vec::new();
@@ -37,7 +37,7 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found], threads: 
         known.push(inverse.map(|(found, inverse)| if found.is_some() { *inverse } else { f32::NAN }).collect());
         all.extend(confirmed.into_iter().flatten());
     }
-    let places: Vec<Vec3> = before.iter().chain(all.iter().map(|point| &point.found)).map(place_of).collect();
+    let places: Vec<Vec3> = before.iter().chain(all.iter().map(|point| &point.found)).map(Found::at).collect();
     for (eye, known) in eyes.iter().zip(&mut known) {
         for (at, depth) in places[..before.len()].iter().filter_map(|place| eye.sees(*place)) {
             known[at] = known[at].max(1.0 / depth);
@@ -51,14 +51,16 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found], threads: 
 /// The pixels of an eye that are far from all known depths.
 fn guess(eyes: &[Eye], known: &[Vec<f32>], i: usize, places: &[Vec3]) -> Vec<Agreed> {
     let eye = &eyes[i];
-    let Some(distance) = middle_distance(eye, places) else { return Vec::new() };
+    let Some(distance) = median_high(places.iter().map(|place| eye.center.distance(*place).into())) else {
+        return Vec::new();
+    };
     let near = spread(eye, &known[i]);
     let of_pixel = |pixel: usize| {
         // A picture in which nothing is known at all shows something as far away as the rest.
         let inverse = match near[pixel] {
             Some((_, steps)) if steps < GAP => return None,
             Some((inverse, _)) => inverse,
-            None => eye.ray(pixel).length() / distance,
+            None => eye.ray(pixel).length() / distance as f32,
         };
         let position = place(eye, pixel, inverse);
         let is_known = |(other, known): (&Eye, &Vec<f32>)| other.sees(position).is_some_and(|(at, _)| known[at] > 0.0);
@@ -68,26 +70,15 @@ fn guess(eyes: &[Eye], known: &[Vec<f32>], i: usize, places: &[Vec3]) -> Vec<Agr
     (0..eye.ground.len()).filter(|pixel| eye.ground[*pixel] == Ground::Still).filter_map(of_pixel).collect()
 }
 
-fn place_of(found: &Found) -> Vec3 {
-    DVec3::from_array(found.position).as_vec3()
-}
-
-/// Half of the places are nearer to a camera than this.
-fn middle_distance(eye: &Eye, places: &[Vec3]) -> Option<f32> {
-    let mut distances: Vec<f32> = places.iter().map(|place| eye.center.distance(*place)).collect();
-    let middle = distances.len() / 2;
-    (!distances.is_empty()).then(|| *distances.select_nth_unstable_by(middle, f32::total_cmp).1)
-}
-
 /// The static points of a capture: most foreground masks that see a point say so.
 pub(super) fn still(points: &[Point], eyes: &[Eye]) -> Vec<Found> {
-    let rests = |point: &&Point| {
-        let position = DVec3::from_array(point.position).as_vec3();
+    let rests = |found: &Found| {
+        let position = found.at();
         let grounds: Vec<Ground> = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(position)?.0])).collect();
         let n_other = grounds.iter().filter(|ground| matches!(ground, Ground::Moving | Ground::Empty)).count();
         2 * n_other <= grounds.len()
     };
-    points.iter().filter(rests).map(Found::from).collect()
+    points.iter().map(Found::from).filter(rests).collect()
 }
 
 fn place(eye: &Eye, pixel: usize, inverse_depth: f32) -> Vec3 {
@@ -124,8 +115,7 @@ fn confirm(eyes: &[Eye], depths: &[Depths], i: usize, pixel: usize) -> Option<Ag
     Some(Agreed { found: Found { position, color: median_color(colors)? }, n_cameras })
 }
 
-/// For each pixel the inverse depth of the nearest known one, along rows and columns, and how many pixels away that is.
-/// `None` where nothing is known.
+/// For each pixel the nearest known inverse depth, along rows and columns, and how many pixels away it is.
 fn spread(eye: &Eye, known: &[f32]) -> Vec<Option<(f32, u32)>> {
     let mut all: Vec<Option<(f32, u32)>> =
         known.iter().map(|inverse| (*inverse > 0.0).then_some((*inverse, 0))).collect();

@@ -5,16 +5,14 @@ use crate::scene::capture::{Capture, Picture};
 use crate::scene::{Pose, View};
 use glam::{Mat3, Vec2, Vec3};
 
-/// The class of a pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Ground {
-    /// Unknown, because a mask excludes it.
+    /// A mask excludes it.
     Unknown,
     /// Static; all pixels if there is no foreground mask.
     Still,
-    /// Moving.
     Moving,
-    /// Empty: the picture is cut out and transparent there.
+    /// The picture is cut out and transparent there.
     Empty,
 }
 
@@ -22,7 +20,7 @@ pub(super) enum Ground {
 pub(super) struct Seen {
     view: View,
     picture: Picture,
-    foreground: Option<Vec<bool>>,
+    pub foreground: Option<Vec<bool>>,
     opaque: Option<Vec<bool>>,
 }
 
@@ -39,37 +37,27 @@ impl Seen {
             opaque,
         })
     }
-
-    pub fn has_foreground(&self) -> bool {
-        self.foreground.is_some()
-    }
 }
 
 /// A pinhole camera with a reduced picture, in f32: the capture is in the frame of training.
 pub(super) struct Eye {
-    /// Pixels.
     pub width: usize,
-    /// Pixels.
     pub height: usize,
     /// The lens, world.
     pub center: Vec3,
-    /// Pixels.
     pub focal: Vec2,
     principal: Vec2,
     /// World to camera.
     rotation: Mat3,
     /// Mean colour of each pixel, row by row, in [0, 1].
     pub color: Vec<[f32; 3]>,
-    /// The class of most of each pixel.
     pub ground: Vec<Ground>,
 }
 
 /// The optical axis of a camera, world.
 #[derive(Clone, Copy)]
 pub(super) struct Axis {
-    /// The lens.
     pub center: Vec3,
-    /// The way it looks, of length 1.
     pub along: Vec3,
 }
 
@@ -159,24 +147,17 @@ impl Eye {
         }
     }
 
-    /// Depth of a point; negative behind the camera.
-    pub fn depth(&self, world: Vec3) -> f32 {
-        self.axis().depth(world)
-    }
-
     /// Place in the picture, pixels, and depth; `None` behind the camera.
     pub fn project(&self, world: Vec3) -> Option<(Vec2, f32)> {
         let at = self.rotation * (world - self.center);
         (at.z > 1e-6).then(|| (at.truncate() / at.z * self.focal + self.principal, at.z))
     }
 
-    /// The pixel at a place of the picture.
     pub fn pixel(&self, at: Vec2) -> Option<usize> {
         let is_inside = at.x >= 0.0 && at.y >= 0.0 && at.x < self.width as f32 && at.y < self.height as f32;
         is_inside.then(|| at.y as usize * self.width + at.x as usize)
     }
 
-    /// The pixel that shows a point, and the point's depth.
     pub fn sees(&self, world: Vec3) -> Option<(usize, f32)> {
         let (at, depth) = self.project(world)?;
         Some((self.pixel(at)?, depth))

@@ -1,10 +1,10 @@
 //! Flow-guided sparse initialisation (SPEC 5): static Gaussians from the points of the reference frame, dynamic ones
 //! from the points of every frame that move.
-//!
-//! Frames are read one after another, with a thread for each camera's flow, so that memory grows with the result alone.
+//! Frames are read one after another, so that memory grows with the result alone.
 
+use super::chosen::some;
 use super::pinhole::Pinhole;
-use super::points::{Found, OPACITY, Reach, append, push, spacings};
+use super::points::{Found, OPACITY, Reach, push, spacings};
 use super::settings::Settings;
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
@@ -16,16 +16,14 @@ use std::fmt;
 
 /// Views of a point that its velocity is taken from, evenly chosen: every pair of them is tried.
 const MOST_VIEWS: usize = 8;
-/// A point with more flow than this moves, pixels per frame (SPEC 5). [`moves`] asks two views, since one view is often wrong by more.
+/// A point with more flow than this moves, pixels per frame (SPEC 5).
 const THRESHOLD: f64 = 0.1;
-/// How long a Gaussian from the points of one frame is visible, frames. Twice as long made no difference
-/// (`assets/lab/techniques.md`, "Other settings").
+/// How long a Gaussian from the points of one frame is visible, frames; twice as long made no difference.
 const POINT_TAU: f64 = 2.0;
 /// Flow agrees with a movement within this many thresholds and this part of its length.
 const AGREE_THRESHOLDS: f64 = 2.0;
 const AGREE_PART: f64 = 0.15;
-/// Variance of the flow in units of its square. Movement that all views show far less than that, as along the line of
-/// sight of neighbours, is not believed.
+/// Variance of the flow in units of its square: a movement of which all views show far less is not believed.
 const RIDGE: f64 = 1e-3;
 /// Steps of Gauss and Newton: a projection is nearly linear over the way of a frame.
 const STEPS: usize = 4;
@@ -33,7 +31,6 @@ const STEPS: usize = 4;
 /// The fate of the points of all frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct PointCounts {
-    /// Points of all frames.
     pub before: usize,
     /// Gaussians from points that stand still.
     pub n_static: usize,
@@ -46,12 +43,10 @@ pub struct PointCounts {
 }
 
 impl PointCounts {
-    /// Gaussians in all.
     pub fn after(&self) -> usize {
         self.n_static + self.n_dynamic
     }
 
-    /// Gaussians per point.
     pub fn ratio(&self) -> f64 {
         self.after() as f64 / self.before.max(1) as f64
     }
@@ -70,42 +65,23 @@ impl fmt::Display for PointCounts {
 pub(super) enum Rule {
     /// Two clear views see it move, or the only one does: one of many is often wrong.
     TwoViews,
-    /// Any view sees it move (the paper).
     AnyView,
-    /// Always.
     All,
 }
 
-/// The Gaussians that the points of all frames give.
 pub(super) struct FromFrames {
     /// Static points of the reference frame, with the standard deviations of their Gaussians.
     pub still: (Vec<Found>, Vec<f64>),
-    /// Gaussians from the moving points of every frame.
     pub moving: Splats,
     pub counts: PointCounts,
 }
 
-impl FromFrames {
-    /// Gaussians from these points alone.
-    pub fn splats(self, capture: &Capture, settings: &Settings) -> Splats {
-        let mut splats = Splats::new(settings.sh_degree);
-        append(&mut splats, &self.still.0, &self.still.1, OPACITY, motion_at_rest(capture, settings));
-        splats.append(self.moving);
-        splats.source_row = (0..splats.len() as u32).collect();
-        splats
-    }
-}
-
-/// The motion that static points of the reference frame begin with: they may move later, unless
-/// [`Settings::static_tau`] is 0 or photographs show them.
+/// The motion that static points of the reference frame begin with, unless they are static for good.
 pub(super) fn motion_at_rest(capture: &Capture, settings: &Settings) -> Option<Motion> {
-    let t_center = f64::from(capture.reference_frame) / f64::from(capture.n_frames);
-    let tau = settings.static_tau;
-    (tau > 0.0 && !capture.has_photos()).then(|| Motion {
-        velocity: [0.0; 3],
-        t_center: t_center as f32,
-        t_scale: tau.ln() as f32,
-    })
+    let t_center = (f64::from(capture.reference_frame) / f64::from(capture.n_frames)) as f32;
+    let t_scale = settings.static_tau.ln() as f32;
+    let may_move = settings.static_tau > 0.0 && !capture.has_photos();
+    may_move.then_some(Motion { velocity: [0.0; 3], t_center, t_scale })
 }
 
 /// Reads the points and the flow of all frames. `progress` is called as (frames done, frames in all).
@@ -128,21 +104,19 @@ pub(super) fn from_frames(
         let found: Vec<Found> =
             points.iter().map(|point| Found { position: point.position, color: color(point) }).collect();
         let sizes = spacings(&found, &reach);
-        let sights = if by_flow { sights(capture, &points, frame, THRESHOLD, threads)? } else { Vec::new() };
+        let sights = if by_flow { sights(capture, &points, frame, threads)? } else { Vec::new() };
         counts.before += points.len();
         for (i, (found, &size)) in found.iter().zip(&sizes).enumerate() {
             let sights = sights.get(i).map_or(&[][..], Vec::as_slice);
             counts.without_flow += usize::from(by_flow && sights.is_empty());
-            let t_center = (f64::from(frame) * dt) as f32;
-            let motion = |velocity: [f64; 3], tau: f64| Motion {
-                velocity: velocity.map(|v| v as f32),
-                t_center,
-                t_scale: tau.ln() as f32,
-            };
-            let is_dynamic = !by_flow || moves(sights, THRESHOLD, rule);
+            let is_dynamic = !by_flow || moves(sights, rule);
             if is_dynamic && capture.n_frames > 1 {
-                let way = movement(DVec3::from_array(found.position), sights, THRESHOLD);
-                let motion = motion((way / dt).to_array(), POINT_TAU * dt);
+                let way = movement(DVec3::from_array(found.position), sights);
+                let motion = Motion {
+                    velocity: (way / dt).as_vec3().to_array(),
+                    t_center: (f64::from(frame) * dt) as f32,
+                    t_scale: (POINT_TAU * dt).ln() as f32,
+                };
                 push(&mut moving, found, size, OPACITY, Some(motion));
                 counts.with_velocity += usize::from(way != DVec3::ZERO);
             } else if frame == capture.reference_frame {
@@ -165,16 +139,14 @@ struct Sight {
     to: DVec2,
     /// How far the point itself moved, pixels: the flow without the camera's own movement.
     moved: f64,
-    /// The four pixels nearest to the point agree on whether it moves. At the rim of a moving thing they do not, and
-    /// whose flow the point's pixel has is a matter of chance.
+    /// The four pixels around the point agree on whether it moves; at the rim of a moving thing they do not.
     is_clear: bool,
 }
 
-/// True if a point moves by more than `threshold` pixels (SPEC 5) in two views, or in the only one: one of many is
-/// often wrong, if its clock is off and something else passed before the point. Unclear views count only if there is
-/// no clear one. By the paper's rule any view is enough.
-fn moves(sights: &[Sight], threshold: f64, rule: Rule) -> bool {
-    let moving = |sight: &&Sight| sight.moved > threshold;
+/// True if a point moves in two views, or in the only one: one of many is often wrong, if its clock is off or something
+/// passed before the point. Unclear views count only if there is no clear one. By the paper's rule one view is enough.
+fn moves(sights: &[Sight], rule: Rule) -> bool {
+    let moving = |sight: &&Sight| sight.moved > THRESHOLD;
     if rule == Rule::AnyView {
         return sights.iter().any(|sight| moving(&sight));
     }
@@ -184,15 +156,8 @@ fn moves(sights: &[Sight], threshold: f64, rule: Rule) -> bool {
     }
 }
 
-/// By point, the views that have flow there. A camera without flow of the frame, as all have at the last, uses that of
-/// the frame before at the same place.
-fn sights(
-    capture: &Capture,
-    points: &[FramePoint],
-    frame: u32,
-    threshold: f64,
-    threads: usize,
-) -> Result<Vec<Vec<Sight>>> {
+/// By point, the views that have flow there. A camera without flow of the frame uses that of the frame before.
+fn sights(capture: &Capture, points: &[FramePoint], frame: u32, threads: usize) -> Result<Vec<Vec<Sight>>> {
     let of_camera = |camera: usize| -> Result<Vec<(usize, Sight)>> {
         let has_flow = |from: &u32| capture.cameras[camera].shot(*from).is_some_and(|shot| shot.flow.is_some());
         let from = [Some(frame), frame.checked_sub(1)].into_iter().flatten().find(has_flow);
@@ -215,7 +180,7 @@ fn sights(
             let own = (to - at_rest).length();
             let corners = [(-0.5, -0.5), (0.5, -0.5), (-0.5, 0.5), (0.5, 0.5)];
             let mut nearest = corners.into_iter().filter_map(|corner| before.pixel(at + DVec2::from(corner)));
-            let is_clear = nearest.all(|pixel| (moved(at, flow[pixel]) > threshold) == (own > threshold));
+            let is_clear = nearest.all(|pixel| (moved(at, flow[pixel]) > THRESHOLD) == (own > THRESHOLD));
             to.is_finite().then_some(Sight { camera: after, to, moved: own, is_clear })
         };
         let seen = points.iter().enumerate().filter(|(_, point)| point.seen_by.contains(&camera));
@@ -228,14 +193,13 @@ fn sights(
     Ok(by_point)
 }
 
-/// The movement of a point in a frame that most of its views agree on, two at least, one of which shows more than
-/// `threshold` pixels; else zero.
-fn movement(position: DVec3, sights: &[Sight], threshold: f64) -> DVec3 {
-    let n = sights.len().min(MOST_VIEWS);
-    let sights: Vec<Sight> = (0..n).map(|i| sights[i * sights.len() / n]).collect();
+/// The movement of a point in a frame on which most of its views agree, two at least; zero if there is none.
+fn movement(position: DVec3, sights: &[Sight]) -> DVec3 {
+    let sights = some(sights, MOST_VIEWS);
+    let n = sights.len();
     let agreeing = |way: DVec3| -> Vec<Sight> {
         let agrees = |sight: &&Sight| {
-            let tolerance = AGREE_THRESHOLDS * threshold + AGREE_PART * sight.moved;
+            let tolerance = AGREE_THRESHOLDS * THRESHOLD + AGREE_PART * sight.moved;
             sight.camera.project(position + way).is_some_and(|(at, _)| (sight.to - at).length() <= tolerance)
         };
         sights.iter().filter(agrees).copied().collect()
@@ -248,7 +212,7 @@ fn movement(position: DVec3, sights: &[Sight], threshold: f64) -> DVec3 {
             best = agreed;
         }
     }
-    let is_seen = best.len() >= 2 && best.iter().any(|sight| sight.moved > threshold);
+    let is_seen = best.len() >= 2 && best.iter().any(|sight| sight.moved > THRESHOLD);
     let way = if is_seen { solve(position, &best) } else { None };
     way.filter(|way| agreeing(*way).len() >= 2).unwrap_or_default()
 }

@@ -7,21 +7,18 @@
 use super::points::{Found, cube};
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
+use crate::report::statistics::median;
 use glam::DVec3;
 use std::collections::HashMap;
 
-/// Points of a patch.
 const PATCH: usize = 16;
-/// Rounds of nearest points.
 const ROUNDS: usize = 6;
 /// Side of a cell, in spacings; a nearest point is looked for in the cells around.
 const CELL: f64 = 3.0;
 /// Black and white of one channel are as far apart as so many spacings.
 const COLOR: f64 = 10.0;
-/// Points that one piece of work follows.
 const PIECE: usize = 64;
 
-/// The points of a frame by cells.
 struct Cells<'a> {
     found: &'a [Found],
     side: f64,
@@ -70,23 +67,17 @@ impl<'a> Cells<'a> {
     }
 }
 
-/// The median of each axis, the mean of the two in the middle; `None` of nothing.
-fn median(ways: &[DVec3]) -> Option<DVec3> {
-    let n = ways.len();
-    let axis = |k: usize| {
-        let mut all: Vec<f64> = ways.iter().map(|way| way[k]).collect();
-        all.sort_unstable_by(f64::total_cmp);
-        0.5 * (all[n / 2] + all[(n - 1) / 2])
-    };
-    (n > 0).then(|| DVec3::new(axis(0), axis(1), axis(2)))
-}
-
 /// How far the points `patch` of `here` have moved in `there`; `None` if they are lost.
 fn shift(here: &Cells, there: &Cells, patch: &[usize]) -> Option<DVec3> {
     let mut shift = DVec3::ZERO;
     for _ in 0..ROUNDS {
         let way = |&j: &usize| there.way(&here.found[j], DVec3::from(here.found[j].position) + shift);
-        let step = median(&patch.iter().filter_map(way).collect::<Vec<_>>())?;
+        let ways: Vec<DVec3> = patch.iter().filter_map(way).collect();
+        if ways.is_empty() {
+            return None;
+        }
+        // Axis by axis.
+        let step = DVec3::from_array([0, 1, 2].map(|k| median(&ways.iter().map(|way| way[k]).collect::<Vec<_>>())));
         shift += step;
         if step == DVec3::ZERO {
             break;
@@ -96,11 +87,8 @@ fn shift(here: &Cells, there: &Cells, patch: &[usize]) -> Option<DVec3> {
 }
 
 /// The velocity of each of the points `here`, scene units per unit of time, from where it is in `others`, each with the
-/// time from here to there; 0 where it is found in none. `spacing` is the distance from a point to its neighbours,
-/// above 0.
-///
-/// # Errors
-/// Those of the threads.
+/// time from here to there; 0 where it is found in none. `spacing`, above 0, is the distance from a point to its
+/// neighbours.
 pub(super) fn velocities(here: &[Found], others: &[(f64, &[Found])], spacing: f64) -> Result<Vec<[f32; 3]>> {
     let cells = Cells::new(here, spacing);
     let others: Vec<(f64, Cells)> = others.iter().map(|(time, found)| (*time, Cells::new(found, spacing))).collect();

@@ -3,14 +3,14 @@
 use super::eye::{Axis, Eye, Ground};
 use super::points::{Found, median_color};
 use crate::random::{Keyed, permutation};
+use crate::report::statistics::median_high;
 use crate::scene::View;
-use glam::{DVec3, IVec3, Mat3, Vec2, Vec3};
+use glam::{IVec3, Mat3, Vec2, Vec3};
 use std::collections::HashSet;
 
 /// Halvings of the cube: leaves are 1/256 of its side.
 const LEVELS: u32 = 8;
-/// Halvings that find the part of the cube that is needed; if that is smaller than `SMALL`, it alone is carved. One
-/// zoom makes the cube up to 64 times smaller.
+/// Halvings that find the part of the cube that is needed; if that is smaller than `SMALL`, it alone is carved.
 const COARSE_LEVELS: u32 = 6;
 const SMALL: f32 = 0.25;
 const MOST_ZOOMS: usize = 4;
@@ -18,29 +18,23 @@ const MOST_ZOOMS: usize = 4;
 const BLANK_SIDE: usize = 64;
 /// Cells at which halving ends early: masks that are all foreground would fill the cube.
 const MOST_CELLS: usize = 200_000;
-/// Cameras that must see a cell, as a fraction of all and at least 3: fewer leave long phantoms. Cameras that look
-/// outward share less.
+/// Cameras that must see a cell, as a fraction of all and at least 3: fewer leave long phantoms.
 const LEAST_SEEN: f32 = 1.0 / 3.0;
 const LEAST_CAMERAS: f32 = 3.0;
-/// A camera looks at what is at least so far before it, as a fraction of the distance, and farther than rounding,
-/// training units.
+/// A camera looks at what is at least so far before it, as a fraction of the distance and in training units.
 const LEAST_BEFORE: f32 = 0.01;
 const NOWHERE: f32 = 1e-4;
-/// Half of the cube's side, in distances of the cameras from what they look at; of cameras that look outward, from the
-/// point between them.
+/// Half of the cube's side, in distances of the cameras from the point between them.
 const INWARD_REACH: f32 = 1.5;
 const OUTWARD_REACH: f32 = 10.0;
-/// Cameras that may see no foreground where there is some, as a fraction of those that see the cell: masks have holes.
+/// Cameras, as a fraction of those that see a cell, that may see no foreground where there is some: masks have holes.
 const MOST_MISSES: f32 = 0.1;
 
-/// The space that is carved.
 pub(super) struct Cube {
-    /// Its middle, world.
     center: Vec3,
     half: f32,
     /// Cameras that must see a cell.
     least_seen: f32,
-    /// Most cameras look at its middle.
     pub is_inward: bool,
 }
 
@@ -57,19 +51,15 @@ impl Cube {
             sum += flat * *center;
         }
         let center = across.inverse() * sum;
-        let mut distances: Vec<f32> = axes.iter().map(|axis| axis.center.distance(center)).collect();
-        distances.sort_by(f32::total_cmp);
-        let distance = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
+        let distances = axes.iter().map(|axis| f64::from(axis.center.distance(center)));
+        let distance = median_high(distances).unwrap_or(0.0) as f32;
         // Where axes are parallel, or there is one alone, what is nearest to them lies where the cameras are.
         let looks_at = |axis: &&Axis| axis.depth(center) > (LEAST_BEFORE * axis.center.distance(center)).max(NOWHERE);
         let n_inward = axes.iter().filter(looks_at).count();
         let is_inward = 2 * n_inward > axes.len();
-        if is_inward {
-            let least_seen = LEAST_CAMERAS.max(LEAST_SEEN * n);
-            Cube { center, half: INWARD_REACH * distance, least_seen, is_inward }
-        } else {
-            Cube { center, half: OUTWARD_REACH * distance, least_seen: LEAST_CAMERAS, is_inward }
-        }
+        let (reach, least_seen) =
+            if is_inward { (INWARD_REACH, LEAST_CAMERAS.max(LEAST_SEEN * n)) } else { (OUTWARD_REACH, LEAST_CAMERAS) };
+        Cube { center, half: reach * distance, least_seen, is_inward }
     }
 }
 
@@ -80,7 +70,6 @@ struct Silhouette<'a> {
     sums: Vec<u32>,
 }
 
-/// A camera's verdict on a cell.
 #[derive(PartialEq)]
 enum Occupancy {
     /// Out of sight, or partly so.
@@ -108,7 +97,7 @@ impl<'a> Silhouette<'a> {
     /// About the ball around a cell.
     fn occupancy(&self, center: Vec3, radius: f32) -> Occupancy {
         let eye = self.eye;
-        let depth = eye.depth(center);
+        let depth = eye.axis().depth(center);
         if depth <= -radius {
             return Occupancy::Unseen;
         }
@@ -133,10 +122,8 @@ impl<'a> Silhouette<'a> {
     }
 }
 
-/// Cells of a cube that may be inside.
 struct Carved {
     corner: Vec3,
-    /// Side of a cell.
     side: f32,
     cells: Vec<IVec3>,
 }
@@ -220,10 +207,9 @@ pub(super) fn surface(eyes: &[Eye], of: Ground, most: usize, key: &[u64]) -> Vec
     chosen.filter_map(found).collect()
 }
 
-/// True if a point may belong to the object that was cut out: as many cameras see its place as must see a hull's, and
-/// few of them see nothing there.
+/// True if a point may belong to the object that was cut out: enough cameras see its place, and few see nothing there.
 pub(super) fn may_be_shown(eyes: &[Eye], found: &Found) -> bool {
-    let at = DVec3::from_array(found.position).as_vec3();
+    let at = found.at();
     let seen = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(at)?.0]));
     let (n_seen, n_empty) =
         seen.fold((0.0, 0.0), |(n, empty), ground| (n + 1.0, empty + f32::from(ground == Ground::Empty)));

@@ -1,44 +1,41 @@
 //! The first Gaussians, from a capture's points, its cameras and its pictures.
 //!
-//! - Points of every frame: those that move, by their optical flow, become dynamic, and the others of one frame static
-//!   (`flow`).
-//! - Static surfaces: each camera sweeps its rays for the depth at which its neighbours show the same (`sweep`); depths
-//!   that another camera confirms become points, where the capture has none (`agree`).
-//! - Moving surfaces, by foreground masks: the visual hull's surface at evenly spaced frames (`hull`), with the
-//!   velocity of the patch around each point from one frame to the next (`follow`). With points and flow, hulls are
-//!   taken only if the cameras look inward.
+//! - `flow`: points of every frame. Those that the optical flow moves become dynamic, the others of one frame static.
+//! - `sweep` and `agree`: static surfaces, by plane sweep, where the capture has no points.
+//! - `hull` and `follow`: moving surfaces, by visual hulls from foreground masks at evenly spaced frames.
 //!
 //! Colours are medians over the cameras that see a point, because each has its own exposure.
 
+// Most of this is no public API, and names say enough.
+#![allow(missing_docs)]
+
 mod agree;
 mod chosen;
-mod cut_out;
 mod eye;
 mod flow;
 mod follow;
 mod hull;
-mod lens;
 mod pinhole;
 mod points;
-mod random;
 mod settings;
 mod sizing;
 mod surfaces;
 mod sweep;
 
-pub(crate) use chosen::evenly_chosen;
+pub(crate) use chosen::{evenly_chosen, some};
 pub use flow::PointCounts;
 pub(crate) use pinhole::Pinhole;
-pub(crate) use points::from_points;
-pub(crate) use random::random_points;
+pub(crate) use points::{from_points, random_points};
 pub use settings::{Init, Settings};
 
 use crate::error::{Error, Result};
-use crate::scene::capture::Capture;
+use crate::report::statistics::median_high;
+use crate::scene::capture::{Capture, Shot};
 use crate::scene::{Motion, Splats};
 use crate::words::count;
-use chosen::{cameras, shown};
+use chosen::{are_cut_out, cameras, views};
 use eye::Axis;
+use flow::FromFrames;
 use hull::Cube;
 use points::Found;
 use sizing::{SIZE, Sizing};
@@ -51,28 +48,24 @@ const HULL_STRIDE: u32 = 2;
 const HULL_TAU: f64 = 0.7;
 /// Pixels that are decoded for hulls, but of four frames at least.
 const HULL_PIXELS: u64 = 1 << 28;
-/// A run begins with at least so many Gaussians from points if the pictures show no surface. Fewer cover no picture,
-/// and division makes too few of them: with 100 of them a room is not recognisable after 500 steps.
+/// Without surfaces, a run with fewer points begins at random places: 100 gave no recognisable room in 500 steps.
 const ENOUGH: usize = 200;
-/// Opacity of Gaussians on surfaces that the pictures show: they cover the pictures from the first step, and let what is behind them learn
-/// all the same.
+/// Opacity of Gaussians on surfaces: they cover the pictures from the first step, and Gaussians behind them still learn.
 const SURFACE_OPACITY: f64 = 0.5;
+
 /// The first Gaussians, and where they come from.
 #[derive(Clone, Debug)]
 pub struct Initial {
-    /// The Gaussians.
     pub splats: Splats,
     /// The source of the dynamic ones, or of all if the capture names none; never [`Init::Auto`].
     pub from: Init,
     /// Points and surfaces were joined, as [`Init::Auto`] does if it finds both.
     pub joined: bool,
-    /// Why this source.
     pub because: String,
     /// Frames with a hull.
     pub n_hulls: usize,
     /// Static Gaussians from photographs.
     pub n_photos: usize,
-    /// The fate of the points of the frames, if they were used.
     pub counts: Option<PointCounts>,
     /// The number before thinning, if that is more than the settings allow.
     pub thinned_from: Option<usize>,
@@ -116,12 +109,9 @@ impl Initial {
     }
 }
 
-/// Makes the first Gaussians of `capture`, which is in the frame of training. They are at random places if nothing is
-/// found. Without `settings.trains_static` only dynamic ones are made, from flow or masks, and there may be none. Of
-/// more than [`Settings::most`] so many are kept, evenly chosen. `progress` is called as (pieces done, pieces in all).
-///
-/// # Errors
-/// [`Error::Data`] if the capture lacks what `settings.init` asks for, or if an image does not decode.
+/// Makes the first Gaussians of `capture`, which is in the frame of training: at random places if nothing is found.
+/// Without `settings.trains_static` only dynamic ones are made, and there may be none. `progress` is called as (pieces
+/// done, pieces in all).
 pub(crate) fn initialise(
     capture: &Capture,
     settings: &Settings,
@@ -133,26 +123,23 @@ pub(crate) fn initialise(
         let mut splats = of_photos(capture, settings)?;
         initial.n_photos = splats.len();
         splats.append(initial.splats);
-        splats.source_row = (0..splats.len() as u32).collect();
         initial.splats = splats;
     }
     let (n, most) = (initial.splats.len(), settings.most);
     if n > most {
-        let keep: Vec<usize> = (0..most).map(|i| i * n / most).collect();
-        initial.splats = initial.splats.in_order(&keep);
-        initial.splats.source_row = (0..initial.splats.len() as u32).collect();
+        initial.splats = initial.splats.in_order(&(0..most).map(|i| i * n / most).collect::<Vec<_>>());
         initial.thinned_from = Some(n);
     }
+    initial.splats.source_row = (0..initial.splats.len() as u32).collect();
     Ok(initial)
 }
 
-/// As [`initialise`], without thinning.
 fn all(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
     let lacks = |what: &str| {
         let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
     };
-    let has_foreground = has_foreground(capture) || cut_out::tells_what_moves(capture);
+    let has_foreground = marks_motion(capture);
     let (has_frame_points, has_flow) = (capture.has_frame_points(), has_flow(capture));
     let (from, because) = match settings.init {
         Init::Auto if has_frame_points && has_flow => (Init::Flow, "the capture has points of every frame and flow"),
@@ -166,42 +153,39 @@ fn all(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, u
     };
     let because = because.to_owned();
     let rule = match from {
-        _ if settings.init == Init::Auto => return from_pictures(capture, settings, from, because, progress),
-        Init::Auto | Init::Hull | Init::Frustum => return from_pictures(capture, settings, from, because, progress),
+        Init::Flow if settings.init == Init::Flow => flow::Rule::TwoViews,
+        Init::AnyView => flow::Rule::AnyView,
+        Init::Concat => flow::Rule::All,
         Init::Points => {
             return Ok(Initial::new(from_points(&capture.points, capture, settings.sh_degree), from, because));
         }
         Init::Random => return Ok(at_random(capture, settings, because)),
-        Init::Flow => flow::Rule::TwoViews,
-        Init::AnyView => flow::Rule::AnyView,
-        Init::Concat => flow::Rule::All,
+        _ => return from_pictures(capture, settings, from, because, progress),
     };
-    let frames = flow::from_frames(capture, settings, rule, progress)?;
-    let counts = Some(frames.counts);
-    let splats = frames.splats(capture, settings);
+    let FromFrames { still: (still, sizes), moving, counts } = flow::from_frames(capture, settings, rule, progress)?;
+    let mut splats = Splats::new(settings.sh_degree);
+    points::append(&mut splats, &still, &sizes, points::OPACITY, flow::motion_at_rest(capture, settings));
+    splats.append(moving);
     if splats.is_empty() {
         return Ok(at_random(capture, settings, "no frame has a point".to_owned()));
     }
-    Ok(Initial { counts, ..Initial::new(splats, from, because) })
+    Ok(Initial { counts: Some(counts), ..Initial::new(splats, from, because) })
 }
 
 /// Dynamic Gaussians alone, by flow and by masks; none if the capture has neither.
 fn moving(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
-    let (from, because) = match () {
-        () if capture.has_frame_points() && has_flow(capture) => (Init::Flow, "of what moves, by the flow"),
-        () if has_foreground(capture) || cut_out::tells_what_moves(capture) => {
-            (Init::Hull, "of what moves, by the masks")
-        }
-        () => {
-            let because = "the capture has neither flow nor masks of what moves".to_owned();
-            return Ok(Initial::new(Splats::new(settings.sh_degree), Init::Hull, because));
-        }
+    let (from, because) = if capture.has_frame_points() && has_flow(capture) {
+        (Init::Flow, "of what moves, by the flow")
+    } else if marks_motion(capture) {
+        (Init::Hull, "of what moves, by the masks")
+    } else {
+        let because = "the capture has neither flow nor masks of what moves".to_owned();
+        return Ok(Initial::new(Splats::new(settings.sh_degree), Init::Hull, because));
     };
     let mut initial = from_pictures(capture, settings, from, because.to_owned(), progress)?;
     // The hull of a single frame is static.
     let moving: Vec<usize> = (initial.splats.n_static..initial.splats.len()).collect();
     initial.splats = initial.splats.in_order(&moving);
-    initial.splats.source_row = (0..initial.splats.len() as u32).collect();
     Ok(initial)
 }
 
@@ -210,14 +194,21 @@ fn at_random(capture: &Capture, settings: &Settings, because: String) -> Initial
     Initial::new(from_points(&points, capture, settings.sh_degree), Init::Random, because)
 }
 
+fn has_any(capture: &Capture, has: impl Fn(&Shot) -> bool) -> bool {
+    capture.cameras.iter().filter(|camera| !camera.is_test).flat_map(|camera| &camera.shots).any(has)
+}
+
 fn has_flow(capture: &Capture) -> bool {
-    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
-    training.flat_map(|camera| &camera.shots).any(|shot| shot.flow.is_some())
+    has_any(capture, |shot| shot.flow.is_some())
 }
 
 fn has_foreground(capture: &Capture) -> bool {
-    let training = capture.cameras.iter().filter(|camera| !camera.is_test);
-    training.flat_map(|camera| &camera.shots).any(|shot| shot.foreground.is_some())
+    has_any(capture, |shot| shot.foreground.is_some())
+}
+
+/// True if masks, or the alpha of a rig's cut-out pictures, mark what moves.
+fn marks_motion(capture: &Capture) -> bool {
+    has_foreground(capture) || capture.is_rig_clip() && are_cut_out(capture)
 }
 
 /// Gaussians on the surfaces that the pictures show and, with [`Init::Auto`], at the capture's points. The dynamic
@@ -231,10 +222,10 @@ fn from_pictures(
     progress: &mut dyn FnMut(usize, usize),
 ) -> Result<Initial> {
     let cameras = cameras(capture, false);
-    let cut_out = cut_out::are(capture);
+    let cut_out = are_cut_out(capture);
     let tells = has_foreground(capture) || cut_out && capture.is_rig_clip();
     let has_hulls = match from {
-        Init::Flow => tells && look_inward(capture, &cameras)?,
+        Init::Flow => tells && cameras_look_inward(capture),
         _ => from == Init::Hull,
     };
     let hull_frames = if has_hulls { hull_frames(capture, &cameras) } else { Vec::new() };
@@ -285,7 +276,6 @@ fn from_pictures(
     if let Some(frames) = frames {
         splats.append(frames.moving);
     }
-    splats.source_row = (0..splats.len() as u32).collect();
     let joined = n_known > 0;
     // Without a hull the masks say nothing, and anything may move.
     let (from, because) = match from {
@@ -296,7 +286,6 @@ fn from_pictures(
     Ok(Initial { joined, counts, n_hulls, ..Initial::new(splats, from, because) })
 }
 
-/// Appends the Gaussians of moving surfaces, by frame, with their velocities by the frames before and after.
 fn append_moving(
     splats: &mut Splats,
     moving: Vec<(u32, Vec<Found>)>,
@@ -310,9 +299,7 @@ fn append_moving(
     for (k, (time, (found, sizes))) in hulls.iter().enumerate() {
         let beside = [k.checked_sub(1), k.checked_add(1)].into_iter().flatten().filter_map(|k| hulls.get(k));
         let others: Vec<(f64, &[Found])> = beside.map(|(other, (found, _))| (other - time, found.as_slice())).collect();
-        let mut spacings: Vec<f64> = sizes.iter().map(|size| size / SIZE).collect();
-        spacings.sort_by(f64::total_cmp);
-        let Some(&spacing) = spacings.get(spacings.len() / 2) else { continue };
+        let Some(spacing) = median_high(sizes.iter().map(|size| size / SIZE)) else { continue };
         let velocities = follow::velocities(found, &others, spacing)?;
         for ((found, size), velocity) in found.iter().zip(sizes).zip(velocities) {
             let motion = Motion { velocity, t_center: *time as f32, t_scale: tau.ln() as f32 };
@@ -322,7 +309,6 @@ fn append_moving(
     Ok(())
 }
 
-/// Static Gaussians at the surfaces and the points that the photographs show.
 fn of_photos(capture: &Capture, settings: &Settings) -> Result<Splats> {
     let cameras = cameras(capture, true);
     let views = Views {
@@ -341,23 +327,14 @@ fn of_photos(capture: &Capture, settings: &Settings) -> Result<Splats> {
     Ok(splats)
 }
 
-/// True if most training cameras look at the space between them.
+/// True if most training cameras look at the space between them. Hulls of others are vague: three of eight cameras that
+/// look around leave phantoms, which cost more than they add to the flow.
 pub(crate) fn cameras_look_inward(capture: &Capture) -> bool {
-    look_inward(capture, &cameras(capture, false)).unwrap_or(false)
+    let axes: Vec<Axis> = views(capture).iter().map(|view| Axis::of(&view.pose)).collect();
+    Cube::around(&axes).is_inward
 }
 
-/// True if most `cameras` look at the space between them. Hulls of others are vague: three of eight cameras that look
-/// around leave phantoms, which cost more than they add to the flow.
-fn look_inward(capture: &Capture, cameras: &[usize]) -> Result<bool> {
-    let axis = |&camera: &usize| {
-        let frame = shown(capture, camera, capture.reference_frame, true);
-        Ok(frame.map(|frame| capture.view(camera, frame)).transpose()?.map(|view| Axis::of(&view.pose)))
-    };
-    let axes = cameras.iter().map(axis).collect::<Result<Vec<_>>>()?;
-    Ok(Cube::around(&axes.into_iter().flatten().collect::<Vec<_>>()).is_inward)
-}
-
-/// The frames whose hulls are taken, evenly spaced.
+/// Evenly spaced.
 fn hull_frames(capture: &Capture, cameras: &[usize]) -> Vec<u32> {
     let per_frame: u64 = cameras.iter().map(|camera| capture.cameras[*camera].intrinsics.n_pixels()).sum();
     let n_frames = u64::from(capture.n_frames);

@@ -1,17 +1,16 @@
-//! Where the first Gaussians come from, and the numbers that they depend on.
+//! The settings that the first Gaussians depend on.
 
 /// Where the first Gaussians come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Init {
-    /// All that the capture has: dynamic Gaussians from points and flow of every frame (`Flow`) and, without those or
-    /// if most cameras look inward, from foreground masks (`Hull`); static ones from the surfaces that the pictures
-    /// show (`Frustum`), joined with the points.
+    /// `Flow` if the capture has points of every frame and flow, and `Hull` if it has foreground masks; static ones as
+    /// `Frustum`, joined with the points.
     Auto,
-    /// Static Gaussians from the points of the reference frame, dynamic ones from those of every frame, told apart by
-    /// the flow (SPEC 5).
+    /// Static Gaussians from the points of the reference frame, dynamic ones from those of every frame that the flow
+    /// moves (SPEC 5).
     Flow,
-    /// As `Flow`, but a point moves if the flow at it exceeds the threshold in any view that saw it: the paper's rule.
+    /// As `Flow`, but any view that saw a point move decides: the paper's rule.
     #[serde(rename = "any_view")]
     AnyView,
     /// The points of every frame, each visible around its time.
@@ -27,28 +26,14 @@ pub enum Init {
 }
 
 impl Init {
-    /// Its name among the settings.
-    pub fn name(self) -> &'static str {
-        match self {
-            Init::Auto => "auto",
-            Init::Flow => "flow",
-            Init::AnyView => "any_view",
-            Init::Concat => "concat",
-            Init::Points => "points",
-            Init::Hull => "hull",
-            Init::Frustum => "frustum",
-            Init::Random => "random",
-        }
+    pub fn name(self) -> String {
+        serde_json::json!(self).as_str().unwrap_or_default().to_owned()
     }
 }
 
-/// The numbers of a run that the first Gaussians depend on.
 pub struct Settings {
-    /// Where they come from.
     pub init: Init,
-    /// Seed of the random points.
     pub seed: u64,
-    /// Highest degree of the spherical harmonics.
     pub sh_degree: u32,
     /// Static Gaussians are wanted, too.
     pub trains_static: bool,

@@ -3,9 +3,9 @@
 use super::agree::{self, Agreed};
 use super::chosen::shown;
 use super::eye::{Eye, Ground, Seen};
-use super::lens::Lenses;
 use super::points::Found;
 use super::settings::Settings;
+use super::sizing::Lenses;
 use super::{hull, sweep};
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
@@ -15,34 +15,27 @@ use crate::scene::capture::{Capture, Point};
 const HULL_SIDE: usize = 320;
 /// Longest side of the pictures that are swept, pixels.
 const SWEEP_SIDE: usize = 128;
-/// Gaussians from the hull of one frame, at most. With 600, dynamic parts lost some 0.8 dB (`assets/lab/techniques.md`, "Hulls beside
-/// points and flow").
+/// Gaussians from the hull of one frame, at most. With 600, dynamic parts lost some 0.8 dB (`assets/lab/techniques.md`).
 const MOVING_POINTS: usize = 1500;
 /// Pixels of the training pictures of a frame for each point of a surface, at least: small pictures resolve no more.
 const PIXELS_PER_POINT: u64 = 16;
 /// Key of the random choice among a hull's points.
 const HULL_KEY: u64 = 0x6875_6c6c;
 
-/// The pictures to use.
 pub(super) struct Views<'a> {
     pub capture: &'a Capture,
     /// Points of the capture that may be static.
     pub points: &'a [Point],
     pub settings: &'a Settings,
-    /// Training cameras that take part.
     pub cameras: &'a [usize],
-    /// Frames whose hulls are taken.
     pub hull_frames: &'a [u32],
-    /// Static surfaces are wanted, too.
     pub finds_static: bool,
     pub cut_out: bool,
 }
 
 #[derive(Default)]
 pub(super) struct Surfaces {
-    /// Static.
     pub still: Vec<Found>,
-    /// Moving, by frame.
     pub moving: Vec<(u32, Vec<Found>)>,
     /// Static points that were known before.
     pub n_known: usize,
@@ -51,8 +44,8 @@ pub(super) struct Surfaces {
 }
 
 impl Views<'_> {
-    /// Finds the surfaces, frame by frame. `known` are static points, if they are known; else the pictures decide
-    /// which of `points` are static. `done` is called after each picture and each sweep.
+    /// The surfaces, frame by frame. `known` are static points; without any the pictures decide which of `points` are
+    /// static. `done` is called after each picture and each sweep.
     pub fn surfaces(&self, known: Option<&[Found]>, lenses: &Lenses, done: &mut dyn FnMut()) -> Result<Surfaces> {
         let at_rest = Some(self.capture.reference_frame).filter(|_| self.finds_static);
         let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain(at_rest).collect();
@@ -69,7 +62,7 @@ impl Views<'_> {
                 let seen = Seen::read(self.capture, camera, shown, self.cut_out)?;
                 let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
                 // A camera without a mask at this frame does not mark moving objects.
-                let carves = has_hull && shown == frame && seen.has_foreground();
+                let carves = has_hull && shown == frame && seen.foreground.is_some();
                 Ok((eye(is_reference, SWEEP_SIDE), eye(carves || is_reference && self.cut_out, HULL_SIDE)))
             };
             let eyes = in_parallel(self.cameras.len(), threads, eyes_of, |_| done())?;

@@ -4,16 +4,14 @@
 use super::eye::{Eye, Ground};
 use crate::error::Result;
 use crate::parallel::in_parallel;
+use crate::report::statistics::median_high;
 use crate::scene::capture::TRAINING_RADIUS;
 use glam::{Vec3, Vec3A};
 
-/// Neighbours that each camera is compared with.
 const NEIGHBOURS: usize = 10;
-/// Angles between the rays of good neighbours, radians: a smaller one does not determine the depth, at a larger one
-/// nothing looks alike.
+/// Angles between the rays of good neighbours, radians: less does not determine the depth, at more nothing looks alike.
 const GOOD_ANGLES: [f32; 2] = [0.08, 0.5];
-/// Depths of a fan, evenly spaced in inverse depth; the neighbours' pictures shift by about a pixel from one to the
-/// next.
+/// Depths of a fan, evenly spaced in inverse depth, about a pixel of the neighbours' pictures apart.
 const DEPTHS: usize = 96;
 /// Largest cost of a pixel at a depth, and what it costs where fewer than two neighbours see it.
 const MOST_COST: f32 = 0.3;
@@ -25,7 +23,6 @@ const WINDOW: usize = 5;
 /// Weight of the colours relative to those of the whole picture.
 const COLOR_WEIGHT: f32 = 0.25;
 
-/// Depths of a camera.
 pub(super) struct Depths {
     /// One over the depth of each pixel; NaN where none was found.
     pub inverse: Vec<f32>,
@@ -37,9 +34,6 @@ pub(super) struct Depths {
 type Feature = [Vec3A; 2];
 
 /// The depths of static surfaces, by camera. `done` is called after each of them.
-///
-/// # Errors
-/// Those of the threads.
 pub(super) fn sweep(eyes: &[Eye], threads: usize, mut done: impl FnMut()) -> Result<Vec<Depths>> {
     let features: Vec<Vec<Feature>> = eyes.iter().map(features).collect();
     let sweep = |i: usize| Ok(depths(eyes, &features, i));
@@ -98,13 +92,11 @@ fn features(eye: &Eye) -> Vec<Feature> {
     (0..width * height).map(feature).collect()
 }
 
-/// Sweeps camera `i` against its neighbours.
 fn depths(eyes: &[Eye], features: &[Vec<Feature>], i: usize) -> Depths {
     let eye = &eyes[i];
     let neighbours = neighbours(eyes, i);
-    let mut baselines: Vec<f32> = neighbours.iter().map(|j| eye.center.distance(eyes[*j].center)).collect();
-    baselines.sort_by(f32::total_cmp);
-    let baseline = baselines.get(baselines.len() / 2).copied().unwrap_or(0.0);
+    let baselines = neighbours.iter().map(|j| f64::from(eye.center.distance(eyes[*j].center)));
+    let baseline = median_high(baselines).unwrap_or(0.0) as f32;
     let step = 1.0 / (baseline * eye.focal.x).max(1e-6);
     let n = eye.ground.len();
     let mut costs = vec![MOST_COST; n * DEPTHS];

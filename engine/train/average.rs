@@ -1,19 +1,16 @@
-//! The mean of the scenes at the end of a run. A step follows one image, so the scene sways with the brightness and the
-//! noise of the images that came last; the mean of many steps does not (Polyak and Juditsky 1992; Izmailov et al.
-//! 2018).
+//! The mean of the scenes at the end of a run: a scene follows the noise of its last images, the mean of many does not
+//! (Polyak and Juditsky 1992; Izmailov et al. 2018).
 
-use super::config::Config;
+use super::Config;
 use crate::scene::Splats;
 
 /// About so many scenes go into a mean: each is copied from the device.
 const SCENES: u64 = 20;
 
-/// A running mean.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Average {
-    /// The number of scenes.
     pub n: u64,
-    /// Their mean, parameter by parameter, in the frame of training; empty while there is none.
+    /// Parameter by parameter, in the frame of training; empty while `n` is 0.
     pub mean: Splats,
 }
 
@@ -52,7 +49,6 @@ impl Average {
         join(bytemuck::cast_slice_mut(motion), bytemuck::cast_slice(&splats.motion));
     }
 
-    /// The mean, if there is one.
     pub fn scene(&self) -> Option<&Splats> {
         (self.n > 0).then_some(&self.mean)
     }
@@ -61,6 +57,7 @@ impl Average {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::internals::train::checkpoint::arrays;
     use crate::scene::Motion;
 
     #[test]
@@ -96,13 +93,12 @@ mod tests {
         for x in [1.0, 2.0, 6.0] {
             average.add(scene(x));
         }
-        let near = |a: &[f32], b: &[f32]| a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-6);
+        let near = |(a, b): (&f32, &f32)| (a - b).abs() < 1e-6;
         let (found, truth) = (average.scene().unwrap(), scene(3.0));
-        assert!(average.n == 3 && near(found.position.as_flattened(), truth.position.as_flattened()));
-        assert!(near(found.rotation.as_flattened(), truth.rotation.as_flattened()));
-        assert!(near(found.scale.as_flattened(), truth.scale.as_flattened()));
-        assert!(near(&found.opacity, &truth.opacity) && near(found.sh.as_flattened(), truth.sh.as_flattened()));
-        assert!(near(bytemuck::cast_slice(&found.motion), bytemuck::cast_slice(&truth.motion)));
+        assert!(average.n == 3 && found.position.len() == 2);
+        for ((name, found), (_, truth)) in arrays(found).into_iter().zip(arrays(&truth)) {
+            assert!(found.len() == truth.len() && found.iter().zip(truth).all(near), "{name}");
+        }
         // Another scene: the mean is of it alone.
         let fewer = scene(5.0).kept(|i| i == 0).into_owned();
         average.add(fewer.clone());

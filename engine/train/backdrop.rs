@@ -1,11 +1,10 @@
 //! A backdrop where no training camera looks.
 //!
 //! A viewer who looks a little past the edge of what was filmed would see a black hole. So at the end of a run large
-//! static Gaussians go behind the whole scene, in directions that no training camera sees but that are close to one
-//! that a camera sees, in the colours seen nearest to them. They are a guess; no training camera sees the middle of
-//! one. A scene of a single object, through which cameras see the background, gets none.
+//! static Gaussians go behind the scene, in unseen directions close to a seen one, in the colours seen nearest to them.
+//! A scene of a single object, through which cameras see the background, gets none.
 
-use super::lenses::depth;
+use super::lenses::seen;
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
 use crate::recon::evenly_chosen;
@@ -17,18 +16,18 @@ use std::f64::consts::{FRAC_PI_4, PI};
 
 /// Largest angle between a direction of the backdrop and the nearest one that a training camera sees, radians.
 const REACH: f64 = FRAC_PI_4;
-/// Distance of the backdrop, in units of the distance within which this share of the scene lies: a nearer one would
-/// hide parts of the scene in views between the cameras.
+/// Distance of the backdrop, in units of the distance within which this share of the scene lies: nearer, it would hide
+/// parts of the scene.
 const BEHIND: f64 = 1.2;
 const NEARLY_ALL: f64 = 0.999;
-/// The backdrop is at least so many times as far off as the farthest camera: near a lens it would look wide.
+/// The least distance of the backdrop, in distances of the farthest camera: near a lens it would look wide.
 const OUTSIDE: f64 = 2.0;
 /// Opacity that a Gaussian must have to count as part of the scene.
 const OPAQUE: f64 = 0.3;
 /// Angle around a direction from which its colour is taken, radians, and the least number of Gaussians in it.
 const ACROSS: f64 = 0.12;
 const LEAST_POINTS: usize = 2;
-/// The backdrop continues the Gaussians of a direction that are farther than this share of nearly all of them.
+/// Gaussians of a direction that the backdrop continues: those farther than this share of nearly all of them.
 const FAR_SIDE: f64 = 0.8;
 /// If a smaller share of the directions that cameras see has a colour, the background shows through the scene.
 const LEAST_KNOWN: f64 = 0.9;
@@ -38,9 +37,7 @@ const WIDTH: f64 = 0.7;
 const OPACITY: f32 = 4.0;
 /// The weight of a colour falls with this power of the angle.
 const FALL: i32 = 3;
-/// Poses of cameras at most, evenly chosen: rigs that move have one for every frame.
 const MOST_VIEWS: usize = 1024;
-/// Gaussians of one piece of work.
 const PIECE: usize = 4096;
 
 /// A Gaussian of the scene, from the middle of the cameras.
@@ -54,9 +51,6 @@ struct Point {
 
 /// The backdrop of `scene`, which was trained on `capture`, both in the frame of training: in those of `n` directions,
 /// evenly spread, that no training camera sees.
-///
-/// # Errors
-/// Those of the capture's cameras.
 pub(super) fn backdrop_of(scene: &Splats, capture: &Capture, n: usize) -> Result<Splats> {
     let (mut views, photos) = (poses(capture, false)?, poses(capture, true)?);
     // Photographs may all show one wall; viewers stand where the rig stood.
@@ -65,14 +59,13 @@ pub(super) fn backdrop_of(scene: &Splats, capture: &Capture, n: usize) -> Result
     backdrop(scene, middle, &evenly_chosen(views, MOST_VIEWS), n)
 }
 
-/// `scene` with `backdrop` before it: it is static.
 pub(super) fn put_before(scene: Splats, mut backdrop: Splats) -> Splats {
     backdrop.append(scene);
     backdrop.source_row = (0..backdrop.len() as u32).collect();
     backdrop
 }
 
-/// A view of every pose of the training cameras that are photographs, or that are not.
+/// A view of every pose of the training cameras that are photographs, or are not.
 fn poses(capture: &Capture, is_photo: bool) -> Result<Vec<View>> {
     let mut views = Vec::new();
     let cameras = capture.cameras.iter().enumerate();
@@ -94,7 +87,7 @@ fn backdrop(scene: &Splats, middle: DVec3, views: &[View], n: usize) -> Result<S
     if n == 0 || views.is_empty() {
         return Ok(found);
     }
-    let is_seen = |at: DVec3| views.iter().any(|view| depth(view, at).is_some());
+    let is_seen = |at: DVec3| views.iter().any(|view| seen(view, at).is_some());
     let mut points = points_of(scene, middle, is_seen)?;
     if points.is_empty() {
         return Ok(found);
@@ -107,15 +100,15 @@ fn backdrop(scene: &Splats, middle: DVec3, views: &[View], n: usize) -> Result<S
     let colors = in_parallel(n, threads(), |k| Ok(color_of(directions[k], &points)), |_| {})?;
     let known: Vec<(DVec3, DVec3)> = directions.iter().zip(&colors).filter_map(|(d, c)| Some((*d, (*c)?))).collect();
     let sees: Vec<bool> = directions.iter().map(|direction| is_seen(middle + distance * *direction)).collect();
-    let seen: Vec<usize> = (0..n).filter(|k| sees[*k]).collect();
-    let n_known = seen.iter().filter(|k| colors[**k].is_some()).count();
-    if (n_known as f64) < LEAST_KNOWN * seen.len() as f64 {
+    let sighted: Vec<usize> = (0..n).filter(|k| sees[*k]).collect();
+    let n_known = sighted.iter().filter(|k| colors[**k].is_some()).count();
+    if (n_known as f64) < LEAST_KNOWN * sighted.len() as f64 {
         return Ok(found);
     }
     let spacing = (4.0 * PI / n as f64).sqrt();
     let guess = |k: usize| {
         let direction = directions[k];
-        if sees[k] || seen.iter().all(|other| angle(directions[*other], direction) > REACH) {
+        if sees[k] || sighted.iter().all(|other| angle(directions[*other], direction) > REACH) {
             return Ok(None);
         }
         let weight = |other: DVec3| (angle(other, direction) + 0.3 * spacing).powi(-FALL);
@@ -138,7 +131,7 @@ fn backdrop(scene: &Splats, middle: DVec3, views: &[View], n: usize) -> Result<S
     Ok(found)
 }
 
-/// The Gaussians of a scene that a camera sees if nothing hides them, from `middle`, in the scene's order.
+/// The Gaussians of a scene that a camera sees if nothing hides them, from `middle`.
 fn points_of(scene: &Splats, middle: DVec3, is_seen: impl Fn(DVec3) -> bool + Sync) -> Result<Vec<Point>> {
     let k = scene.n_coefficients();
     let point = |i: usize| {
@@ -173,8 +166,7 @@ fn angle(a: DVec3, b: DVec3) -> f64 {
     a.dot(b).clamp(-1.0, 1.0).acos()
 }
 
-/// The colour of the farthest Gaussians in a direction; none if there are too few. Directions of `points` are ordered
-/// by z.
+/// The colour of the farthest `points` in a direction, which are ordered by z; none if there are too few.
 fn color_of(direction: DVec3, points: &[Point]) -> Option<DVec3> {
     let least = ACROSS.cos();
     // No coordinate differs by more than the angle.
@@ -195,7 +187,6 @@ mod tests {
     use super::*;
     use crate::scene::{Intrinsics, Motion};
 
-    /// A camera in the middle that looks along z, 90 degrees wide and high.
     fn view() -> View {
         View::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], Intrinsics::of_fov(64, 64, 90.0))
     }
@@ -204,8 +195,7 @@ mod tests {
         backdrop(scene, middle(views), views, n).unwrap()
     }
 
-    /// Static Gaussians on a sphere of radius 4 in directions that `is_there` names: red where x is positive, blue
-    /// elsewhere.
+    /// Static Gaussians on a sphere of radius 4: red where x is positive, blue elsewhere.
     fn shell(is_there: impl Fn(DVec3) -> bool) -> Splats {
         let mut splats = Splats::new(1);
         for direction in evenly(4000).into_iter().filter(|direction| is_there(*direction)) {
@@ -232,7 +222,7 @@ mod tests {
         let mut nearest = f64::INFINITY;
         for (at, sh) in found.position.iter().zip(found.sh.chunks(4)) {
             let at = DVec3::from_array(at.map(f64::from));
-            assert!((at.length() - 4.0 * BEHIND).abs() < 1e-4 && depth(&view, at).is_none(), "{at}");
+            assert!((at.length() - 4.0 * BEHIND).abs() < 1e-4 && seen(&view, at).is_none(), "{at}");
             // The corners of the picture are 55 degrees from its middle, and directions some 6 degrees apart.
             let off = angle(at.normalize(), DVec3::Z);
             assert!(off < 56_f64.to_radians() + REACH, "{at}");

@@ -1,13 +1,11 @@
 //! A run on top of another: it takes over the static Gaussians and the learnt cameras of the other.
 
-use super::checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
-use super::config::{Config, PoseKind, Required, Strategy};
-use super::first::initialise;
-use super::folder::Run;
-use super::poses::Correction;
-use super::session::{Notice, Phase, Watch, work};
+use super::session::work;
+use super::{
+    Average, CameraState, Checkpoint, Config, Correction, DueEvents, Notice, Phase, PoseKind, Required, Run, StepRoom,
+    Strategy, Watch, initialise,
+};
 use crate::error::{Error, Result};
-use crate::internals::train::average::Average;
 use crate::scene::Splats;
 use crate::scene::capture::{Calibration, Capture, Frames};
 use crate::stage::PoseRows;
@@ -18,8 +16,7 @@ use std::path::{Path, PathBuf};
 /// A dynamic Gaussian is taken over if it reaches this temporal factor at a frame of the clip.
 const VISIBLE: f64 = 0.1;
 
-/// An ended run that others build on: they take over its static Gaussians and what it learnt of the cameras, and train
-/// the dynamic ones.
+/// An ended run that others build on: they train dynamic Gaussians on its static ones and its cameras.
 pub struct Base {
     folder: PathBuf,
     run: Run,
@@ -30,10 +27,7 @@ pub struct Base {
 }
 
 impl Base {
-    /// Reads the run in `folder`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when it is no run or has not ended.
+    /// Reads the run in `folder`, which must have ended.
     pub fn read(folder: &Path) -> Result<Self> {
         let run = Run::read(folder)?;
         let fault = |reason: &str| Err(Error::data(folder, "--base", reason, "train it to its end first"));
@@ -78,10 +72,7 @@ impl Base {
         })
     }
 
-    /// `capture`, in its own world, with the cameras that the run learnt.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when it has other cameras.
+    /// `capture`, in its own world, with the cameras that the run learnt; refused if it has other cameras.
     pub fn calibrated(&self, capture: Capture) -> Result<Capture> {
         let tests: Vec<&String> = capture.cameras.iter().filter(|c| c.is_test).map(|c| &c.name).collect();
         if capture.cameras.len() != self.run.held.cameras || !tests.iter().copied().eq(&self.run.test_cameras) {
@@ -101,8 +92,7 @@ impl Base {
             let rows: &[PoseRows] = self.cameras.poses.split_last().map_or(&[], |(_, rows)| rows);
             let learnt = rows.get(index).map(|rows| Correction::of(rows).in_capture(&self.run.world));
             let Correction { turn, shift } = learnt.unwrap_or(Correction { turn: DVec3::ZERO, shift: DVec3::ZERO });
-            // Added to the correction that it began with. Turns are of a fraction of a degree, so their order does not
-            // matter.
+            // Turns are of a fraction of a degree, so their order does not matter.
             let before = self.run.calibration.get(&capture.cameras[index].name).copied().unwrap_or_default();
             let sum = |learnt: DVec3, before: [f64; 3]| (learnt + DVec3::from(before)).to_array();
             Calibration {
@@ -119,9 +109,6 @@ impl Base {
 
     /// The beginning of `run`, of `total` steps on `capture`, which is in its own world: the static Gaussians of this
     /// run, its dynamic ones that live in the capture's part of the clip, and new dynamic ones.
-    ///
-    /// # Errors
-    /// As [`initialise`].
     pub fn begin(
         &self,
         capture: &Capture,
@@ -154,20 +141,14 @@ impl Base {
             second: zeros,
             params,
             state: vec![[0.0; 4]; n],
-            cameras: CameraState {
-                clocks: Vec::new(),
-                learns_offset: Vec::new(),
-                poses: Vec::new(),
-                ..self.cameras.clone()
-            },
+            cameras: CameraState { clocks: vec![], learns_offset: vec![], poses: vec![], ..self.cameras.clone() },
             due: DueEvents::default(),
             room: StepRoom::default(),
             average: Average::default(),
         })
     }
 
-    /// The static Gaussians, and the dynamic ones that are visible at a frame of `part`, which has `n` frames, on its
-    /// clock.
+    /// The static Gaussians, and the dynamic ones that are visible at one of the `n` frames of `part`, on its clock.
     fn living(&self, part: &Frames, n: u32) -> Splats {
         let own = self.run.capture_settings.frames;
         let span = |frames: &Frames, n: u32| f64::from(n) * f64::from(frames.every);
@@ -181,9 +162,6 @@ impl Base {
 
 impl Config {
     /// Refuses what would change static Gaussians that stay as they began.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the setting.
     pub fn check_held(&self) -> Result<()> {
         let (draws, reviews) = (self.density.strategy == Strategy::Mcmc, self.required.reviews > 0);
         let changed = match (self.holds_static, draws, reviews) {

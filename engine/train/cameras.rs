@@ -1,17 +1,16 @@
-//! Parameters of the cameras that are learnt: clocks, poses and bilateral grids.
+//! Learnt parameters of the cameras: clocks, poses and bilateral grids.
 
-use super::checkpoint::CameraState;
-use super::config::{Config, GridKind, PoseKind, Rate};
 use super::density::recovered_from;
-use super::setup::Setup;
 use super::terms::{self, Pair};
+use super::{CameraState, Config, GridKind, PoseKind, Rate, Setup};
 use crate::error::{Error, Result};
 use crate::gpu::{Buf, Gpu, Recording, Slice};
+use crate::scene::{Pose, Similarity, View};
 use crate::stage::{
     GRID_BYTES, GRID_NUMBERS, GradedBack, GridStep, Grids, PoseRows, PoseStep, Poses, TimeOffsetStep, TimeOffsets,
     Workspace,
 };
-use glam::DVec3;
+use glam::{DVec3, Vec3};
 use std::ops::Range;
 use std::path::Path;
 
@@ -19,7 +18,7 @@ use std::path::Path;
 const POSES_FROM: f64 = 0.1;
 /// The share of the run at which the learnt poses of a clip are compared with the capture's.
 const POSES_JUDGED: f64 = 0.3;
-/// Learning rate of the colour maps, that of the authors of bilateral grids (SPEC 6). It does not follow the length of a run.
+/// Learning rate of the colour maps, that of the authors of bilateral grids (SPEC 6), in runs of any length.
 const GRID_RATE: f64 = 2e-3;
 /// Learning rate of the time offsets, frames.
 const OFFSET_RATE: f64 = 1e-3;
@@ -31,8 +30,8 @@ pub(super) fn poses_judged_at(config: &Config, total: u64) -> u64 {
     recovered_from(config, (POSES_JUDGED * total as f64).round() as u64, total)
 }
 
-/// True if a run of `before` steps is past the step at which one of `total` compares the poses, but not its own, and
-/// has learnt them for as long as that one would have.
+/// True if a run of `before` steps that goes on as one of `total` has passed the comparison of that one but not its own,
+/// and has learnt poses for as long as that one would have.
 pub(super) fn poses_are_missed(config: &Config, step: u64, before: u64, total: u64) -> bool {
     let learnt = step as f64 - POSES_FROM * before as f64;
     let is_past = poses_judged_at(config, total) <= step && step < poses_judged_at(config, before);
@@ -44,13 +43,38 @@ pub(super) fn offsets_judged_at(config: &Config, total: u64) -> u64 {
     recovered_from(config, total / 2, total)
 }
 
-/// The cameras' own parameters.
+/// The difference of a camera's pose from the capture's.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Correction {
+    /// Turn about the world's axes, radians.
+    pub turn: DVec3,
+    /// Shift along the world's axes, scene units.
+    pub shift: DVec3,
+}
+
+impl Correction {
+    pub fn of([turn, shift, ..]: &PoseRows) -> Self {
+        let [turn, shift] = [turn, shift].map(|row| Vec3::from_slice(row).as_dvec3());
+        Correction { turn, shift }
+    }
+
+    pub fn view(&self, view: &View) -> View {
+        let corrected = |pose: &Pose| pose.corrected(self.turn, self.shift);
+        View { pose: corrected(&view.pose), next_pose: view.next_pose.as_ref().map(corrected), ..view.clone() }
+    }
+
+    /// The same in the capture's own world; `world` leads from there to this one.
+    pub fn in_capture(&self, world: &Similarity) -> Self {
+        Correction { shift: self.shift / world.scale, ..*self }
+    }
+}
+
 pub(super) struct Cameras {
     config: Config,
     clocks: Option<TimeOffsets>,
     learns_offset: Vec<bool>,
     poses: Option<Poses>,
-    /// Poses have been learnt already, perhaps in a shorter run.
+    /// Perhaps in a shorter run.
     has_learnt_poses: bool,
     learns_pose: Vec<Option<DVec3>>,
     pose_rate: Rate,
@@ -60,7 +84,6 @@ pub(super) struct Cameras {
     /// Gradients of the cameras' parameters by image, if a step has several.
     kept: Option<Kept>,
     dt: f64,
-    /// Steps of the run.
     total: u64,
 }
 
@@ -71,15 +94,14 @@ struct Kept {
     d_grids: Buf<[f32; 4]>,
 }
 
-/// vec4 of a camera's gradient.
+/// vec4 of a camera's gradient, and of a grid.
 const CAMERA_ROWS: usize = 3;
-/// vec4 of a grid.
 const GRID_ROWS: usize = GRID_NUMBERS / 4;
 
-/// The cameras' bilateral grids, with buffers for pictures after them.
+/// Bilateral grids, with buffers for pictures after them.
 struct Graded {
     grids: Grids,
-    /// Grids of cameras that film, which come first.
+    /// Grids of cameras that film; they come first.
     n_filming: usize,
     /// By camera, its place among the grids.
     of_camera: Vec<Option<usize>>,
@@ -93,35 +115,31 @@ struct Graded {
     d_image: Buf<[f32; 4]>,
 }
 
-/// A camera's grid in a step.
 #[derive(Clone, Copy)]
 pub(super) struct OwnGrid {
-    /// Its place among the grids.
     place: usize,
-    /// Number of the step among this camera's, from 1.
+    /// Of this camera, from 1.
     step: u64,
 }
 
-/// The camera of an image of a step.
 #[derive(Clone, Copy)]
 pub(super) struct Taken {
     pub camera: usize,
     pub grid: Option<OwnGrid>,
 }
 
-/// Cameras that film and have a grid.
 fn n_filming_grids(setup: &Setup) -> usize {
     setup.has_grid.iter().take(setup.first_photo).filter(|has| **has).count()
 }
 
-/// True if nothing fixes the tint that all cameras have in common: each trained camera that films has a grid, and all
-/// colours are trained. Photographs do not fix it, since they show the light of another day.
+/// True if nothing fixes the tint that all cameras have in common: each camera that films has a grid, and all colours are
+/// trained. Photographs do not fix it, since they show the light of another day.
 fn is_free(config: &Config, setup: &Setup) -> bool {
     !config.holds_static && n_filming_grids(setup) == setup.n_filming
 }
 
 impl Graded {
-    /// The grids of the cameras of `setup`, all the identity; none if no camera has one.
+    /// All the identity; none if no camera has one.
     fn new(gpu: &Gpu, config: &Config, setup: &Setup) -> Result<Option<Self>> {
         let is_free = is_free(config, setup);
         // The gauge binds all grids at once, and may turn out to be free only during the run.
@@ -152,10 +170,6 @@ impl Graded {
             image: gpu.alloc("image graded", 1)?,
             d_image: gpu.alloc("d image graded", 1)?,
         }))
-    }
-
-    fn has_grid(&self) -> Vec<bool> {
-        self.of_camera.iter().map(Option::is_some).collect()
     }
 }
 
@@ -201,7 +215,6 @@ impl Cameras {
         self.graded.as_ref().map(|graded| &graded.grids)
     }
 
-    /// Room for pictures of `pixels` pixels.
     pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
         if let Some(graded) = &mut self.graded {
             graded.image = gpu.alloc("image graded", pixels)?;
@@ -210,7 +223,7 @@ impl Cameras {
         Ok(())
     }
 
-    /// The grid of `camera` in its next step, which is counted; none if it has none.
+    /// The grid of `camera` in its next step, which is counted.
     pub fn next(&mut self, camera: usize) -> Option<OwnGrid> {
         let graded = self.graded.as_mut()?;
         let place = graded.of_camera.get(camera).copied().flatten()?;
@@ -218,14 +231,13 @@ impl Cameras {
         Some(OwnGrid { place, step: graded.steps[place] })
     }
 
-    /// Notes that a step of `grid` has ended well.
     pub fn end(&mut self, grid: Option<OwnGrid>) {
         if let (Some(graded), Some(grid)) = (&mut self.graded, grid) {
             graded.ended[grid.place] = grid.step;
         }
     }
 
-    /// The share of the run before step `step`.
+    /// Share of the run before step `step`.
     fn done(&self, step: u64) -> f64 {
         (step - 1) as f64 / self.total.max(1) as f64
     }
@@ -236,12 +248,11 @@ impl Cameras {
         self.poses.as_ref().filter(|_| has_begun)
     }
 
-    /// True if step `step` of a camera's parameters reads the view that its image was seen from.
+    /// True if step `step` reads the view that its image was seen from.
     pub fn reads_view(&self, step: u64) -> bool {
         self.poses_at(step).is_some()
     }
 
-    /// Applies the learnt clock and pose of `camera` to the view of step `step`.
     pub fn record_view(&self, rec: &mut Recording, work: &Workspace, camera: usize, step: u64) {
         if let Some(poses) = self.poses_at(step) {
             poses.record_apply(rec, &work.view, camera as u32);
@@ -266,7 +277,6 @@ impl Cameras {
         Ok(Pair { image: &graded.image, cotangent: &graded.d_image })
     }
 
-    /// Appends the backward pass of [`Cameras::record_shown`].
     pub fn record_back(&self, rec: &mut Recording, rendered: Pair, size: [u32; 2], grid: Option<OwnGrid>) {
         if let (Some(graded), Some(grid)) = (&self.graded, grid) {
             let back = GradedBack {
@@ -280,17 +290,15 @@ impl Cameras {
         }
     }
 
-    /// Keeps the gradients of the camera of image `at` of a step, which has `grid`.
     pub fn record_keep(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
         self.copies(work, grid, at).into_iter().for_each(|[here, kept]| rec.copy(here, kept));
     }
 
-    /// Takes back the gradients that were kept of image `at`.
     pub fn record_take(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
         self.copies(work, grid, at).into_iter().for_each(|[here, kept]| rec.copy(kept, here));
     }
 
-    /// Pairs of a present gradient and the place where that of image `at` is kept.
+    /// Pairs of a present gradient and the place of that of image `at`.
     fn copies(&self, work: &Workspace, grid: Option<OwnGrid>, at: usize) -> Vec<[Slice; 2]> {
         let mut copies = Vec::new();
         let Some(kept) = &self.kept else { return copies };
@@ -305,14 +313,14 @@ impl Cameras {
         copies
     }
 
-    /// The kept gradients of the images `range` of a step, as bytes: equally many of each, on every machine.
+    /// The kept gradients of the images `range` of a step, as bytes: equally many of each, in every process.
     pub fn kept(&self, gpu: &Gpu, range: Range<usize>) -> Result<Vec<Vec<u8>>> {
         let parts = |at: usize| self.kept_parts(at).into_iter().map(|part| gpu.read(&part));
         let of_image = |at| Ok(bytemuck::cast_slice(&parts(at).collect::<Result<Vec<_>>>()?.concat()).to_vec());
         range.map(of_image).collect()
     }
 
-    /// Puts back what [`Cameras::kept`] gave of image `at`, on another machine.
+    /// Puts back what [`Cameras::kept`] of another process gave of image `at`.
     pub fn put_kept(&self, gpu: &Gpu, at: usize, bytes: &[u8]) -> Result<()> {
         let rows: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(bytes);
         let mut from = 0;
@@ -323,7 +331,7 @@ impl Cameras {
         Ok(())
     }
 
-    /// Where the gradients of image `at` are kept. Without a grid its part holds old values.
+    /// Without a grid its part holds old values.
     fn kept_parts(&self, at: usize) -> Vec<Buf<[f32; 4]>> {
         let Some(kept) = &self.kept else { return Vec::new() };
         let of_cameras = self.wants_gradient().then(|| kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS));
@@ -331,7 +339,7 @@ impl Cameras {
         of_cameras.into_iter().chain(of_grids).collect()
     }
 
-    /// Appends step `step`, after the backward pass of its image `index`, a picture `by` a camera.
+    /// Appends step `step`, after the backward pass of its image `index`.
     pub fn record_step(&self, rec: &mut Recording, work: &Workspace, by: Taken, step: u64, index: usize) {
         let Taken { camera, grid } = by;
         let done = self.done(step);
@@ -389,15 +397,14 @@ impl Cameras {
         Ok(())
     }
 
-    /// The cameras' parameters; empty if none are learnt.
     pub fn state(&self, gpu: &Gpu) -> Result<CameraState> {
         let clocks = self.clocks.as_ref().map_or(Ok(Vec::new()), |clocks| gpu.read(&clocks.state))?;
         let poses = self.poses.as_ref().map_or(Ok(Vec::new()), |poses| gpu.read(&poses.state))?;
         let poses = poses.as_chunks().0.to_vec();
-        let grids = self.graded.as_ref().map_or(Ok(Vec::new()), |graded| graded.grids.download(gpu))?;
-        let grid_steps = self.graded.as_ref().map_or(Vec::new(), |graded| graded.ended.clone());
-        let has_grid = self.graded.as_ref().map_or(Vec::new(), Graded::has_grid);
-        Ok(CameraState { clocks, learns_offset: self.learns_offset.clone(), poses, grids, grid_steps, has_grid })
+        let own = CameraState { clocks, learns_offset: self.learns_offset.clone(), poses, ..CameraState::default() };
+        let Some(graded) = &self.graded else { return Ok(own) };
+        let has_grid = graded.of_camera.iter().map(Option::is_some).collect();
+        Ok(CameraState { grids: graded.grids.download(gpu)?, grid_steps: graded.ended.clone(), has_grid, ..own })
     }
 
     pub fn restore(&mut self, gpu: &Gpu, state: &CameraState) -> Result<()> {
@@ -409,23 +416,20 @@ impl Cameras {
         if self.config.poses == PoseKind::Auto && state.poses.is_empty() {
             (self.poses, self.learns_pose) = (None, Vec::new());
         }
-        let (found, expected) = (state.poses.len().saturating_sub(1), self.learns_pose.len());
-        if found != expected {
-            let reason = format!("has poses of {found} cameras, the run of {expected}");
+        let check = |what: &str, found: usize, expected: usize| {
+            let reason = || format!("has {what} of {found} cameras, the run of {expected}");
             let remedy = "go on with the capture and the test cameras that the run began with";
-            return Err(Error::data(Path::new("checkpoint"), "cameras", reason, remedy));
-        }
+            let fault = || Error::data(Path::new("checkpoint"), "cameras", reason(), remedy);
+            if found == expected { Ok(()) } else { Err(fault()) }
+        };
+        check("poses", state.poses.len().saturating_sub(1), self.learns_pose.len())?;
         if let Some([[_, _, decay, _], ..]) = state.poses.last() {
             // 1 - beta_2^steps of the row of all.
             self.has_learnt_poses = *decay > 0.0;
             self.poses = Some(Poses::new(gpu, &state.poses, &self.learns_pose)?);
         }
         let n_grids = self.graded.as_ref().map_or(0, |graded| graded.steps.len());
-        if n_grids != state.grids.len() {
-            let reason = format!("has bilateral grids of {} cameras, the run of {n_grids}", state.grids.len());
-            let remedy = "go on with the capture and the test cameras that the run began with";
-            return Err(Error::data(Path::new("checkpoint"), "cameras", reason, remedy));
-        }
+        check("bilateral grids", state.grids.len(), n_grids)?;
         if let Some(graded) = &mut self.graded {
             graded.grids = Grids::upload(gpu, &state.grids)?.with_photos(n_grids - graded.n_filming);
             graded.steps.clone_from(&state.grid_steps);

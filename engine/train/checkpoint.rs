@@ -1,12 +1,9 @@
 //! Checkpoints: all that a run needs to continue bit for bit, in one file of hashed sections.
 //!
-//! Magic, length and hash of the header, header (JSON: version, step, settings, sections with length and hash), then
-//! the sections: little-endian f32, one after the other. Written under a temporary name, synced and renamed. A folder
-//! holds the last three and the best by the PSNR of test views, whose name tells its score:
-//! `best-00000300-24.9312dB.ckpt`.
+//! Magic, length and hash of the header, header (JSON), then the sections: little-endian f32. A folder holds the last
+//! three and the best by the PSNR of test views, whose name has its score: `best-00000300-24.9312dB.ckpt`.
 
-use super::average::Average;
-use super::config::Config;
+use super::{Average, Config};
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
 use crate::scene::{Similarity, Splats};
@@ -24,43 +21,36 @@ const REMEDY: &str = "delete it to go on from the one before";
 pub struct Checkpoint {
     /// Steps done.
     pub step: u64,
-    /// Steps of the whole run.
     pub total: u64,
-    /// The run's settings.
     pub config: Config,
     /// From the capture to the frame that training computes in.
     pub world: Similarity,
-    /// Added to the positions of `params` in that frame.
+    /// Added to the positions of `params` in the frame of training.
     pub origin: [f64; 3],
-    /// The parameters, positions relative to `origin`.
     pub params: Splats,
     /// First moments of Adam, by parameter.
     pub first: Splats,
     /// Second moments of Adam, by parameter.
     pub second: Splats,
-    /// State of every Gaussian, see `Optimiser::state`.
     pub state: Vec<[f32; 4]>,
-    /// The learnt parameters of the cameras.
     pub cameras: CameraState,
     /// Events that were due after the step and have not happened, because the run failed there.
     pub due: DueEvents,
-    /// The sizes of the buffers of a step.
     pub room: StepRoom,
     /// The mean of the scenes near the end of the run so far.
     pub average: Average,
 }
 
-/// The sizes of the buffers of a step. A step that needs more runs again, and then finds Gaussians that lazy Adam has
-/// moved already: a run that continues with other sizes may end with other last bits.
+/// The sizes of the buffers of a step. A run that continues with others may end with other last bits: lazy Adam has
+/// moved Gaussians already when a step that did not fit runs again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct StepRoom {
     /// Pairs of a Gaussian and a tile; 0 where it is not known.
     pub intersections: u32,
-    /// Rounds of the blend.
     pub rounds: u32,
 }
 
-/// Events between two steps.
+/// Events that are due after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct DueEvents {
@@ -68,7 +58,6 @@ pub struct DueEvents {
     pub density: bool,
     /// The choice of the cameras that need a colour map.
     pub grids: bool,
-    /// The review of the scene.
     pub review: bool,
     /// The freezing of time offsets that the pictures do not determine.
     pub offsets: bool,
@@ -78,7 +67,6 @@ pub struct DueEvents {
     pub average: bool,
 }
 
-/// The cameras' own parameters.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CameraState {
     /// By camera: time offset in frames, its moments, its rounding error so far; empty if no offset is learnt.
@@ -89,7 +77,6 @@ pub struct CameraState {
     pub poses: Vec<PoseRows>,
     /// Bilateral grids of the training cameras with their moments; empty if there are none.
     pub grids: Vec<GridState>,
-    /// Steps of each grid.
     pub grid_steps: Vec<u64>,
     /// By camera, whether it has a grid; empty if none has.
     pub has_grid: Vec<bool>,
@@ -111,10 +98,8 @@ struct Header {
     has_grid: Vec<bool>,
     #[serde(default, rename = "owed")]
     due: DueEvents,
-    /// Checkpoints from before it was kept have none.
     #[serde(default)]
     room: StepRoom,
-    /// Scenes that the average is of.
     #[serde(default)]
     averaged: u64,
     sections: Vec<Section>,
@@ -123,23 +108,11 @@ struct Header {
 #[derive(serde::Serialize, serde::Deserialize)]
 struct Section {
     name: String,
-    /// Numbers.
     len: usize,
     hash: u64,
 }
 
-impl Checkpoint {
-    /// Most bytes of the file of a checkpoint of `n` Gaussians, `n_dynamic` of them dynamic, but for some thousands and
-    /// for grids: parameters, both moments, the average, which is there near the end, and the state.
-    #[doc(hidden)]
-    pub fn bytes(n: u64, n_dynamic: u64, sh_degree: u32) -> u64 {
-        let side = u64::from(sh_degree) + 1;
-        4 * (4 * ((11 + 3 * side * side) * n + 5 * n_dynamic) + 4 * n)
-    }
-}
-
-/// The arrays of a set of parameters, by name.
-fn arrays(splats: &Splats) -> [(&'static str, &[f32]); 6] {
+pub(super) fn arrays(splats: &Splats) -> [(&'static str, &[f32]); 6] {
     [
         ("position", splats.position.as_flattened()),
         ("rotation", splats.rotation.as_flattened()),
@@ -150,9 +123,12 @@ fn arrays(splats: &Splats) -> [(&'static str, &[f32]); 6] {
     ]
 }
 
-/// Runs of equal values: how many, and the value.
-fn runs(values: &[u8]) -> Vec<(usize, u8)> {
-    values.chunk_by(|a, b| a == b).map(|run| (run.len(), run[0])).collect()
+/// `splats` with positions from the world's origin, which were relative to `origin`.
+pub(super) fn placed(mut splats: Splats, origin: [f64; 3]) -> Splats {
+    for position in &mut splats.position {
+        *position = std::array::from_fn(|k| (f64::from(position[k]) + origin[k]) as f32);
+    }
+    splats
 }
 
 /// FNV-1a over 32-bit words.
@@ -160,20 +136,19 @@ fn hash(words: impl Iterator<Item = u32>) -> u64 {
     words.fold(0xcbf2_9ce4_8422_2325, |h, word| (h ^ u64::from(word)).wrapping_mul(0x0100_0000_01b3))
 }
 
-fn hash_values(values: &[f32]) -> u64 {
-    hash(values.iter().map(|x| x.to_bits()))
-}
-
-fn hash_bytes(bytes: &[u8]) -> u64 {
-    hash(bytes.iter().map(|b| u32::from(*b)))
-}
-
 impl Checkpoint {
+    /// Most bytes of the file of a checkpoint of `n` Gaussians, `n_dynamic` of them dynamic, but for some thousands and
+    /// for grids: parameters, both moments, the average and the state.
+    #[doc(hidden)]
+    pub fn bytes(n: u64, n_dynamic: u64, sh_degree: u32) -> u64 {
+        let side = u64::from(sh_degree) + 1;
+        4 * (4 * ((11 + 3 * side * side) * n + 5 * n_dynamic) + 4 * n)
+    }
+
     /// Checkpoints that a folder holds at most: the newest three, and the best.
     #[doc(hidden)]
     pub const MOST_KEPT: usize = KEEP + 1;
 
-    /// The file of `step` in `folder`.
     pub fn file(folder: &Path, step: u64) -> PathBuf {
         folder.join(format!("{step:08}.ckpt"))
     }
@@ -196,10 +171,7 @@ impl Checkpoint {
         all
     }
 
-    /// Writes the checkpoint into `folder` and removes all but the newest three and the best there.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the file that cannot be written; older checkpoints are then untouched.
+    /// Writes the checkpoint into `folder` and removes all but the newest three and the best there; none on a fault.
     #[tracing::instrument(level = "info", name = "write checkpoint", skip_all)]
     pub fn write(&self, folder: &Path) -> Result<()> {
         let file = Self::file(folder, self.step);
@@ -207,10 +179,10 @@ impl Checkpoint {
             Error::data(folder, "", format!("cannot be made: {e}"), "free space or choose another folder")
         })?;
         let sections = self.sections();
-        let told = |(name, values): &(String, &[f32])| Section {
+        let section = |(name, values): &(String, &[f32])| Section {
             name: name.clone(),
             len: values.len(),
-            hash: hash_values(values),
+            hash: hash(values.iter().map(|x| x.to_bits())),
         };
         let header = Header {
             step: self.step,
@@ -220,20 +192,20 @@ impl Checkpoint {
             origin: self.origin,
             n_static: self.params.n_static,
             sh_degree: self.params.sh_degree,
-            degrees: runs(&self.params.degree),
+            degrees: self.params.degree.chunk_by(|a, b| a == b).map(|run| (run.len(), run[0])).collect(),
             learns_offset: self.cameras.learns_offset.clone(),
             grid_steps: self.cameras.grid_steps.clone(),
             has_grid: self.cameras.has_grid.clone(),
             due: self.due,
             room: self.room,
             averaged: self.average.n,
-            sections: sections.iter().map(told).collect(),
+            sections: sections.iter().map(section).collect(),
         };
         write_atomic(&file, |to| {
             let header = serde_json::to_vec(&header)?;
             to.write_all(MAGIC)?;
             to.write_all(&(header.len() as u64).to_le_bytes())?;
-            to.write_all(&hash_bytes(&header).to_le_bytes())?;
+            to.write_all(&hash(header.iter().map(|b| u32::from(*b))).to_le_bytes())?;
             to.write_all(&header)?;
             for (_, values) in &sections {
                 for part in values.chunks(1 << 16) {
@@ -249,27 +221,17 @@ impl Checkpoint {
     }
 
     /// True if `folder` holds a checkpoint, readable or not.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the folder is there and cannot be listed.
     #[doc(hidden)]
     pub fn any_in(folder: &Path) -> Result<bool> {
         Ok(!list(folder)?.is_empty())
     }
 
-    /// The step of the newest checkpoint of `folder`, readable or not; `None` without a checkpoint.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the folder is there and cannot be listed.
+    /// The step of the newest checkpoint of `folder`, readable or not.
     #[doc(hidden)]
     pub fn newest_step(folder: &Path) -> Result<Option<u64>> {
         Ok(list(folder)?.iter().rev().find(|kept| kept.psnr.is_none()).map(|kept| kept.step))
     }
 
-    /// Removes every checkpoint of `folder`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming one that stays, or the folder when it cannot be listed.
     #[doc(hidden)]
     pub fn remove_all(folder: &Path) -> Result<()> {
         list(folder)?.into_iter().try_for_each(|kept| {
@@ -278,21 +240,13 @@ impl Checkpoint {
         })
     }
 
-    /// Step and PSNR of the best checkpoint of `folder`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the folder is there and cannot be listed.
     #[doc(hidden)]
     pub fn best(folder: &Path) -> Result<Option<(u64, f64)>> {
         let scored = list(folder)?.into_iter().filter_map(|kept| Some((kept.step, kept.psnr?)));
         Ok(scored.max_by(|a, b| a.1.total_cmp(&b.1)))
     }
 
-    /// Keeps the checkpoint of `step` in `folder`, whose test views have a mean of `psnr` dB, as the best one if it is;
-    /// the best one before it is removed.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when there is no such checkpoint or it cannot be kept.
+    /// Keeps the checkpoint of `step` in `folder` as the best one if its `psnr`, the mean of the test views, is.
     #[doc(hidden)]
     pub fn keep_best(folder: &Path, step: u64, psnr: f64) -> Result<()> {
         // The name has the rounded score: the best one itself, scored again, is not better than it was.
@@ -314,10 +268,7 @@ impl Checkpoint {
         Ok(())
     }
 
-    /// Reads a checkpoint and verifies every hash.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming the section that is cut, changed or missing.
+    /// Reads a checkpoint and verifies every hash; the fault names the section that is cut, changed or missing.
     pub fn read(file: &Path) -> Result<Self> {
         let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
         let bytes = read_file(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
@@ -376,25 +327,17 @@ impl Checkpoint {
         Ok(Checkpoint { step, total, config, world, origin, params, first, second, state, cameras, due, room, average })
     }
 
-    /// The Gaussians in the capture's own world, numbered in the file's order; at the end of the run their average, as
-    /// in the run's scene. Under lazy Adam those that were out of view lately lag: only [`super::Trainer::splats`]
-    /// catches up with their steps, on a device.
+    /// The Gaussians in the capture's own world; at the end of the run their average. Under lazy Adam those that were out
+    /// of view lately lag: only [`super::Trainer::splats`] catches up with their steps.
     pub fn splats(&self) -> Splats {
         if let (Some(mean), true) = (self.average.scene(), self.step == self.total) {
             return self.world.inverse().splats(mean);
         }
-        let mut splats = self.params.clone();
-        for position in &mut splats.position {
-            *position = std::array::from_fn(|k| (f64::from(position[k]) + self.origin[k]) as f32);
-        }
-        self.world.inverse().splats(&splats)
+        self.world.inverse().splats(&placed(self.params.clone(), self.origin))
     }
 
-    /// The newest checkpoint of `folder` that can be read, with a warning for each newer one that cannot; none when
-    /// there is no file.
-    ///
-    /// # Errors
-    /// The newest one's fault, when none can be read; [`Error::Data`] when the folder is there and cannot be listed.
+    /// The newest checkpoint of `folder` that can be read, with a warning for each newer one; the newest one's fault if
+    /// none can be read.
     pub fn newest(folder: &Path) -> Result<Option<Self>> {
         let mut newest_fault = None;
         for Kept { file, .. } in list(folder)?.into_iter().rev() {
@@ -422,7 +365,7 @@ fn verified(file: &Path, bytes: &[u8]) -> Result<(Header, BTreeMap<String, Vec<f
     let Some((header, mut rest)) = length.and_then(|n| rest.split_at_checked(n)) else {
         return Err(fault("header", "is cut".to_owned()));
     };
-    if hash_bytes(header) != number(16) {
+    if hash(header.iter().map(|b| u32::from(*b))) != number(16) {
         return Err(fault("header", "its hash differs".to_owned()));
     }
     let header: Header = serde_json::from_slice(header).map_err(|e| fault("header", e.to_string()))?;
@@ -431,7 +374,7 @@ fn verified(file: &Path, bytes: &[u8]) -> Result<(Header, BTreeMap<String, Vec<f
         let cut = section.len.checked_mul(4).and_then(|n| rest.split_at_checked(n));
         let Some((data, tail)) = cut else { return Err(fault(&section.name, "is cut".to_owned())) };
         let data: Vec<f32> = data.as_chunks().0.iter().map(|b| f32::from_le_bytes(*b)).collect();
-        if hash_values(&data) != section.hash {
+        if hash(data.iter().map(|x| x.to_bits())) != section.hash {
             return Err(fault(&section.name, "its hash differs".to_owned()));
         }
         values.insert(section.name.clone(), data);
@@ -448,7 +391,7 @@ struct Kept {
     file: PathBuf,
 }
 
-/// The checkpoints of `folder`, oldest first; of one step, the best one first. A folder that is not there has none.
+/// The checkpoints of `folder`, oldest first; of one step, the best one first.
 fn list(folder: &Path) -> Result<Vec<Kept>> {
     let fault = |e| Error::data(folder, "", format!("cannot be listed: {e}"), "check its permissions");
     let entries = match std::fs::read_dir(folder) {

@@ -1,24 +1,20 @@
 //! Lenses: views before which density control removes floaters, and spaces before them that are kept clear.
 //!
 //! A Gaussian just before a lens veils its picture. Training mends that in the pictures of its own cameras, but not
-//! before a place without a camera: a wall that the cameras across the room see may bulge into the room there. People
-//! look at a scene from between its cameras, so views between neighbours are lenses too, if a camera sees their place.
-//! Not with moving cameras: the places between theirs belong to many times, and something may rightly be there at
-//! another.
+//! where people look from between them, so views between neighbours are lenses too, if a camera sees their place. Not
+//! with moving cameras: something may rightly be at their places at another time.
 
 use crate::recon::evenly_chosen;
 use crate::scene::capture::{Capture, TRAINING_RADIUS};
-use crate::scene::{Clearing, Intrinsics, Pose, View};
-use glam::{DMat3, DVec3};
+use crate::scene::{Clearing, Pose, View};
+use glam::{DMat3, DVec2, DVec3};
 use std::collections::BTreeSet;
 
 /// Lenses of cameras, and lenses between them, at most: a round of density control tests each Gaussian against all.
 const MOST: usize = 64;
 const MOST_BETWEEN: usize = 512;
-/// Neighbours of a camera.
 const N_NEIGHBOURS: usize = 6;
-/// Cosine of the angle between the axes of neighbours, at least: a camera that looks elsewhere may stand behind a
-/// wall.
+/// Cosine of the angle between the axes of neighbours, at least: others may stand behind a wall.
 const LEAST_ALIKE: f64 = 0.5;
 
 /// Points whose depths bound the spaces before lenses, at most.
@@ -33,9 +29,8 @@ pub(super) fn of_cameras(capture: &Capture) -> Vec<View> {
     evenly_chosen(capture.lens_views(), MOST)
 }
 
-/// Views halfway between a camera and each of its neighbours, and in the middle of it and any two of them, if a camera
-/// sees the place: at most `MOST_BETWEEN`, evenly chosen. None if one of them moves, or unless the clip is a rig's
-/// ([`Capture::is_rig_clip`]), since its cameras may be places of one that moved.
+/// Views halfway between a camera and each of its neighbours, and amid it and any two of them, if a camera sees the
+/// place: at most `MOST_BETWEEN`. None if a camera moves, or unless the clip is a rig's ([`Capture::is_rig_clip`]).
 pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
     if !stand(capture) {
         return Vec::new();
@@ -56,7 +51,7 @@ pub(super) fn between_cameras(capture: &Capture) -> Vec<View> {
         let pose = Pose::look_at(center, center + forward, -sum(Pose::down));
         set.first().map(|first| View { pose, ..cameras[*first].clone() })
     };
-    let is_seen = |lens: &View| cameras.iter().any(|camera| depth(camera, lens.pose.center()).is_some());
+    let is_seen = |lens: &View| cameras.iter().any(|camera| seen(camera, lens.pose.center()).is_some());
     evenly_chosen(sets.into_iter().filter_map(amid).filter(is_seen).collect(), MOST_BETWEEN)
 }
 
@@ -67,9 +62,8 @@ fn stand(capture: &Capture) -> bool {
 }
 
 /// The spaces before training cameras and [`Capture::viewpoints`] in which no Gaussian may be; none if cameras move.
-/// The capture is in the frame of training. Each space lies over the surface through a lens that is nearest to its
-/// neighbours, up to the neighbour after the nearest, and is a twentieth of the rig's radius deep, but at most half as
-/// deep as the nearest points that training cameras see.
+/// Each lies over the surface through a lens and its neighbours, and is a twentieth of the rig's radius deep, but at
+/// most half as deep as the nearest points that training cameras see.
 pub(super) fn clearings(capture: &Capture) -> Vec<Clearing> {
     if !stand(capture) {
         return Vec::new();
@@ -83,8 +77,9 @@ pub(super) fn clearings(capture: &Capture) -> Vec<Clearing> {
 fn nearest(capture: &Capture, cameras: &[View]) -> f64 {
     let each = capture.points.len().div_ceil(MOST_POINTS).max(1);
     let points = || capture.points.iter().step_by(each);
-    let seen = |view: &'_ View| points().filter_map(|point| depth(view, point.position.into())).collect::<Vec<_>>();
-    let mut depths: Vec<f64> = cameras.iter().flat_map(seen).collect();
+    let of_view =
+        |view| points().filter_map(move |point| Some(seen(view, point.position.into())?.1)).collect::<Vec<_>>();
+    let mut depths: Vec<f64> = cameras.iter().flat_map(of_view).collect();
     depths.sort_unstable_by(f64::total_cmp);
     depths.get(depths.len() / 100).copied().unwrap_or(f64::INFINITY)
 }
@@ -130,10 +125,10 @@ fn neighbours(cameras: &[View], i: usize) -> Vec<usize> {
     near.into_iter().take(N_NEIGHBOURS).map(|(_, j)| j).collect()
 }
 
-/// The depth of a point in `view`, if it is in the picture.
-pub(super) fn depth(view: &View, point: DVec3) -> Option<f64> {
+/// The place of a point in the picture of `view`, pixels, and its depth; none outside of it.
+pub(super) fn seen(view: &View, point: DVec3) -> Option<(DVec2, f64)> {
     let DVec3 { x, y, z } = view.pose.to_camera(point);
-    let is_within = |at: f64, side: u32| (0.0..f64::from(side)).contains(&at);
-    let Intrinsics { width, height, fx, fy, cx, cy } = view.intrinsics;
-    (z > 0.0 && is_within(fx * x / z + cx, width) && is_within(fy * y / z + cy, height)).then_some(z)
+    let lens = &view.intrinsics;
+    let at = DVec2::new(lens.fx * x / z + lens.cx, lens.fy * y / z + lens.cy);
+    (z > 0.0 && lens.holds(at)).then_some((at, z))
 }

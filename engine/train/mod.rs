@@ -1,5 +1,8 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
+// Most of this is no public API, and names say enough.
+#![allow(missing_docs)]
+
 mod average;
 mod backdrop;
 mod base;
@@ -15,7 +18,6 @@ mod lenses;
 mod objective;
 mod offsets;
 mod plan;
-mod poses;
 mod preset;
 mod ranks;
 mod require;
@@ -30,6 +32,7 @@ mod trainer;
 pub use crate::recon::{Init, Initial, PointCounts};
 pub use average::Average;
 pub use base::Base;
+pub use cameras::Correction;
 pub use checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
 pub use config::{
     Config, Density, GridKind, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution, Round,
@@ -42,7 +45,6 @@ pub use folder::{CaptureSummary, Changes, Fingerprint, Fingerprints, Joined, Kin
 pub use images::{reduced_order, training_order};
 pub use offsets::{Agreement, OffsetFit, OffsetImages, fit_offset, learnt_offsets, offset_pictures};
 pub use plan::{BoundBy, Class, ImageMemory, Limits, Need, Plan, Workload};
-pub use poses::Correction;
 pub use preset::{PRESETS, Preset, merge};
 pub use ranks::{Ranks, Shared, any};
 pub use require::{Due, Evidence, GridCheck, Review, Seen, merge_resting, review, review_due};

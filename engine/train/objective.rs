@@ -1,25 +1,22 @@
 //! The loss of a step: the sum of the terms (SPEC 4), on a picture as its camera shows it.
 
 use super::cameras::{Cameras, Taken};
-use super::config::Config;
 use super::images::{Counts, Planes, Resident, Residents};
-use super::setup::Setup;
 use super::terms::{self, Pair, Part, Rendered, Shown, Term};
+use super::{Config, Setup};
 use crate::error::Result;
 use crate::gpu::generated::Status;
 use crate::gpu::{Buf, Gpu, Recording, Staging};
 use crate::stage::{self, MOST_TERMS, Outputs, Workspace};
 use std::collections::BTreeMap;
 
-/// The terms of the loss, and the cameras' parameters.
 pub(super) struct Objective {
     terms: Vec<Box<dyn Term>>,
-    /// Sums that each term leaves in the step that is being recorded.
+    /// Sums that each term left in the step that is being recorded.
     left: Vec<terms::Left>,
     pub cameras: Cameras,
 }
 
-/// The image that a step compares with.
 pub(super) struct Truth {
     shown: Shown,
     by: Taken,
@@ -34,14 +31,6 @@ pub(super) struct Report {
     has: Vec<bool>,
 }
 
-/// The loss of one picture.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub(super) struct Values {
-    pub loss: f64,
-    /// Logged numbers, by key.
-    pub logged: BTreeMap<&'static str, f64>,
-}
-
 impl Objective {
     pub fn new(gpu: &Gpu, config: &Config, setup: &Setup, total: u64) -> Result<Self> {
         Ok(Objective {
@@ -51,26 +40,14 @@ impl Objective {
         })
     }
 
-    /// The outputs that a frame must have for the terms.
     pub fn outputs(&self) -> Outputs {
         let is_all = self.terms.iter().any(|term| term.outputs() == Outputs::All);
         if is_all { Outputs::All } else { Outputs::Color }
     }
 
-    /// Room for pictures of `pixels` pixels.
     pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
         self.cameras.fit(gpu, pixels)?;
         self.terms.iter_mut().try_for_each(|term| term.fit(gpu, pixels))
-    }
-
-    /// The camera of an image of the next step; its grid's steps are counted.
-    pub fn taken(&mut self, camera: usize) -> Taken {
-        Taken { camera, grid: self.cameras.next(camera) }
-    }
-
-    /// Notes that the step on an image has ended well.
-    pub fn end(&mut self, by: Taken) {
-        self.cameras.end(by.grid);
     }
 
     /// The image of step `step` that was taken `by` a camera and reduced by `reduction`.
@@ -81,9 +58,6 @@ impl Objective {
     }
 
     /// Appends the terms on the rendered frame, and the cotangents of its pictures.
-    ///
-    /// # Errors
-    /// Those of [`Term::record`].
     pub fn record_loss(
         &mut self,
         gpu: &Gpu,
@@ -127,16 +101,16 @@ impl Objective {
         Ok(report)
     }
 
-    /// The values of a step that has ended.
-    pub fn values(&self, gpu: &Gpu, target: &Truth, report: &Report) -> Result<Values> {
+    /// The loss of a picture, and its logged numbers by key.
+    pub fn values(&self, gpu: &Gpu, target: &Truth, report: &Report) -> Result<(f64, BTreeMap<&'static str, f64>)> {
         let totals = gpu.peek::<[f32; 4]>(&report.totals.slice())?;
         let there = self.terms.iter().zip(&report.has).filter(|(_, has)| **has);
-        let mut values = Values::default();
+        let (mut loss, mut logged) = (0.0, BTreeMap::new());
         for ((term, _), sums) in there.zip(totals) {
             let parts = term.parts(&target.shown, sums);
-            values.loss += parts.iter().fold(0.0, |sum, Part { weight, error, .. }| sum + weight * error);
-            values.logged.extend(parts.iter().map(|part| (part.key, part.value)));
+            loss += parts.iter().fold(0.0, |sum, Part { weight, error, .. }| sum + weight * error);
+            logged.extend(parts.iter().map(|part| (part.key, part.value)));
         }
-        Ok(values)
+        Ok((loss, logged))
     }
 }

@@ -1,11 +1,11 @@
-//! What pictures say of a camera's time offset, with the scene held fixed: its best value and how far it can be trusted.
+//! Time offsets of cameras, from their pictures with the scene held fixed: the best values and their errors.
 
-use super::trainer::Trainer;
+use super::{Trainer, spread};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::report::statistics::mean;
 use crate::scene::View;
-use crate::scene::capture::{Capture, Picture};
+use crate::scene::capture::{Capture, Picture, Shot};
 use crate::settings::Constants;
 use crate::stage::{OFFSET_BOUND, Outputs, Renderer};
 use std::collections::BTreeMap;
@@ -15,53 +15,45 @@ use std::sync::Arc;
 const STEP: f64 = 0.1;
 /// Longest step of an iteration, frames.
 const LONGEST: f64 = 0.5;
-/// Pictures of a camera that are looked at, at most, evenly spread over the clip. Each is rendered twice, and that for every
-/// camera: with 27 of them and 12 pictures, a check took as long as 100 steps.
+/// Pictures of a camera that are rendered, twice each: with 12 of 27 cameras a check took as long as 100 steps.
 const PICTURES: usize = 8;
-/// Longest side of those pictures, pixels: larger ones are reduced. A time shows in how far things are, not in their detail.
+/// Longest side of those pictures, pixels: a time shows in where things are, not in their detail.
 const SIDE: u32 = 192;
-/// Parts of a view along each side, whose errors may be alike in all pictures.
+/// Parts of a view along each side; errors of one part may be alike in all pictures.
 const PARTS: usize = 4;
-/// By how much errors are larger than with the scene held fixed. Measured where all true offsets are 0, on three variants of the tiny
-/// synthetic capture after 400 steps (52 offsets): half of the offsets are within 0.5 of these errors, and 4 are beyond 1.96 of them. By
-/// picture alone and without this factor, half were beyond 5.
+/// By how much errors are larger than with the scene held fixed: measured where all true offsets are 0 (52 offsets on the
+/// tiny synthetic capture, 400 steps), half of the offsets are within 0.5 of these errors, and 4 are beyond 1.96.
 const SCENE: f64 = 2.0;
-/// How much of the differences between a rig's clocks the scene may have taken up instead: it puts moving things elsewhere, most of all in
-/// depth, and what is lost runs along the rig. Measured on four rigs of synthetic captures with true offsets of 0.2 to 0.8 frames RMS, after 400
-/// to 4,000 steps (`assets/lab/2026-11-29-clocks.md`).
+/// Part of the differences between a rig's clocks that the scene may have taken up instead: it puts moving things
+/// elsewhere, most of all in depth. Measured on four rigs (`assets/lab/2026-11-29-clocks.md`).
 const TAKEN_UP: f64 = 0.75;
 /// The part of the bound from which on an offset is taken to be at it.
 const NEAR_BOUND: f64 = 0.95;
 /// Standard error above which an offset is not identifiable, frames.
 const LARGEST_ERROR: f64 = 0.25;
 
-/// A camera's time offset.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct OffsetFit {
-    /// Frames.
     pub offset: f64,
-    /// Frames; infinite where the pictures say nothing. With the scene held fixed, so of the camera's own pictures alone.
+    /// Frames, by the camera's own pictures with the scene held fixed; infinite where they say nothing.
     pub standard_error: f64,
-    /// How far the best value of those pictures is, frames: what is learnt serves the whole scene, and may not have got there.
+    /// Frames from the offset to the best value of those pictures.
     pub rest: f64,
-    /// Root mean square of the offsets that were learnt together with the scene, frames; 0 where the scene was there before.
+    /// Root mean square of the offsets that were learnt together with the scene, frames; 0 for a scene that was there.
     pub spread: f64,
 }
 
 impl OffsetFit {
-    /// Whether the fit ended where the search does: the offset may lie beyond. The mean of all offsets, which is kept at 0, moves one that is
-    /// at the bound away from it by a little.
+    /// True if the fit ended where the search does, but for the mean of all offsets, which is kept at 0.
     pub fn is_at_bound(&self) -> bool {
         self.offset.abs() >= NEAR_BOUND * OFFSET_BOUND
     }
 
-    /// How far the offset may be off, frames: the standard error, how far the pictures' own best value is, and what the scene may have taken
-    /// up of the differences between clocks.
+    /// Error of the offset, frames: the standard error, the rest, and what the scene may have taken up.
     pub fn error(&self) -> f64 {
         (SCENE * self.standard_error.hypot(self.rest)).hypot(TAKEN_UP * self.spread)
     }
 
-    /// Whether the pictures say what the offset is.
     pub fn is_identifiable(&self) -> bool {
         self.standard_error <= LARGEST_ERROR
     }
@@ -92,28 +84,15 @@ impl Agreement {
     }
 }
 
-/// Pictures of `camera` with their views at offset 0 over `background`, evenly spread over the clip and reduced: enough to
-/// tell its offset.
-///
-/// # Errors
-/// Those of the capture's pictures.
+/// Pictures of `camera` with their views at offset 0 over `background`, evenly spread over the clip and reduced.
 pub fn offset_pictures(capture: &Capture, background: [f32; 3], camera: usize) -> Result<Vec<(View, Picture)>> {
-    let shots = &capture.cameras[camera].shots;
-    let n = shots.len().min(PICTURES);
-    let frames = (0..n).map(|k| shots[(2 * k + 1) * shots.len() / (2 * n)].frame);
-    frames
-        .map(|frame| {
-            let view = View { background, ..capture.view(camera, frame)? };
-            let reduction = view
-                .intrinsics
-                .width
-                .max(view.intrinsics.height)
-                .div_ceil(SIDE)
-                .min(view.intrinsics.width)
-                .min(view.intrinsics.height);
-            Ok((view.reduced(reduction), capture.picture(camera, frame)?.reduced(reduction)))
-        })
-        .collect()
+    let picture = |shot: Shot| {
+        let view = View { background, ..capture.view(camera, shot.frame)? };
+        let [width, height] = [view.intrinsics.width, view.intrinsics.height];
+        let reduction = width.max(height).div_ceil(SIDE).min(width).min(height);
+        Ok((view.reduced(reduction), capture.picture(camera, shot.frame)?.reduced(reduction)))
+    };
+    spread(&capture.cameras[camera].shots, PICTURES).into_iter().map(picture).collect()
 }
 
 /// The images that time offsets are fitted to, and how the scene is rendered for them.
@@ -125,11 +104,7 @@ pub struct OffsetImages<'a> {
     pub background: [f32; 3],
 }
 
-/// By camera, its learnt time offset with its standard error, with the Gaussians of `trainer` held fixed. `progress` is called as
-/// (cameras done, cameras).
-///
-/// # Errors
-/// Those of the renderer and of the capture's pictures.
+/// By camera, its learnt time offset with its errors. `progress` is called as (cameras done, cameras).
 #[tracing::instrument(level = "info", name = "fit offsets", skip_all)]
 pub fn learnt_offsets(
     trainer: &mut Trainer,
@@ -157,13 +132,10 @@ pub fn learnt_offsets(
     cameras.iter().enumerate().map(fit).collect()
 }
 
-/// Fits a camera's offset to `pictures` by `iterations` Gauss-Newton steps on the squared error of the colours, from `start`
-/// frames; with none it stays there. Its standard error is that of the gradient (sandwich estimator, White 1980), robust to errors that
-/// the pixels of one picture share and to those that the pixels of one part of the view share in all pictures (two-way clusters: Cameron,
-/// Gelbach and Miller 2011): a scene that moves wrongly is wrong in the same place for a while. One picture alone says nothing of how much pictures differ: its error is infinite.
-///
-/// # Errors
-/// Those of the renderer.
+/// Fits a camera's offset to `pictures` by `iterations` Gauss-Newton steps on the squared error of the colours, from
+/// `start` frames. The standard error is that of the gradient (White 1980), for errors that are alike within a picture
+/// and within a part of the view in all pictures (two-way clusters: Cameron, Gelbach and Miller 2011). It is infinite
+/// for one picture, which says nothing of how pictures differ.
 pub fn fit_offset(
     renderer: &mut Renderer,
     pictures: &[(View, Picture)],
@@ -190,8 +162,8 @@ pub fn fit_offset(
     Ok(fit)
 }
 
-/// Variance of the sum of the gradients, from what is left of each after the Gauss-Newton `step`: by picture, by part of the view, or by
-/// both, whichever is larger.
+/// Variance of the sum of the gradients, from what is left of each after the Gauss-Newton `step`: by picture, by part of
+/// the view, or by both, whichever is largest.
 fn variance(terms: &[[[f64; 2]; PARTS * PARTS]], step: f64) -> f64 {
     let left = |[g, h]: &[f64; 2]| g + step * h;
     let by_picture = terms.iter().map(|parts| parts.iter().map(left).sum::<f64>().powi(2)).sum::<f64>();
@@ -207,8 +179,8 @@ fn variance(terms: &[[[f64; 2]; PARTS * PARTS]], step: f64) -> f64 {
     by_picture.max(by_part).max(by_picture + by_part - each)
 }
 
-/// By part of the view, gradient and Gauss-Newton curvature of half the squared error of a picture by the offset, at `offset`. What is seen
-/// there is taken as the mean of what is seen just before and just after: within so little time colours change in proportion to it.
+/// By part of the view, gradient and Gauss-Newton curvature of half the squared error of a picture by the offset, at
+/// `offset`. The colour there is the mean of those just before and just after.
 fn gradients(
     renderer: &mut Renderer,
     view: &View,

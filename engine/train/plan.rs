@@ -1,11 +1,10 @@
-//! The memory plan of a run, before it begins: bytes by class, the most Gaussians that fit, and what bounds them.
+//! The memory plan of a run: bytes by class, the most Gaussians that fit, and what bounds them.
 //!
 //! `items` is the one table of the training loop's buffers; a test holds it to what a [`super::Trainer`] allocates.
 
-use super::config::Config;
-use super::setup::Setup;
-use super::terms::{self, TermData};
+use super::terms::{self};
 use super::trainer::IN_FLIGHT;
+use super::{Config, Setup, TermData};
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::scene::Splats;
@@ -15,40 +14,29 @@ use crate::vk::DeviceKind;
 use std::collections::BTreeSet;
 use std::fmt;
 
-/// Assumed pairs with tiles of a Gaussian, on average over all, in the view that has most of them: runs have 2 to 10,
-/// fewest if Gaussians are small. A run that has more grows its lists.
+/// Assumed pairs with tiles of a Gaussian, on average, in the view that has most of them: runs have 2 to 10.
 const INTERSECTIONS_PER_GAUSSIAN: f64 = 4.0;
 
-/// Pictures may take so many quarters of the memory that a run with the most Gaussians leaves: its lists may grow
-/// longer than planned, and others use the device too.
+/// Quarters of the memory that a run with the most Gaussians leaves that pictures may take: lists may grow longer.
 const IMAGE_QUARTERS: u64 = 3;
 
-/// The size of a run.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Workload {
-    /// Gaussians to begin with.
     pub gaussians: u64,
     /// Dynamic ones among them; their share is assumed to stay.
     pub dynamic: u64,
-    /// Gaussians never exceed this.
     pub max_gaussians: u64,
     /// Pairs with tiles per Gaussian, in the view that has most of them.
     pub intersections_per_gaussian: f64,
-    /// Pixels of the largest picture.
+    /// Of the largest picture.
     pub pixels: u64,
-    /// Highest degree of the spherical harmonics, 0 to 3.
     pub sh_degree: u32,
-    /// Bits of each of Adam's moments: 32, or 16.
     pub moment_bits: u32,
-    /// Images of a step.
     pub batch: u32,
-    /// Bytes of decoded pictures kept ahead, in the host's memory.
     pub cache_bytes: u64,
-    /// Bytes of all training images.
     pub image_bytes: u64,
-    /// Bytes of them to keep on the device; none for a share of what the rest leaves.
+    /// Bytes of training images to keep on the device; none for a share of what the rest leaves.
     pub kept_image_bytes: Option<u64>,
-    /// Data of the capture that the terms of the loss use beside its colours.
     pub data: TermData,
     /// Adam moves the Gaussians out of view, too.
     pub dense: bool,
@@ -56,19 +44,14 @@ pub struct Workload {
     pub learns_cameras: bool,
     /// Cameras that have a bilateral grid.
     pub grids: u64,
-    /// How gradients are added up.
     pub sums: Sums,
     /// Pixel rows of the largest picture.
     pub height: u32,
-    /// Bytes of LPIPS's features, and of the largest of their buffers: of the loss, if it has LPIPS, and of scores.
+    /// Bytes of LPIPS's features, and of the largest of their buffers: of the loss, and of scores.
     pub lpips: [[u64; 2]; 2],
 }
 
 impl Workload {
-    /// A run on `capture` that begins with `n` Gaussians, `n_dynamic` of them dynamic, on a device.
-    ///
-    /// # Errors
-    /// Those of the weights of LPIPS.
     pub fn of(
         capture: &Capture,
         config: &Config,
@@ -120,38 +103,30 @@ fn lpips_bytes(capture: &Capture, config: &Config, gpu: &Gpu) -> Result<[[u64; 2
     Ok([if config.loss.has_lpips() { of_loss } else { [0; 2] }, of_scores])
 }
 
-/// Limits of the device.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
 pub struct Limits {
-    /// Longest range that one binding can see, bytes.
     pub binding_bytes: u64,
-    /// Memory, bytes.
     pub memory_bytes: u64,
-    /// It is the host's memory: a software driver.
+    /// The memory is the host's: a software driver.
     pub is_host: bool,
 }
 
-/// Classes of buffers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Class {
-    /// The Gaussians, and their bounds for culling.
     Parameters,
-    /// First and second moments of Adam, the state of density control, and gradients with their sums if a step has
-    /// several images.
+    /// Moments of Adam, state of density control, and gradients with their sums if a step has several images.
     Moments,
     /// Scratch per Gaussian in view: culling, projection, the sort by depth.
     Active,
     /// Scratch per pair of a Gaussian and a tile: lists, their sort, slots of gradients.
     Intersections,
-    /// Scratch per pixel: images, their cotangents, the loss.
     Pixels,
-    /// Bilateral grids, their moments and scratch.
     Cameras,
 }
 
 impl Class {
-    /// All of them, in the order of the table.
+    /// In the order of the table.
     pub const ALL: [Class; 6] =
         [Class::Parameters, Class::Moments, Class::Active, Class::Intersections, Class::Pixels, Class::Cameras];
 
@@ -167,7 +142,7 @@ impl Class {
     }
 }
 
-/// The quantity that the length of a buffer grows with.
+/// What the length of a buffer grows with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Per {
     Gaussian,
@@ -192,14 +167,12 @@ impl Per {
     }
 }
 
-/// Buffers of one name.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Item {
-    /// As the device knows it.
     name: &'static str,
     class: Class,
     per: Per,
-    /// Bytes of all of them.
+    /// Of all of them.
     bytes: f64,
     /// Bytes of the one that a single binding must see; 0 where it is cut into groups that fit.
     bound: f64,
@@ -208,7 +181,7 @@ struct Item {
 /// Every buffer of a training step that grows with the work. Tiles, counters and transfers are left out: below 1 %.
 fn items(work: &Workload, is_host: bool) -> Vec<Item> {
     use {Class::*, Per::*};
-    let item = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
+    let item = |name, class, per, bytes: f64| Item { name, class, per, bytes, bound: bytes };
     let cut = |name, class, per, bytes: f64| Item { name, class, per, bytes, bound: 0.0 };
     // Geometry, the constant band, and those above it.
     let bands = [48.0, 64.0, 96.0];
@@ -223,73 +196,60 @@ fn items(work: &Workload, is_host: bool) -> Vec<Item> {
         cut("moments", Moments, Gaussian, moments * each),
         cut("moments", Moments, Dynamic, moments * 16.0),
         cut("state", Moments, Gaussian, 16.0),
-        item("splats", Active, Gaussian, 64.0, 64.0),
-        item("active ids", Active, Gaussian, 4.0, 4.0),
-        item("depth keys", Active, Gaussian, 4.0, 4.0),
-        item("depth order", Active, Gaussian, 4.0, 4.0),
-        item("tile counts", Active, Gaussian, 4.0, 4.0),
-        item("tile offsets", Active, Gaussian, 4.0, 4.0),
-        item("sort keys", Active, Gaussian, 4.0, 4.0),
-        item("sort values", Active, Gaussian, 4.0, 4.0),
-        item("sort counts", Active, Gaussian, 0.5, 0.5),
-        item("tile keys", Intersections, Intersection, 4.0, 4.0),
-        item("tile splats", Intersections, Intersection, 4.0, 4.0),
-        item("sort keys", Intersections, Intersection, 4.0, 4.0),
-        item("sort values", Intersections, Intersection, 4.0, 4.0),
-        item("sort counts", Intersections, Intersection, 0.5, 0.5),
-        item("image color", Pixels, Pixel, 16.0, 16.0),
-        item("image tail", Pixels, Pixel, 8.0, 8.0),
-        item("d image color", Pixels, Pixel, 16.0, 16.0),
-        item("truth", Pixels, Pixel, image, 4.0),
-        item("staged truth", Pixels, Pixel, image * IN_FLIGHT as f64, 4.0),
+        item("splats", Active, Gaussian, 64.0),
     ];
+    let ids = ["active ids", "depth keys", "depth order", "tile counts", "tile offsets", "sort keys", "sort values"];
+    items.extend(ids.map(|name| item(name, Active, Gaussian, 4.0)));
+    items.push(item("sort counts", Active, Gaussian, 0.5));
+    let keys = ["tile keys", "tile splats", "sort keys", "sort values"];
+    items.extend(keys.map(|name| item(name, Intersections, Intersection, 4.0)));
+    items.extend([
+        item("sort counts", Intersections, Intersection, 0.5),
+        item("image color", Pixels, Pixel, 16.0),
+        item("image tail", Pixels, Pixel, 8.0),
+        item("d image color", Pixels, Pixel, 16.0),
+        Item { bound: 4.0, ..item("truth", Pixels, Pixel, image) },
+        Item { bound: 4.0, ..item("staged truth", Pixels, Pixel, image * IN_FLIGHT as f64) },
+    ]);
     if is_host {
-        items.push(item("blend carry", Pixels, Pixel, 8.0, 8.0));
+        items.push(item("blend carry", Pixels, Pixel, 8.0));
     } else {
         let extra = if work.data == TermData::NONE { 0.0 } else { 16.0 };
         let of_pixel = [("chunk color", 16.0), ("chunk depth flow", extra), ("chunk light", 4.0), ("chunk last", 4.0)];
         // Two chunks of 256 pixels for 1,024 intersections.
-        items.extend(of_pixel.map(|(name, bytes)| item(name, Intersections, Intersection, bytes / 2.0, bytes / 2.0)));
+        items.extend(of_pixel.map(|(name, bytes)| item(name, Intersections, Intersection, bytes / 2.0)));
     }
     items.extend(match work.sums {
         Sums::Slots => vec![
-            item("slot first", Active, Gaussian, 4.0, 4.0),
-            item("frame sums", Intersections, Intersection, 48.0, 48.0),
-            item("slots", Intersections, Intersection, 4.0, 4.0),
-            item("sorted splats", Intersections, Intersection, 4.0, 4.0),
+            item("slot first", Active, Gaussian, 4.0),
+            item("frame sums", Intersections, Intersection, 48.0),
+            item("slots", Intersections, Intersection, 4.0),
+            item("sorted splats", Intersections, Intersection, 4.0),
         ],
         Sums::Fixed32 | Sums::Fixed64 => {
-            vec![item("d slots", Active, Gaussian, 48.0, 48.0), item("frame sums", Active, Gaussian, 104.0, 104.0)]
+            vec![item("d slots", Active, Gaussian, 48.0), item("frame sums", Active, Gaussian, 104.0)]
         }
     });
-    items.extend(lpips_items(work));
-    items.extend(terms::buffers(work.data).map(|(name, bytes)| item(name, Pixels, Pixel, bytes, bytes)));
+    let lpips = ["lpips features", "lpips features of scores"].into_iter().zip(work.lpips);
+    items.extend(
+        lpips.map(|(name, [bytes, bound])| Item { bound: bound as f64, ..item(name, Pixels, Once, bytes as f64) }),
+    );
+    items.extend(terms::buffers(work.data).map(|(name, bytes)| item(name, Pixels, Pixel, bytes)));
     if work.grids > 0 {
         let of_camera = (GRID_BYTES / 3) as f64;
-        let partials = Grids::scratch_bytes(work.height) as f64;
+        let maps = ["bilateral grids", "bilateral first moments", "bilateral second moments"];
+        items.extend(maps.map(|name| item(name, Cameras, Camera, of_camera)));
         items.extend([
-            item("bilateral grids", Cameras, Camera, of_camera, of_camera),
-            item("bilateral first moments", Cameras, Camera, of_camera, of_camera),
-            item("bilateral second moments", Cameras, Camera, of_camera, of_camera),
-            item("d bilateral grid", Cameras, Once, of_camera, of_camera),
-            item("bilateral partials", Cameras, Once, partials, partials),
-            item("image graded", Pixels, Pixel, 16.0, 16.0),
-            item("d image graded", Pixels, Pixel, 16.0, 16.0),
+            item("d bilateral grid", Cameras, Once, of_camera),
+            item("bilateral partials", Cameras, Once, Grids::scratch_bytes(work.height) as f64),
+            item("image graded", Pixels, Pixel, 16.0),
+            item("d image graded", Pixels, Pixel, 16.0),
         ]);
     }
     items.extend(batch_items(work, each));
-    items.extend((work.dense && work.batch == 1).then(|| item("idle ids", Active, Gaussian, 4.0, 4.0)));
-    items.extend(work.learns_cameras.then(|| item("d camera of each", Active, Gaussian, 32.0, 32.0)));
+    items.extend((work.dense && work.batch == 1).then(|| item("idle ids", Active, Gaussian, 4.0)));
+    items.extend(work.learns_cameras.then(|| item("d camera of each", Active, Gaussian, 32.0)));
     items
-}
-
-/// Buffers of LPIPS in a step and in scores.
-fn lpips_items(work: &Workload) -> impl Iterator<Item = Item> {
-    let item = |(name, [bytes, bound]): (&'static str, [u64; 2])| {
-        let (class, per) = (Class::Pixels, Per::Once);
-        Item { name, class, per, bytes: bytes as f64, bound: bound as f64 }
-    };
-    ["lpips features", "lpips features of scores"].into_iter().zip(work.lpips).map(item)
 }
 
 /// Additional buffers of steps on several images, for parameters of `each` bytes a static Gaussian.
@@ -297,8 +257,7 @@ fn batch_items(work: &Workload, each: f64) -> Vec<Item> {
     if work.batch == 1 {
         return Vec::new();
     }
-    let of = |name, class, per, bytes: f64, bound: f64| Item { name, class, per, bytes, bound };
-    let cut = |name, per, bytes: f64| of(name, Class::Moments, per, bytes, 0.0);
+    let cut = |name, per, bytes: f64| Item { name, class: Class::Moments, per, bytes, bound: 0.0 };
     let mut items = vec![
         cut("gradients", Per::Gaussian, each),
         cut("gradients", Per::Dynamic, 16.0),
@@ -307,7 +266,8 @@ fn batch_items(work: &Workload, each: f64) -> Vec<Item> {
     ];
     if work.grids > 0 {
         let of_step = f64::from(work.batch) * (GRID_BYTES / 3) as f64;
-        items.push(of("d grids of a step", Class::Cameras, Per::Once, of_step, of_step));
+        let (class, per) = (Class::Cameras, Per::Once);
+        items.push(Item { name: "d grids of a step", class, per, bytes: of_step, bound: of_step });
     }
     items
 }
@@ -315,9 +275,8 @@ fn batch_items(work: &Workload, each: f64) -> Vec<Item> {
 /// Bytes that a number of Gaussians needs.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Need {
-    /// Gaussians.
     pub gaussians: u64,
-    /// Bytes of the device's buffers: name, class, bytes of all of this name and class.
+    /// Name, class, bytes of all buffers of this name and class.
     pub buffers: Vec<(&'static str, Class, u64)>,
 }
 
@@ -328,26 +287,20 @@ impl Need {
         Need { gaussians, buffers }
     }
 
-    /// Bytes of a class.
     pub fn class(&self, class: Class) -> u64 {
         self.buffers.iter().filter(|(_, of, _)| *of == class).map(|(.., bytes)| bytes).sum()
     }
 
-    /// Bytes of all classes.
     pub fn bytes(&self) -> u64 {
         self.buffers.iter().map(|(.., bytes)| bytes).sum()
     }
 }
 
-/// The limit of the number of Gaussians.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum BoundBy {
-    /// The setting.
     MaxGaussians,
-    /// The longest range of a binding, for the buffer of this name.
     Binding(&'static str),
-    /// The device's memory.
     Memory,
 }
 
@@ -361,24 +314,17 @@ impl fmt::Display for BoundBy {
     }
 }
 
-/// The memory of a run, and how far it can grow.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Plan {
-    /// At the beginning.
     pub begin: Need,
-    /// With the most Gaussians.
     pub full: Need,
-    /// The limit of the most Gaussians.
     pub bound_by: BoundBy,
-    /// Limits of the device.
     pub limits: Limits,
-    /// Bytes of decoded pictures, in the host's memory.
     pub cache_bytes: u64,
     /// Bytes of pictures that stay on the device.
     pub image_bytes: u64,
 }
 
-/// Memory for pictures.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ImageMemory {
     /// The most bytes of decoded pictures in the host's memory.
@@ -388,10 +334,6 @@ pub struct ImageMemory {
 }
 
 impl Plan {
-    /// The plan of a run on `capture` that begins with `splats` and has so much memory for pictures.
-    ///
-    /// # Errors
-    /// As [`Workload::of`].
     pub fn of(
         capture: &Capture,
         config: &Config,
@@ -410,7 +352,7 @@ impl Plan {
         ))
     }
 
-    /// Plans `work` on a device with `limits`. [`Plan::full`] has no Gaussian if a picture alone is too much.
+    /// [`Plan::full`] has no Gaussian if a picture alone is too much.
     #[doc(hidden)]
     pub fn new(work: &Workload, limits: &Limits) -> Self {
         let binding = limits.binding_bytes as f64;
@@ -431,8 +373,7 @@ impl Plan {
         let all = [(work.max_gaussians, BoundBy::MaxGaussians), (by_memory as u64, BoundBy::Memory)].into_iter();
         let (most, bound_by) = all.chain(bounds).min_by_key(|(most, _)| *most).unwrap_or((0, BoundBy::MaxGaussians));
         let full = Need::new(work, most, limits.is_host);
-        // Scores of the run need as much memory again. A software driver counts the host's cache as memory of the
-        // device already.
+        // Scores need as much memory again. A software driver counts the host's cache as memory of the device already.
         let left = if limits.is_host { 0 } else { limits.memory_bytes.saturating_sub(2 * full.bytes()) };
         Plan {
             begin: Need::new(work, work.gaussians, limits.is_host),
@@ -450,12 +391,15 @@ impl fmt::Display for Plan {
         let mib = |bytes: u64| bytes as f64 / f64::from(1 << 20);
         let Plan { begin, full, bound_by, limits, cache_bytes, image_bytes } = self;
         writeln!(f, "{:<22} {:>12} {:>12} Gaussians", "memory, MiB", begin.gaussians, full.gaussians)?;
-        for class in Class::ALL {
-            writeln!(f, "  {:<20} {:>12.1} {:>12.1}", class.label(), mib(begin.class(class)), mib(full.class(class)))?;
+        let classes = Class::ALL.map(|class| (class.label(), begin.class(class), full.class(class)));
+        let device = [
+            ("device", begin.bytes(), full.bytes()),
+            ("images (device)", *image_bytes, *image_bytes),
+            ("frame cache (host)", *cache_bytes, *cache_bytes),
+        ];
+        for (label, begin, full) in classes.into_iter().chain(device) {
+            writeln!(f, "  {label:<20} {:>12.1} {:>12.1}", mib(begin), mib(full))?;
         }
-        writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "device", mib(begin.bytes()), mib(full.bytes()))?;
-        writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "images (device)", mib(*image_bytes), mib(*image_bytes))?;
-        writeln!(f, "  {:<20} {:>12.1} {:>12.1}", "frame cache (host)", mib(*cache_bytes), mib(*cache_bytes))?;
         let (memory, binding) = (mib(limits.memory_bytes), mib(limits.binding_bytes));
         write!(
             f,

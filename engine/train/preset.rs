@@ -1,14 +1,13 @@
 //! Presets: named settings of a run, as data.
 
-use super::config::{Config, PresetId};
-use super::settings_check::check_settings;
+use super::{Config, PresetId, check_settings};
 use crate::error::{Error, Result};
 use crate::files::read_text;
 use serde_json::Value;
 use sha2::{Digest, Sha256};
 use std::path::Path;
 
-/// The presets that come with the engine, from the most exact to the fastest, and the one for size: name and file.
+/// The presets that come with the engine, from the most exact to the fastest, and the one for size: name and text.
 pub const PRESETS: [(&str, &str); 4] = [
     ("exact", include_str!("../../assets/presets/exact.json")),
     ("balanced", include_str!("../../assets/presets/balanced.json")),
@@ -19,15 +18,12 @@ pub const PRESETS: [(&str, &str); 4] = [
 /// Settings that differ from the defaults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Preset {
-    /// Which it is.
     pub id: PresetId,
-    /// Its purpose.
     pub about: String,
     /// Some settings, in the form of [`Config`].
     pub settings: Value,
 }
 
-/// A preset's file.
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Form {
@@ -37,9 +33,6 @@ struct Form {
 
 impl Preset {
     /// The engine's preset of this name, or the one in the file of this path, which ends in `.json`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] naming what there is, the file that cannot be read, or the setting that cannot be.
     pub fn find(name: &str) -> Result<Self> {
         let path = Path::new(name);
         if path.extension().is_some_and(|extension| extension == "json") {
@@ -57,9 +50,6 @@ impl Preset {
     }
 
     /// The preset `name` that the file `path` holds as `text`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when it has not the form of one, or a setting is unknown or cannot be.
     pub fn parse(path: &Path, name: &str, text: &str) -> Result<Self> {
         let fault = |reason: String| {
             Error::data(path, "preset", reason, "an object with `about` and `settings`, these as config.json has them")

@@ -2,30 +2,21 @@
 
 use crate::error::Result;
 
-/// The exchange between processes. All processes make each call, in the same order; it waits for the others.
+/// The exchange between processes: all make each call, in the same order, and each waits for the others. It fails with
+/// [`crate::Error::RanksLost`] where another process does not answer.
 pub trait Ranks: Send + Sync {
     /// This process among them, from 0.
     fn rank(&self) -> usize;
 
-    /// The number of processes.
     fn size(&self) -> usize;
 
     /// Makes each word the bitwise or over all processes.
-    ///
-    /// # Errors
-    /// [`crate::Error::RanksLost`] where another process does not answer.
     fn or(&self, words: &mut [u32]) -> Result<()>;
 
     /// Makes each number the sum over all processes, in two's complement.
-    ///
-    /// # Errors
-    /// As [`Ranks::or`].
     fn sum(&self, numbers: &mut [i64]) -> Result<()>;
 
     /// The bytes of all processes one after the other, those of rank 0 first; as many of each.
-    ///
-    /// # Errors
-    /// As [`Ranks::or`].
     fn gather(&self, own: &[u8]) -> Result<Vec<u8>>;
 
     /// Waits without limit until all have called it.
@@ -36,25 +27,19 @@ pub trait Ranks: Send + Sync {
 }
 
 /// True if `own` is true in any of the processes.
-///
-/// # Errors
-/// As [`Ranks::or`].
 pub fn any(ranks: Option<&dyn Ranks>, own: bool) -> Result<bool> {
     let mut words = [u32::from(own)];
     ranks.map_or(Ok(()), |ranks| ranks.or(&mut words))?;
     Ok(words[0] != 0)
 }
 
-/// The time of shared steps, and the amount of their exchange, on this process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Shared {
-    /// Processes.
     pub ranks: u64,
-    /// Steps.
     pub steps: u64,
     /// Gaussians in view of an image of a step, summed over the steps.
     pub rows: u64,
-    /// Bytes of sums of gradients that this process gave to the others, summed over the steps; it received as many.
+    /// Bytes of sums of gradients that this process gave to the others; it received as many.
     pub bytes: u64,
     /// Seconds of its own images.
     pub compute_s: f64,

@@ -1,14 +1,13 @@
 //! Learning rates over a run, on the host in f64.
 
-use super::config::Config;
+use super::Config;
 use crate::stage::Rates;
 
 /// The rate of the constant colour over that of the higher bands, as in 3DGS.
 const HIGHER_BANDS: f64 = 20.0;
 
-/// The rates of step `step` (from 1) of `total` for a scene of `extent`; past the end they go on as they were. A step on several
-/// images takes the rates of a run with as many images, times the square root of their number: the gradients of images are
-/// independent, so the noise of their sum grows with that root.
+/// The rates of step `step` (from 1) of `total` for a scene of `extent`; past the end they stay. A step on several images
+/// takes the rates of as many steps, times the square root of their number, with which the noise of gradients grows.
 pub fn rates(config: &Config, step: u64, total: u64, extent: f64) -> Rates {
     let done = (step.saturating_sub(1)) as f64 / total.max(1) as f64;
     let lr = &config.lr;

@@ -1,6 +1,6 @@
-//! The check that every setting has a value that it may have.
+//! Checks of the settings.
 
-use super::config::{Config, all_settings};
+use super::{Config, all_settings};
 use crate::error::{Error, Result as Checked};
 use crate::gpu::Gpu;
 use crate::settings::{Range, Setting, as_written};
@@ -8,36 +8,24 @@ use crate::stage::{AdamMode, LAZY_BYTES, Lpips};
 use crate::words::nearest;
 use serde_json::Value;
 
-/// The default of `setting`, as config.json has it.
+/// The default of `setting`, as config.json has it; one number for a rate that is constant.
 pub fn default_of(setting: &Setting) -> Value {
     let all = as_written(&Config::default()).unwrap_or_default();
-    match setting.of(&all) {
-        Some(Value::Object(ends)) if ends.get("start") == ends.get("end") => {
-            ends.get("start").cloned().unwrap_or_default()
-        }
-        Some(value) => value.clone(),
-        None => Value::Null,
-    }
+    let default = setting.of(&all).cloned().unwrap_or_default();
+    let constant = default.get("start").filter(|start| default.get("end") == Some(start)).cloned();
+    constant.unwrap_or(default)
 }
 
-/// Checks the settings that `settings` holds, which have the form of [`Config`] but may leave out any.
-///
-/// # Errors
-/// The first name that no setting has, with the nearest that one has; or the first setting that cannot have its value,
-/// with that and what was expected.
+/// Checks settings in the form of [`Config`], of which any may be left out. The fault names the setting, its value and
+/// what was expected.
 pub fn check_settings(settings: &Value) -> Result<(), String> {
     let mut names = Vec::new();
     leaves("", settings, &mut names);
-    for name in names {
-        check_name(&name)?;
-    }
+    names.iter().try_for_each(|name| check_name(name))?;
     all_settings().try_for_each(|setting| setting.of(settings).map_or(Ok(()), |value| setting.check(value)))
 }
 
-/// Checks that `name` is that of a single setting, or of an end of a learning rate.
-///
-/// # Errors
-/// It is that of a group, or of nothing; the message has the nearest name.
+/// Checks that `name` is that of a single setting, or of an end of a learning rate; the fault has the nearest name.
 pub fn check_name(name: &str) -> Result<(), String> {
     let is_known = |setting: &Setting| {
         let is_end = setting.range == Range::Rate
@@ -57,7 +45,6 @@ pub fn check_name(name: &str) -> Result<(), String> {
     Err(format!("there is no setting {name}{like} (`ivv train --list-settings` lists all)"))
 }
 
-/// The names of all values in `settings`, those of groups with dots.
 fn leaves(prefix: &str, settings: &Value, names: &mut Vec<String>) {
     match settings {
         Value::Object(inner) => {
@@ -76,11 +63,8 @@ fn leaves(prefix: &str, settings: &Value, names: &mut Vec<String>) {
 }
 
 impl Config {
-    /// Checks what a run of `total` steps needs beside its capture: the weights of LPIPS, if it is trained on or only
-    /// scored, and room on the device for what `adam=lazy` keeps of every step.
-    ///
-    /// # Errors
-    /// Those of [`Lpips::load`]; [`Error::OutOfMemory`] where the run has too many steps for `adam=lazy`.
+    /// Checks what a run of `total` steps needs beside its capture: the weights of LPIPS, and room on the device for
+    /// what `adam=lazy` keeps of every step.
     pub fn check_on(&self, gpu: &Gpu, total: u64) -> Checked<()> {
         let (needed, limit) = (LAZY_BYTES.saturating_mul(total.saturating_add(1)), gpu.caps().max_binding_bytes);
         if self.adam == AdamMode::Lazy && needed > limit {
@@ -94,10 +78,7 @@ impl Config {
         self.loss.lpips_weights.as_ref().map_or(Ok(()), |weights| Lpips::load(gpu, weights).map(drop))
     }
 
-    /// Checks every setting.
-    ///
-    /// # Errors
-    /// The first that cannot be: its name, its value and what was expected.
+    /// Checks every setting; the fault names the first, its value and what was expected.
     pub fn check(&self) -> Result<(), String> {
         check_settings(&as_written(self)?)?;
         if self.epochs == 0 && self.steps == 0 {

@@ -1,8 +1,8 @@
 //! Facts of a capture that a trainer needs beside its pictures.
 
-use super::config::{Config, PoseKind, Rate};
 use super::lenses;
-use super::terms::{self, TermData};
+use super::terms::{self};
+use super::{Config, PoseKind, Rate, TermData};
 use crate::parallel::{in_parallel, threads};
 use crate::recon::cameras_look_inward;
 use crate::scene::capture::{Camera, Capture, Extent, alpha_of, decode_image, has_alpha, read_size};
@@ -15,23 +15,20 @@ use std::path::Path;
 const MOST_LOOKED_AT: usize = 8;
 /// Colours within so many levels of 255 count as equal.
 const LEVELS_ALIKE: i32 = 2;
-/// Images show the background if more than this share of most of them has its colour. Of the real captures that this
-/// was measured on, 0.06 % of the darkest has.
+/// Images show the background if more than this share of most of them has its colour; the darkest real one has 0.06 %.
 const MOST_BEHIND: f64 = 0.05;
 
-/// The learning rate of poses in a run of 30,000 steps. It falls like that of positions, but is lower: a scene can follow its cameras, and
-/// a calibration is seldom far off.
+/// The learning rate of poses in a run of 30,000 steps. It is lower than that of positions: calibrations are seldom far
+/// off, and a scene can follow its cameras.
 const POSE_RATE: Rate = Rate { start: 3e-5, end: 3e-7 };
 
-/// Facts of a capture that a trainer needs.
+/// Facts of a capture that a trainer needs, in the frame of training.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Setup {
-    /// Where the cameras are.
     pub extent: Extent,
-    /// Views before which density control removes floaters: those of the training cameras, between them, and
-    /// [`Capture::viewpoints`].
+    /// Views before which density control removes floaters: of training cameras, between them, and viewpoints.
     pub lenses: Vec<View>,
-    /// Spaces before training cameras and [`Capture::viewpoints`] that are kept clear of Gaussians.
+    /// Spaces that are kept clear of Gaussians.
     pub clearings: Vec<Clearing>,
     /// Normalised time between two frames.
     pub dt: f64,
@@ -45,11 +42,9 @@ pub struct Setup {
     pub learns_pose: Vec<Option<DVec3>>,
     /// By camera, whether it has a bilateral grid; empty if none has.
     pub has_grid: Vec<bool>,
-    /// The most cameras that have a bilateral grid, or get one during the run.
     pub most_grids: usize,
     /// Data of the capture that the terms of the loss use beside its colours.
     pub data: TermData,
-    /// The kind of flow that is rendered, the same as the priors'.
     pub flow_model: FlowModel,
     /// Learning rate of the poses: of turns in radians, of shifts in scene extents.
     pub pose_rate: Rate,
@@ -60,7 +55,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// A capture of which only the pictures are used.
+    /// Of a capture of which only the pictures are used.
     pub fn plain(extent: Extent, dt: f64) -> Self {
         Setup {
             extent,
@@ -81,8 +76,8 @@ impl Setup {
         }
     }
 
-    /// The setup of `capture` for a run of `config`. Training cameras have offsets and grids in clips of several
-    /// cameras alone; a static scene's cameras have one image each, too few to tell a grid from the scene.
+    /// Of `capture` for a run of `config`. Cameras have offsets and grids in clips of several cameras alone: one image
+    /// of a static scene is too little to tell a grid from the scene.
     pub fn new(capture: &Capture, config: &Config) -> Self {
         let trained: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();
         let may_have_grids = config.grids.is_some() && capture.is_rig_clip();
@@ -92,6 +87,7 @@ impl Setup {
         let observable: Vec<bool> = trained.iter().enumerate().map(|(i, is)| *is && has_pictures(i)).collect();
         let learns_offset = if observable.contains(&true) { observable } else { Vec::new() };
         let shows_background = shows_background(capture, config.background);
+        let moves = capture.cameras.iter().any(Camera::moves);
         Setup {
             extent: capture.extent(),
             lenses: [lenses::of_cameras(capture), lenses::between_cameras(capture)].concat(),
@@ -111,21 +107,16 @@ impl Setup {
             has_grid: if may_have_grids && config.required.grids_at == 0.0 { trained } else { Vec::new() },
             most_grids: if may_have_grids { n_trained } else { 0 },
             data: terms::data(config, capture),
-            flow_model: flow_model(capture),
+            // As in the priors; the projected velocity is the paper's.
+            flow_model: if moves { FlowModel::Displacement } else { FlowModel::Velocity },
             shows_background,
             varies_background: config.vary_background && !shows_background && cameras_look_inward(capture),
         }
     }
 }
 
-/// The displacement where a camera moves, whose flow the priors hold too; elsewhere the projected velocity, as in the paper.
-fn flow_model(capture: &Capture) -> FlowModel {
-    if capture.cameras.iter().any(Camera::moves) { FlowModel::Displacement } else { FlowModel::Velocity }
-}
-
-/// True if training images of `capture` show the `background`: it shows through some, or much of most has exactly its
-/// colour, as around an object that was cut out. Tests some images, of cameras and times evenly chosen, since a clip
-/// may fade in from black.
+/// True if training images of `capture` show the `background`: through transparent pixels, or because much of most has
+/// its colour. Tests some images, of cameras and times evenly chosen, since a clip may fade in from black.
 fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     let is_used = |(_, camera): &(usize, &Camera)| !camera.is_test && !camera.shots.is_empty();
     let cameras: Vec<(usize, &Camera)> = capture.cameras.iter().enumerate().filter(is_used).collect();
@@ -157,14 +148,13 @@ fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     shares.get(shares.len().saturating_sub(1) / 2).is_some_and(|share| *share > MOST_BEHIND)
 }
 
-/// True if some pixel of an image is transparent. The run reports an image that cannot be read.
+/// An image that cannot be read is opaque here; the run reports it.
 fn is_transparent(image: &Path) -> bool {
     let decoded = read_size(image).ok().and_then(|(width, height)| decode_image(image, width, height).ok());
     decoded.is_some_and(|image| alpha_of(image).iter().any(|alpha| *alpha < 255))
 }
 
-/// The mean places of the training cameras; none for a test camera, for a photograph, whose pose no other image could
-/// contradict, or for a camera without images.
+/// The mean places of the training cameras that film; none for others, or for a camera without images.
 fn centers(capture: &Capture) -> Vec<Option<DVec3>> {
     let of_camera = |(index, camera): (usize, &Camera)| {
         let frames = camera.shots.iter().map(|shot| shot.frame);

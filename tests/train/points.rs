@@ -341,7 +341,7 @@ fn few_points_are_joined_with_surfaces_unless_they_alone_are_asked_for() {
 fn by_the_papers_rule_one_view_of_many_is_enough() {
     let Made { capture, .. } = made();
     let [two, any] = [Init::Flow, Init::AnyView].map(|init| first(capture, &config(init)).0);
-    assert_eq!((any.from, Init::AnyView.name()), (Init::AnyView, "any_view"));
+    assert_eq!((any.from, Init::AnyView.name().as_str()), (Init::AnyView, "any_view"));
     assert_eq!(serde_json::from_str::<Init>("\"any_view\"").unwrap(), Init::AnyView);
     let [two, any] = [two, any].map(|initial| initial.counts.unwrap());
     println!("two views: {two}; any view: {any}");

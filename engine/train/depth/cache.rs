@@ -1,5 +1,4 @@
-//! Fits of depth priors that an earlier run found, kept beside the priors: a long clip has terabytes of them, which
-//! need not be read in every run.
+//! Fits of depth priors that an earlier run found: a long clip has terabytes of priors.
 
 use super::line::Outcome;
 use crate::files::{read_file, write_atomic};
@@ -38,7 +37,7 @@ impl DepthCache {
         capture.join("depth/fits.json")
     }
 
-    /// A hash of all that the fit of a prior depends on; none without the file.
+    /// All that the fit of a prior depends on; none without the file.
     pub fn key(path: &Path, view: &View, space: DepthSpace, points: &[[f64; 3]]) -> Option<String> {
         let of_file = std::fs::metadata(path).ok()?;
         let changed = of_file.modified().ok()?.duration_since(UNIX_EPOCH).ok()?;
@@ -56,12 +55,10 @@ impl DepthCache {
         Some(format!("{:x}", hash.finalize()))
     }
 
-    /// The earlier result for a file with this key.
     pub fn get(&self, path: &Path, key: &str) -> Option<Outcome> {
         self.before.get(&self.name(path)?).filter(|kept| kept.key == key).map(|kept| kept.fit)
     }
 
-    /// Notes what was found.
     pub fn note(&self, path: &Path, key: String, fit: Outcome) {
         if let Some(name) = self.name(path) {
             self.found.lock().unwrap_or_else(PoisonError::into_inner).insert(name, Kept { key, fit });
@@ -72,7 +69,6 @@ impl DepthCache {
         path.strip_prefix(&self.capture).ok().and_then(Path::to_str).map(str::to_owned)
     }
 
-    /// Writes what was found, with what was known of other files.
     pub fn close(self) {
         let found = self.found.into_inner().unwrap_or_else(PoisonError::into_inner);
         let mut all = self.before;

@@ -5,6 +5,7 @@ use super::line::{DepthFit, Outcome, Unfit, fit_line};
 use crate::error::Result;
 use crate::parallel::in_parallel;
 use crate::recon::Pinhole;
+use crate::report::statistics::median_high;
 use crate::scene::View;
 use crate::scene::capture::{Capture, FramePoint};
 use crate::scene::prior::read_depth;
@@ -14,40 +15,28 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::Path;
 
-/// The fits of the training images.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct DepthFits(BTreeMap<(usize, u32), std::result::Result<DepthFit, Unfit>>);
 
 impl DepthFits {
-    /// The fit of the image of `camera` at `frame`; `None` when it has no usable prior.
-    pub fn get(&self, camera: usize, frame: u32) -> Option<DepthFit> {
-        self.0.get(&(camera, frame))?.ok()
-    }
-
     /// By (camera, frame): the fit, or why there is no fit.
     pub fn iter(&self) -> impl Iterator<Item = ((usize, u32), std::result::Result<DepthFit, Unfit>)> {
         self.0.iter().map(|(image, fit)| (*image, *fit))
     }
 
-    /// How many images have a usable prior, and why the others not.
     pub fn summary(&self) -> DepthSummary {
-        let mut residuals: Vec<f64> = self.0.values().flatten().map(|fit| fit.residual).collect();
-        residuals.sort_by(f64::total_cmp);
+        let residuals = || self.0.values().flatten().map(|fit| fit.residual);
         let mut unfit = BTreeMap::new();
         self.0.values().filter_map(|fit| fit.err()).for_each(|why| *unfit.entry(why).or_default() += 1);
-        let residual = residuals.get(residuals.len() / 2).copied();
-        DepthSummary { images: self.0.len(), usable: residuals.len(), unfit, residual }
+        DepthSummary { images: self.0.len(), usable: residuals().count(), unfit, residual: median_high(residuals()) }
     }
 }
 
-/// Numbers on the depth priors for a report.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct DepthSummary {
-    /// Training images.
     pub images: usize,
-    /// Images with a usable prior.
     pub usable: usize,
-    /// The others, by reason.
+    /// By reason.
     pub unfit: BTreeMap<Unfit, usize>,
     /// Median over the images of [`DepthFit::residual`].
     pub residual: Option<f64>,
@@ -64,12 +53,8 @@ impl fmt::Display for DepthSummary {
 }
 
 /// Fits the depth prior of every training image to the points seen in it: those of its frame, else the capture's sparse
-/// points that project into it. Depth is in the units of the capture's world. Each prior is read once and not kept; the
-/// fits are kept in `depth/fits.json` of the capture, where a later call finds those whose prior, points and camera are
-/// the same. `progress` is called as (frames done, frames in all).
-///
-/// # Errors
-/// [`crate::Error::Data`] when a prior or the points of a frame cannot be read.
+/// points. Depth is in the units of the capture's world. Fits are kept in `depth/fits.json` of the capture. `progress` is
+/// called as (frames done, frames in all).
 #[tracing::instrument(level = "info", name = "fit depths", skip_all)]
 pub fn fit_depths(
     capture: &Capture,
@@ -100,7 +85,6 @@ pub fn fit_depths(
     Ok(DepthFits(fits))
 }
 
-/// The fit of the prior of an image to `points`.
 fn fit_prior(
     capture: &Capture,
     camera: usize,
@@ -123,7 +107,7 @@ fn fit_prior(
     Ok(fit)
 }
 
-/// (prior, depth) of the points in the image of `view`, whose prior is at `path`.
+/// (prior, depth) of the points in the image of `view`.
 fn pairs(path: &Path, view: &View, space: DepthSpace, points: &[[f64; 3]]) -> Result<Vec<(f64, f64)>> {
     let prior = read_depth(path, view.intrinsics.width, view.intrinsics.height)?;
     let camera = Pinhole::new(view);

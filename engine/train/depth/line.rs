@@ -1,16 +1,13 @@
-//! The line through points that aligns a depth prior: depth = scale * prior + shift.
-//!
-//! The fit is robust: the line through two points that leaves the least median residual (Rousseeuw 1984), then least
-//! squares over the points near it. Points that are wrong or hidden in the image may be almost half of all.
+//! The line through points that aligns a depth prior: the one through two points that leaves the least median residual
+//! (Rousseeuw 1984), then least squares over the points near it. Almost half of the points may be wrong.
 
 use crate::random::Keyed;
 use crate::report::statistics::{mean, median_high};
 
-/// Points that a fit needs.
 const FEWEST: usize = 10;
 /// Lines through two points that are tried.
 const LINES: u64 = 500;
-/// A residual is near within this many standard deviations.
+/// Largest residual of a near point, in standard deviations.
 const NEAR: f64 = 2.5;
 /// Standard deviations in a median magnitude of normal numbers.
 const PER_MEDIAN: f64 = 1.4826;
@@ -23,31 +20,26 @@ const LOOSE: f64 = 0.1;
 /// Key of the choice of lines.
 const KEY: u64 = 0x0064_6570_7468;
 
-/// The depth of an image is `scale * prior + shift`, in units of the capture's world.
+/// The depth of an image is `scale * prior + shift`.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct DepthFit {
     /// Positive.
     pub scale: f64,
-    /// In units of the depth.
+    /// In units of the capture's world.
     pub shift: f64,
-    /// Points near the line.
     pub n_points: usize,
     /// Median magnitude of the residuals, in units of the median depth.
     pub residual: f64,
 }
 
-/// The fit of an image, or why it has none.
 pub(super) type Outcome = Result<DepthFit, Unfit>;
 
-/// Why an image's prior is not used.
+/// Why an image's prior is not used; see [`Unfit::reason`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Unfit {
-    /// It has no file.
     NoPrior,
-    /// Fewer than 10 points are seen where the prior has a value.
     FewPoints,
-    /// The points are too much alike, in the prior or in depth, to determine the scale.
     Flat,
     /// The prior falls where depth rises.
     Inverted,
@@ -56,7 +48,6 @@ pub enum Unfit {
 }
 
 impl Unfit {
-    /// The reason in words.
     pub fn reason(self) -> &'static str {
         match self {
             Unfit::NoPrior => "no file",
@@ -68,7 +59,6 @@ impl Unfit {
     }
 }
 
-/// The line depth = scale * prior + shift through `pairs`.
 pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
     let n = pairs.len();
     if n < FEWEST {
@@ -77,13 +67,14 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
     // There is at least one value.
     let middle = |values: &mut dyn Iterator<Item = f64>| median_high(values).unwrap_or(f64::NAN);
     let random = Keyed::new(&[KEY, n as u64]);
-    let mut best = (f64::INFINITY, Line { scale: 0.0, shift: 0.0 });
+    let off_line = |[scale, shift]: [f64; 2], (x, y): &(f64, f64)| (y - (scale * x + shift)).abs();
+    let mut best = (f64::INFINITY, [0.0; 2]);
     for line in 0..LINES {
         let [(x0, y0), (x1, y1)] = [2 * line, 2 * line + 1].map(|i| pairs[(random.bits(i) % n as u64) as usize]);
         let scale = (y1 - y0) / (x1 - x0);
-        let line = Line { scale, shift: y0 - scale * x0 };
-        let off = middle(&mut pairs.iter().map(|(x, y)| line.off(*x, *y)));
-        // Written so that a line through points of one prior, which is not finite, is not taken.
+        let line = [scale, y0 - scale * x0];
+        let off = middle(&mut pairs.iter().map(|pair| off_line(line, pair)));
+        // A line through points of one prior is not finite and is not taken.
         if off < best.0 {
             best = (off, line);
         }
@@ -97,18 +88,18 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
     for _ in 0..ITERATIONS {
         // The floor keeps points that lie on the line but for rounding.
         let reach = NEAR * PER_MEDIAN * off + 1e-9 * typical;
-        let near: Vec<(f64, f64)> = pairs.iter().copied().filter(|(x, y)| line.off(*x, *y) <= reach).collect();
+        let near: Vec<(f64, f64)> = pairs.iter().copied().filter(|pair| off_line(line, pair) <= reach).collect();
         n_near = near.len();
         let mean = |of: fn(&(f64, f64)) -> f64| mean(near.iter().map(of)).unwrap_or(f64::NAN);
         let (mean_x, mean_y) = (mean(|pair| pair.0), mean(|pair| pair.1));
         let sum = |of: &dyn Fn(f64, f64) -> f64| near.iter().map(|(x, y)| of(x - mean_x, y - mean_y)).sum::<f64>();
         spread = sum(&|x, _| x * x);
         let scale = sum(&|x, y| x * y) / spread;
-        line = Line { scale, shift: mean_y - scale * mean_x };
+        line = [scale, mean_y - scale * mean_x];
         sigma = (sum(&|x, y| (y - scale * x).powi(2)) / n_near as f64).sqrt();
-        off = middle(&mut near.iter().map(|(x, y)| line.off(*x, *y)));
+        off = middle(&mut near.iter().map(|pair| off_line(line, pair)));
     }
-    let Line { scale, shift } = line;
+    let [scale, shift] = line;
     let fit = DepthFit { scale, shift, n_points: n_near, residual: off / typical };
     // Each test is written so that NaN fails it.
     let is_sure = sigma / spread.sqrt() <= UNSURE * scale.abs() && scale.is_finite() && shift.is_finite();
@@ -118,20 +109,6 @@ pub(super) fn fit_line(pairs: &[(f64, f64)]) -> Outcome {
         () if scale <= 0.0 => Err(Unfit::Inverted),
         () if fit.residual <= LOOSE => Ok(fit),
         () => Err(Unfit::Loose),
-    }
-}
-
-/// depth = scale * prior + shift.
-#[derive(Clone, Copy)]
-struct Line {
-    scale: f64,
-    shift: f64,
-}
-
-impl Line {
-    /// How far a depth is off the line, absolute.
-    fn off(self, prior: f64, depth: f64) -> f64 {
-        (depth - (self.scale * prior + self.shift)).abs()
     }
 }
 

@@ -1,4 +1,4 @@
-//! Hashes that tell a capture from another, or from itself after a change: of where cameras are and of their pictures.
+//! Hashes that tell a capture from another, or from itself after a change.
 
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
@@ -12,14 +12,11 @@ use std::fs::File;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::Path;
 
-/// Bytes of a file that are hashed, at its beginning, in its middle and at its end, beside its length. A PNG ends with
-/// a checksum of its pixels, and the length of a compressed picture hardly ever stays: 6,000 pictures take a second,
-/// whole ones minutes.
+/// Bytes of a file that are hashed, at its beginning, in its middle and at its end, beside its length: the length of a
+/// compressed picture hardly ever stays. Whole files would take minutes.
 const PART: u64 = 4096;
-/// Resolution of poses: of a rotation's numbers, and of a translation for each unit of its length. Readers may round
-/// otherwise one day.
+/// Resolution of poses: of a rotation's numbers, and of a translation for each unit of its length.
 const STEPS: f64 = 1e7;
-/// Cameras that a message names.
 const NAMED: usize = 4;
 
 /// By camera, of a capture in its own frame.
@@ -27,18 +24,15 @@ const NAMED: usize = 4;
 #[serde(transparent)]
 pub struct Fingerprints(pub BTreeMap<String, Fingerprint>);
 
-/// The fingerprint of a camera.
 #[derive(Clone, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Fingerprint {
-    /// Hash of its poses, its lens, the size of its pictures and their frames; 16 hexadecimal digits.
+    /// Of its poses, its lens, the size of its pictures and their frames; 16 hexadecimal digits.
     pub calibration: String,
-    /// Hashes of its pictures, with their masks, by frame; 16 digits each, one after the other. Of each file the
-    /// length, and some bytes at its beginning, in its middle and at its end.
+    /// Of its pictures, with their masks, by frame; 16 digits each, one after the other.
     pub pictures: String,
 }
 
-/// Changes of a capture.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Changes {
     /// Cameras that stand elsewhere, or have another lens or other frames.
@@ -48,11 +42,7 @@ pub struct Changes {
 }
 
 impl Fingerprints {
-    /// The fingerprints of `capture`, in its own world. A picture that cannot be read has that of an empty file;
-    /// whoever needs it reports the fault.
-    ///
-    /// # Errors
-    /// None today; those of work on several threads.
+    /// The fingerprints of `capture`, in its own world. A picture that cannot be read has that of an empty file.
     pub fn of(capture: &Capture) -> Result<Self> {
         let shots: Vec<&Shot> = capture.cameras.iter().flat_map(|camera| &camera.shots).collect();
         let pictures = in_parallel(shots.len(), threads(), |at| Ok(of_picture(shots[at])), |_| ())?;
@@ -64,7 +54,6 @@ impl Fingerprints {
         Ok(Fingerprints(capture.cameras.iter().map(of).collect()))
     }
 
-    /// The changes from here to `now`.
     pub fn changes(&self, now: &Self) -> Changes {
         let mut changes = Changes::default();
         for (name, before) in &self.0 {
@@ -80,7 +69,7 @@ impl Fingerprints {
         changes
     }
 
-    /// How many pictures of the cameras that `tests` names are also pictures of another camera.
+    /// Pictures of the cameras that `tests` names that are also pictures of another camera.
     pub fn n_shared(&self, tests: &[String]) -> usize {
         let (tests, others): (Vec<_>, Vec<_>) = self.0.iter().partition(|(name, _)| tests.contains(name));
         let others: BTreeSet<&str> = others.iter().flat_map(|(_, of)| of.each()).collect();
@@ -89,14 +78,12 @@ impl Fingerprints {
 }
 
 impl Fingerprint {
-    /// Its pictures, one by one.
     fn each(&self) -> impl Iterator<Item = &str> {
         (0..self.pictures.len() / 16).filter_map(|at| self.pictures.get(16 * at..16 * (at + 1)))
     }
 }
 
 impl Changes {
-    /// True if nothing has changed.
     pub fn is_empty(&self) -> bool {
         self.calibration.is_empty() && self.pictures.is_empty()
     }
@@ -122,7 +109,6 @@ impl fmt::Display for Changes {
     }
 }
 
-/// The first 16 digits of a hash.
 fn digits(hash: Sha256) -> String {
     let mut digits = format!("{:x}", hash.finalize());
     digits.truncate(16);

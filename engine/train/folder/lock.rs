@@ -6,21 +6,19 @@ use std::io::{Read, Seek, Write};
 use std::path::Path;
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-/// The file of the lock in a run folder. It stays there: one that came and went could be locked twice.
+/// It stays in the run folder: a lock file that came and went could be locked twice.
 const NAME: &str = ".lock";
-/// How often a lock that another process holds is tried again, and the time between.
+/// Tries on a lock that another process holds, and the time between.
 const TRIES: usize = 20;
 const PAUSE: Duration = Duration::from_millis(50);
-/// Longest text that is believed, bytes.
 const MAX_TEXT: u64 = 1 << 12;
 
-/// Holds a run folder for this process. The system gives it back when the process ends, however it ends.
+/// Holds a run folder for this process, until it ends.
 #[derive(Debug)]
 pub struct RunLock {
     _file: File,
 }
 
-/// The holder of a lock, by its file.
 #[derive(serde::Serialize, serde::Deserialize)]
 struct Holder {
     pid: u32,
@@ -30,10 +28,7 @@ struct Holder {
 }
 
 impl RunLock {
-    /// Locks `folder`, which must be there. On a file system without locks it warns and continues unlocked.
-    ///
-    /// # Errors
-    /// [`Error::Data`] that says who holds it, or when the file of the lock cannot be written.
+    /// Locks `folder`, which must be there; the fault says who holds it. Without locks of the file system it warns.
     pub fn take(folder: &Path) -> Result<Self> {
         let path = folder.join(NAME);
         let open = File::options().read(true).write(true).create(true).truncate(false).open(&path);
@@ -71,7 +66,6 @@ fn patiently(file: &File) -> std::result::Result<(), TryLockError> {
     file.try_lock()
 }
 
-/// Who holds the lock of `file`, and for how long.
 fn told(file: &mut File) -> String {
     let mut text = String::new();
     let read = file.take(MAX_TEXT).read_to_string(&mut text);

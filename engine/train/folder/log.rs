@@ -2,37 +2,19 @@
 
 use crate::error::{Error, Result};
 use crate::files::{read_text, write_atomic};
-use serde_json::Value;
+use serde_json::{Value, json};
 use std::path::{Path, PathBuf};
 
-/// The kind of a line.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Kind {
-    /// A step: loss, counts, seconds.
     Step,
-    /// Scores of test views: an [`crate::internals::train::Evaluation`].
     Evaluation,
-    /// A step whose passes were timed.
     Profile,
-    /// A review: a [`crate::internals::train::Review`].
     Review,
-    /// A warning of falling scores: a [`crate::internals::train::Fall`].
     Fall,
 }
 
-impl Kind {
-    fn name(self) -> &'static str {
-        match self {
-            Kind::Step => "step",
-            Kind::Evaluation => "evaluation",
-            Kind::Profile => "profile",
-            Kind::Review => "review",
-            Kind::Fall => "fall",
-        }
-    }
-}
-
-/// The lines of a run so far.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Log {
     file: PathBuf,
@@ -49,16 +31,12 @@ impl Log {
         Log { file, lines }
     }
 
-    /// Appends a line with the fields of `of`, which must have a `step`. It replaces a line of the same kind and step,
-    /// as when a run that has ended is resumed.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when `of` is no JSON object.
+    /// Appends a line with the fields of `of`, which must have a `step`, in the place of a line of the same kind and step.
     pub fn push(&mut self, kind: Kind, of: &impl serde::Serialize) -> Result<()> {
         let fault = |reason: String| Error::data(&self.file, "", reason, "this is a fault of the program");
         match serde_json::to_value(of).map_err(|e| fault(e.to_string()))? {
             Value::Object(mut line) if line.contains_key("step") => {
-                line.insert("kind".to_owned(), kind.name().into());
+                line.insert("kind".to_owned(), json!(kind));
                 let is_same = |other: &Value| other["kind"] == line["kind"] && other["step"] == line["step"];
                 let recent =
                     self.lines.iter().rev().take_while(|other| other["step"].as_u64() >= line["step"].as_u64());
@@ -72,10 +50,6 @@ impl Log {
         }
     }
 
-    /// Writes all lines.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the file cannot be written.
     pub fn write(&self) -> Result<()> {
         write_atomic(&self.file, |to| {
             for line in &self.lines {
@@ -86,9 +60,9 @@ impl Log {
         })
     }
 
-    /// The lines of a kind, in order.
     pub fn lines(&self, kind: Kind) -> impl Iterator<Item = &Value> {
-        self.lines.iter().filter(move |line| line["kind"] == kind.name())
+        let kind = json!(kind);
+        self.lines.iter().filter(move |line| line["kind"] == kind)
     }
 
     /// `key` of the lines of a kind against their steps, if it is a number.

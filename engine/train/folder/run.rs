@@ -1,5 +1,3 @@
-//! The facts of a run that are needed to score its scene again: `run.json`.
-
 use super::fingerprints::{Changes, Fingerprints};
 use crate::error::{Error, Result};
 use crate::files::{read_file, write_atomic};
@@ -13,57 +11,48 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Run {
-    /// Folder of the capture, absolute.
+    /// Absolute.
     pub capture: PathBuf,
-    /// How the capture was read.
     #[serde(default)]
     pub capture_settings: CaptureSettings,
-    /// Names of the cameras that are kept for testing.
     pub test_cameras: Vec<String>,
-    /// Views, in the capture's own world, that training kept clear; see [`Capture::viewpoints`].
+    /// See [`Capture::viewpoints`].
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub viewpoints: Vec<View>,
-    /// Corrections of cameras that the run took over from another, by name.
+    /// Of cameras, by name, that the run took over from another.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub calibration: BTreeMap<String, Calibration>,
     /// From the capture to the frame that training computes in.
     pub world: Similarity,
-    /// Rendering constants.
     pub constants: Constants,
-    /// A summary of the capture, to tell it from another.
+    /// To tell the capture from another.
     pub held: CaptureSummary,
-    /// Hashes of its cameras and pictures; none in runs of old versions.
+    /// None in runs of old versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub fingerprints: Option<Fingerprints>,
 }
 
-/// A summary of a capture.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaptureSummary {
-    /// Cameras, with the test cameras.
+    /// With the test cameras.
     pub cameras: usize,
-    /// Frames of the clip.
     pub frames: u32,
-    /// Frames per second.
     pub fps: f64,
-    /// Images that are trained on.
     pub training_images: usize,
-    /// Images of the test cameras.
     pub test_images: usize,
-    /// Images with a mask.
+    /// Images with one.
     pub masks: usize,
     /// Largest width and largest height, pixels.
     pub largest_image: [u32; 2],
-    /// Sparse points.
     pub points: usize,
 }
 
 impl CaptureSummary {
-    /// Counts what `capture` holds.
     pub fn new(capture: &Capture) -> Self {
         let shots = capture.cameras.iter().flat_map(|camera| &camera.shots);
-        let largest = |side: fn(&crate::scene::capture::Camera) -> u32| capture.cameras.iter().map(side).max();
+        let largest =
+            |side: fn(&crate::scene::capture::Camera) -> u32| capture.cameras.iter().map(side).max().unwrap_or(0);
         CaptureSummary {
             cameras: capture.cameras.len(),
             frames: capture.n_frames,
@@ -71,20 +60,13 @@ impl CaptureSummary {
             training_images: capture.training_frames().len(),
             test_images: capture.test_frames().len(),
             masks: shots.filter(|shot| shot.mask.is_some()).count(),
-            largest_image: [
-                largest(|c| c.intrinsics.width).unwrap_or(0),
-                largest(|c| c.intrinsics.height).unwrap_or(0),
-            ],
+            largest_image: [largest(|c| c.intrinsics.width), largest(|c| c.intrinsics.height)],
             points: capture.points.len(),
         }
     }
 }
 
 impl Run {
-    /// The run on `capture` with `constants`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the capture's path cannot be made absolute.
     pub fn new(capture: &Capture, constants: Constants) -> Result<Self> {
         let absolute = std::path::absolute(&capture.path)
             .map_err(|e| Error::data(&capture.path, "", format!("has no absolute path: {e}"), "give another path"))?;
@@ -106,8 +88,7 @@ impl Run {
         })
     }
 
-    /// Rendering constants in the capture's own frame, which is that of scene.ply; [`Run::constants`] are of the frame
-    /// of training.
+    /// Constants in the capture's own frame, which is that of scene.ply.
     pub fn constants_of_capture(&self) -> Constants {
         Constants { near: (f64::from(self.constants.near) / self.world.scale) as f32, ..self.constants }
     }
@@ -117,15 +98,10 @@ impl Run {
         Constants { near: (f64::from(constants.near) * self.world.scale) as f32, ..constants }
     }
 
-    /// `run.json` of `folder`.
     pub fn file(folder: &Path) -> PathBuf {
         folder.join("run.json")
     }
 
-    /// Reads `run.json` of `folder`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when it is absent or not what [`Run::write`] writes.
     pub fn read(folder: &Path) -> Result<Self> {
         let file = Self::file(folder);
         let fault = |reason: String| Error::data(&file, "", reason, "give the folder of a run of `ivv train`");
@@ -133,24 +109,16 @@ impl Run {
         serde_json::from_slice(&text).map_err(|e| fault(e.to_string()))
     }
 
-    /// Writes `run.json` into `folder`.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when it cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_atomic(&Self::file(folder), |to| Ok(serde_json::to_writer_pretty(to, self)?))
     }
 
-    /// `capture`, which is in its own world, in the frame of training.
+    /// `capture` is in its own world.
     pub fn in_training(&self, capture: Capture) -> Capture {
         capture.transformed(&self.world)
     }
 
-    /// As [`Run::open_capture`], with the changes of its cameras and pictures since the run began; none for runs
-    /// without fingerprints.
-    ///
-    /// # Errors
-    /// As [`Run::open_capture`].
+    /// As [`Run::open_capture`], with the changes of its cameras and pictures since the run began.
     pub fn compare_capture(&self, moved_to: Option<&Path>) -> Result<(Capture, Changes)> {
         let capture = self.open_capture(moved_to)?;
         let changes = match &self.fingerprints {
@@ -161,9 +129,6 @@ impl Run {
     }
 
     /// Opens the capture, in its own world and with the run's test cameras, at `moved_to` if it has moved.
-    ///
-    /// # Errors
-    /// Those of the capture; [`Error::Data`] if its summary has changed.
     pub fn open_capture(&self, moved_to: Option<&Path>) -> Result<Capture> {
         let path = moved_to.unwrap_or(&self.capture);
         // A file of cameras may stand for its folder.

@@ -2,10 +2,9 @@
 //! trained once, with frames of the whole clip, each segment trains the moving part on top, and adjacent segments
 //! cross-fade.
 //!
-//! Where two segments overlap, the Gaussians of the later one fade in while those of the earlier one fade out: each
-//! along half of a bell, so that their sum is between 1 and 1.08 and nothing behind them shows through. A Gaussian's
-//! visibility is a bell, and the product of two is one too, so a fading Gaussian is an ordinary one with a span. One
-//! that is visible both before and after the end of a fade is cut in two there.
+//! Where two segments overlap, the Gaussians of the later one fade in while those of the earlier one fade out, each along
+//! half of a bell, so that their sum is between 1 and 1.08. A Gaussian's visibility is a bell, and the product of two is
+//! one too, so a fading Gaussian is an ordinary one with a span; one that is visible longer is cut in two.
 
 use crate::error::{Error, Result};
 use crate::files::{cannot_read, read_file, write_atomic};
@@ -20,24 +19,19 @@ const FAINT: f64 = 0.999 / 255.0;
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Segments {
-    /// Frames of the clip.
     pub n_frames: u32,
     /// The frames that train the static background: as many as a segment has, all over the clip.
     pub still: Frames,
     /// By segment, its first frame and the one after its last.
     pub segments: Vec<[u32; 2]>,
-    /// Bytes of decoded images that each training keeps; none for the default.
+    /// Of decoded images that each training keeps.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cache_bytes: Option<u64>,
 }
 
 impl Segments {
     /// Cuts a clip of `n_frames` into as few segments of at most `length` frames as possible that share `overlap`
-    /// frames with the next one; their lengths differ by a frame at most. At most half of a segment overlaps with the
-    /// next one, so it has faded in before it fades out.
-    ///
-    /// # Errors
-    /// A message about the numbers.
+    /// frames with the next one, at most half of a segment; their lengths differ by a frame at most.
     pub fn new(n_frames: u32, length: u32, overlap: u32) -> std::result::Result<Self, String> {
         let is_cut = n_frames > length;
         if length < 2 || (is_cut && overlap > length / 2) {
@@ -56,15 +50,10 @@ impl Segments {
         Ok(Segments { n_frames, still, segments, cache_bytes: None })
     }
 
-    /// `segments.json` of `folder`.
     pub fn file(folder: &Path) -> PathBuf {
         folder.join("segments.json")
     }
 
-    /// Reads `segments.json` of a folder.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the file is absent or not what [`Segments::write`] writes.
     pub fn read(folder: &Path) -> Result<Self> {
         let file = Self::file(folder);
         let text = read_file(&file).map_err(|fault| cannot_read(&file, &fault))?;
@@ -84,15 +73,10 @@ impl Segments {
         }
     }
 
-    /// Writes `segments.json` into a folder.
-    ///
-    /// # Errors
-    /// [`Error::Data`] when the file cannot be written.
     pub fn write(&self, folder: &Path) -> Result<()> {
         write_atomic(&Self::file(folder), |to| Ok(serde_json::to_writer_pretty(to, self)?))
     }
 
-    /// The frames of a segment.
     pub fn frames(&self, segment: usize) -> Frames {
         let [from, to] = self.segments[segment];
         Frames { from, to: Some(to), every: 1 }
@@ -103,8 +87,7 @@ impl Segments {
         self.segments.windows(2).any(|pair| (pair[1][0]..=pair[0][1]).contains(&frame))
     }
 
-    /// The dynamic Gaussians of `own`, the scene of a segment, on the clock of the whole clip; in several pieces if
-    /// they fade.
+    /// The dynamic Gaussians of `own`, the scene of a segment, on the clock of the whole clip.
     fn moving(&self, index: usize, own: &Splats) -> Splats {
         let [from, to] = self.segments[index];
         let mut moving = own.kept(|i| i >= own.n_static).into_owned();
@@ -126,7 +109,6 @@ impl Segments {
         faded
     }
 
-    /// The cross-fade of a segment and the next one.
     fn seam(&self, earlier: usize) -> Seam {
         let (first, end) = (f64::from(self.segments[earlier + 1][0]), f64::from(self.segments[earlier][1]));
         let at = |frame: f64| frame / f64::from(self.n_frames);
@@ -136,7 +118,7 @@ impl Segments {
         Seam { going, coming, appears: at(first - 0.5), is_gone: at(end - 0.5) }
     }
 
-    /// The stretches of a clip in each of which a segment is full or fades in one way, in order.
+    /// Parts of the clip, in order, in each of which the segment is full or fades in one way.
     fn stretches(&self, index: usize) -> Vec<Stretch> {
         let coming = index.checked_sub(1).map(|earlier| self.seam(earlier));
         let going = (index + 1 < self.segments.len()).then(|| self.seam(index));
@@ -163,8 +145,7 @@ struct Fade {
     width: f64,
 }
 
-/// The cross-fade of two segments. The half bells are cut off half a frame before their first and after their last
-/// frame.
+/// A cross-fade. The half bells are cut off half a frame before their first and after their last frame.
 struct Seam {
     going: Fade,
     coming: Fade,
@@ -172,14 +153,12 @@ struct Seam {
     is_gone: f64,
 }
 
-/// A part of a clip, and how a segment fades in it.
 struct Stretch {
     from: f64,
     to: f64,
     fades: Vec<Fade>,
 }
 
-/// A Gaussian in a stretch.
 struct Piece {
     position: [f32; 3],
     motion: Motion,
@@ -213,8 +192,8 @@ impl Stretch {
     }
 }
 
-/// The segments of a plan as one clip, of which one segment at a time is in memory. `F` reads the scene of a segment,
-/// on its own clock, or that of the static background, which has no number.
+/// The segments of a plan as one clip, of which one segment at a time is in memory. `F` reads the scene of a segment, on
+/// its own clock, or the static background, which has no number.
 pub struct Joined<F> {
     path: PathBuf,
     segments: Segments,
@@ -225,9 +204,6 @@ pub struct Joined<F> {
 
 impl<F: FnMut(Option<usize>) -> Result<Splats> + Send> Joined<F> {
     /// Reads all scenes, one after the other. `path` is named in faults.
-    ///
-    /// # Errors
-    /// Those of `read`; [`Error::Data`] if degrees differ.
     pub fn new(path: &Path, segments: Segments, mut read: F) -> Result<Self> {
         let sh_degree = read(None)?.sh_degree;
         let mut parts = Vec::new();
@@ -239,13 +215,8 @@ impl<F: FnMut(Option<usize>) -> Result<Splats> + Send> Joined<F> {
                 return Err(Error::data(path, format!("segment {index}"), reason, remedy));
             }
             let moving = segments.moving(index, &scene);
-            let hull =
-                |hull: [f64; 2], span: &[f32; 2]| [hull[0].min(f64::from(span[0])), hull[1].max(f64::from(span[1]))];
-            let none = [f64::INFINITY, f64::NEG_INFINITY];
-            let [from, to] = match moving.span.iter().fold(none, hull) {
-                hull if hull == none => [f64::NEG_INFINITY, f64::INFINITY],
-                hull => hull,
-            };
+            let from = moving.span.iter().map(|span| f64::from(span[0])).reduce(f64::min).unwrap_or(f64::NEG_INFINITY);
+            let to = moving.span.iter().map(|span| f64::from(span[1])).reduce(f64::max).unwrap_or(f64::INFINITY);
             parts.push(Part { from, to, n: moving.len() });
         }
         Ok(Joined { path: path.to_owned(), segments, read, sh_degree, parts })
@@ -300,7 +271,7 @@ mod tests {
         }
     }
 
-    /// Moving Gaussians on a segment's clock, seen for long and for short, at its begin, its middle and its end.
+    /// Seen for long and for short, at the begin, the middle and the end of a segment.
     fn moving() -> Splats {
         let motion = |k: usize| Motion {
             velocity: [1.0, 0.0, -2.0],
@@ -319,7 +290,7 @@ mod tests {
         }
     }
 
-    /// Opacity of what came of Gaussian `row` at a time, and where it is; at most one piece is there.
+    /// Opacity of Gaussian `row` at a time, and where it is; at most one piece is there.
     fn shown(pieces: &Splats, row: u32, time: f64) -> (f64, Option<[f64; 3]>) {
         let there: Vec<usize> =
             (0..pieces.len()).filter(|&i| pieces.source_row[i] == row && pieces.is_there(i, time)).collect();
@@ -336,7 +307,7 @@ mod tests {
         for (length, overlap) in [(34, 6), (31, 1), (30, 0), (16, 8)] {
             let segments = Segments::new(90, length, overlap).unwrap();
             let n = segments.segments.len();
-            // How much is there of a segment at a frame: what its pieces show of a Gaussian that would always be seen.
+            // How much of a segment is there at a frame: what its pieces show of a Gaussian that would always be seen.
             let mut weights = vec![[0.0_f64; 90]; n];
             for (index, weights) in weights.iter_mut().enumerate() {
                 let (from, to) = (segments.segments[index][0], segments.segments[index][1]);

@@ -1,51 +1,40 @@
-//! The images of a run, decoded ahead and kept on the device as far as its memory goes.
-//!
-//! Which image stays on the device is planned for all steps that are listed ([`residency`]). If images had to give way
-//! to something else meanwhile, the plan no longer holds, and a new one is made for as many bytes as there are left.
+//! The images of a run, decoded ahead and kept on the device as far as its memory goes. If images had to give way to
+//! something else, the plan of all listed steps ([`residency`]) is made anew.
 
-mod order;
 mod residency;
 mod resident;
 mod stream;
 
-pub(super) use order::training_frames;
-pub use order::{reduced_order, training_order};
 pub(super) use resident::{Counts, Planes, Resident, Residents};
-pub(super) use stream::{ImageLimits, Source, Steps};
+pub(super) use stream::{ImageLimits, Source, Steps, training_frames};
+pub use stream::{reduced_order, training_order};
 
 use crate::error::Result;
 use crate::gpu::{Gpu, Staging};
-use crate::internals::train::terms::TermData;
+use crate::internals::train::TermData;
 use crate::scene::View;
 use residency::Residency;
 use std::time::{Duration, Instant};
 use stream::{ImageStream, Next};
 
-/// An image of the next step.
-pub(super) struct StepImage {
-    /// The camera that took it.
+pub struct StepImage {
     pub camera: usize,
-    /// As that camera saw.
     pub view: View,
-    /// The image itself; none if another process sees it.
+    /// None if another process sees the image.
     pub resident: Option<Resident>,
 }
 
-/// The images of the next step; none at the end of the run.
 pub(super) struct StepImages {
     pub images: Vec<StepImage>,
-    /// How long it took to bring them to where the device can get them, without the wait for their decoding.
+    /// Without the wait for their decoding.
     pub loading: Duration,
 }
 
-/// The images of a run.
 pub(super) struct ImageStore {
     pub residents: Residents,
-    /// For the next stream.
     pub limits: ImageLimits,
     /// Made for the first step that needs it.
     stream: Option<ImageStream>,
-    /// How long steps waited for streams that have ended.
     waited: Duration,
 }
 
@@ -55,10 +44,6 @@ impl ImageStore {
         Ok(ImageStore { residents, limits: ImageLimits::default(), stream: None, waited: Duration::ZERO })
     }
 
-    /// The images of the next step.
-    ///
-    /// # Errors
-    /// Those of the images, and of the device.
     pub fn next(&mut self, gpu: &Gpu, staging: &Staging, source: &Source, steps: &Steps) -> Result<StepImages> {
         loop {
             let mut stream = match self.stream.take() {
@@ -69,9 +54,8 @@ impl ImageStore {
                 }
             };
             let found = self.of_step(gpu, staging, source, steps, &mut stream)?;
-            let is_short = found.as_ref().is_some_and(|found| found.images.is_empty()) && steps.done < steps.total;
             match found {
-                Some(found) if !is_short => {
+                Some(found) if !found.images.is_empty() || steps.done >= steps.total => {
                     self.stream = Some(stream);
                     return Ok(found);
                 }
@@ -122,7 +106,6 @@ impl ImageStore {
         }
     }
 
-    /// Seconds in which steps waited for images.
     pub fn waited_s(&self) -> f64 {
         let own = self.stream.as_ref().map_or(Duration::ZERO, |stream| stream.stats().waited);
         (self.waited + own).as_secs_f64()
@@ -133,7 +116,6 @@ impl ImageStore {
         self.waited += self.stream.take().map_or(Duration::ZERO, |stream| stream.stats().waited);
     }
 
-    /// Takes over all images of `other`, the store of an earlier trainer of the same run.
     pub fn inherit(&mut self, other: &mut ImageStore) {
         self.residents.inherit(&mut other.residents);
         (self.limits, self.stream, self.waited) = (other.limits, other.stream.take(), other.waited);

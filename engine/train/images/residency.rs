@@ -3,14 +3,12 @@
 use crate::scene::capture::Asked;
 use std::collections::HashMap;
 
-/// How the image of a step comes to the device.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Residency {
     /// Decoded, and copied for this step alone.
     Passes,
     /// Decoded, and copied to stay for later steps, if the device has the memory.
     Stays,
-    /// Already there.
     Stayed,
     /// Already there, and no later step needs it.
     Leaves,
@@ -22,12 +20,9 @@ impl Residency {
     }
 }
 
-/// How each image of `order` comes to a device that keeps at most `budget` of their `bytes`.
-///
-/// Images stay that fit first, as long as a later step needs them. If the one used least recently left for the next, a
-/// device that holds half of the images would have the one it needs in 15 of 100 steps: every epoch shows all of them
-/// once, in a new random order, so most others come by between two uses of an image. With images that just stay it has
-/// 50.
+/// How each image of `order` comes to a device that keeps at most `budget` of their `bytes`. Images stay that fit first:
+/// a device that holds half of them has the one it needs in 50 of 100 steps. If the one used least recently left, it
+/// would be 15, since every epoch shows all in a new order.
 pub(super) fn plan(order: &[Asked], bytes: impl Fn(&Asked) -> u64, budget: u64) -> Vec<Residency> {
     let last: HashMap<&Asked, usize> = order.iter().zip(0..).collect();
     let mut stays: HashMap<&Asked, bool> = HashMap::new();

@@ -2,33 +2,27 @@
 
 use crate::error::Result;
 use crate::gpu::{Buf, Gpu, Recording, Slice, Staging};
-use crate::internals::train::terms::TermData;
+use crate::internals::train::TermData;
 use crate::scene::capture::{Asked, Picture};
 use crate::stage::{NO_PRIOR, PriorPlanes};
 use std::collections::HashMap;
 
-/// The size of a picture, and how many of its pixels count.
+/// A picture's size, and how many of its pixels count.
 #[derive(Clone, Copy)]
-pub(in crate::internals::train) struct Counts {
-    /// Width and height.
+pub struct Counts {
     pub size: [u32; 2],
     /// As in [`Picture`], but at least 1.
     pub n_visible: u32,
-    /// As in [`Picture`].
     pub n_depth: u32,
-    /// As in [`Picture`].
     pub n_flow: u32,
 }
 
-/// Where the planes of a picture lie in one buffer, in words: each as a binding can begin.
+/// Where the planes of a picture lie in one buffer, in words; none where there are none. Each is as a binding can begin.
 #[derive(Clone, Copy)]
 struct Layout {
     pixels: usize,
-    /// First word of the depths; none without any.
     depths: Option<usize>,
-    /// First word of the flows; none without any.
     flows: Option<usize>,
-    /// All words.
     words: usize,
 }
 
@@ -47,23 +41,15 @@ impl Layout {
     }
 }
 
-/// A picture in the device's memory.
-pub(in crate::internals::train) struct Planes {
+pub struct Planes {
     /// RGB and the mask in the top byte, 8 bits each, row-major.
     pub colors: Buf<u32>,
     pub priors: PriorPlanes,
 }
 
-/// A picture that stays.
-#[derive(Clone)]
-struct Kept {
-    counts: Counts,
-    layout: Layout,
-    place: Buf<u32>,
-}
-
 /// A picture that is on the device, or ready to be copied there.
-pub(in crate::internals::train) struct Resident {
+#[derive(Clone)]
+pub struct Resident {
     pub counts: Counts,
     layout: Layout,
     /// In staging memory, where it is not on the device yet.
@@ -72,29 +58,25 @@ pub(in crate::internals::train) struct Resident {
     place: Option<Buf<u32>>,
 }
 
-/// The pictures on the device.
-pub(in crate::internals::train) struct Residents {
+pub struct Residents {
     data: TermData,
-    /// Where pictures lie that pass.
     passing: Buf<u32>,
     none: Buf<u32>,
-    kept: HashMap<Asked, Kept>,
+    kept: HashMap<Asked, Resident>,
 }
 
 impl Residents {
-    /// For a run whose terms of the loss use `data` beside the colours.
+    /// For a run that uses `data` beside the colours.
     pub fn new(gpu: &Gpu, data: TermData) -> Result<Self> {
         let none = gpu.upload("no prior", &[NO_PRIOR])?;
         Ok(Residents { data, passing: gpu.alloc("truth", 1)?, none, kept: HashMap::new() })
     }
 
-    /// Room for pictures of `pixels` pixels that pass.
     pub fn fit(&mut self, gpu: &Gpu, pixels: usize) -> Result<()> {
         self.passing = gpu.alloc("truth", Layout::new(gpu, pixels, self.data).words)?;
         Ok(())
     }
 
-    /// Stages a picture for one step.
     #[tracing::instrument(level = "debug", name = "upload", skip_all)]
     pub fn pass(&self, gpu: &Gpu, staging: &Staging, picture: &Picture) -> Result<Resident> {
         let (counts, layout) = self.layout(gpu, picture);
@@ -103,7 +85,7 @@ impl Residents {
     }
 
     /// Stages a picture that stays on the device as `name`, if there is memory; for one step otherwise. The images that
-    /// follow, of the same step too, count on it, so the step is to be recorded.
+    /// follow count on it, so the step is to be recorded.
     #[tracing::instrument(level = "debug", name = "upload", skip_all)]
     pub fn keep(&mut self, gpu: &Gpu, staging: &Staging, name: Asked, picture: &Picture) -> Result<Resident> {
         let (counts, layout) = self.layout(gpu, picture);
@@ -112,20 +94,20 @@ impl Residents {
             place => Some(place?),
         };
         let staged = Some(staged(staging, picture, &layout)?);
-        if let Some(place) = &place {
-            self.kept.insert(name, Kept { counts, layout, place: place.clone() });
+        let kept = Resident { counts, layout, staged: None, place };
+        if kept.place.is_some() {
+            self.kept.insert(name, kept.clone());
         }
-        Ok(Resident { counts, layout, staged, place })
+        Ok(Resident { staged, ..kept })
     }
 
-    /// The picture that stays as `name`.
     pub fn get(&self, name: &Asked) -> Option<Resident> {
-        self.kept.get(name).cloned().map(Resident::from)
+        self.kept.get(name).cloned()
     }
 
-    /// The picture that stayed as `name`, for its last step.
+    /// For the last step of the picture.
     pub fn take(&mut self, name: &Asked) -> Option<Resident> {
-        self.kept.remove(name).map(Resident::from)
+        self.kept.remove(name)
     }
 
     fn layout(&self, gpu: &Gpu, picture: &Picture) -> (Counts, Layout) {
@@ -140,7 +122,6 @@ impl Residents {
         resident.place.as_ref().unwrap_or(&self.passing)
     }
 
-    /// Where the planes of a picture lie.
     pub fn planes(&self, resident: &Resident) -> Planes {
         let place = self.place(resident);
         let Layout { pixels, depths, flows, .. } = resident.layout;
@@ -151,36 +132,26 @@ impl Residents {
         Planes { colors: place.range(0, pixels), priors }
     }
 
-    /// Appends the copy of a picture that was staged.
     pub fn record_upload(&self, rec: &mut Recording, resident: &Resident) {
         if let Some(staged) = &resident.staged {
             rec.copy(staged.clone(), self.place(resident).range(0, resident.layout.words).slice());
         }
     }
 
-    /// Bytes of the pictures that are kept.
     pub fn bytes(&self) -> u64 {
-        self.kept.values().map(|kept| kept.place.slice().size()).sum()
+        self.kept.values().filter_map(|kept| kept.place.as_ref()).map(|place| place.slice().size()).sum()
     }
 
-    /// Frees the memory of the pictures that are kept; false where there are none. Steps on the device keep theirs.
+    /// Frees the pictures that are kept; false where there are none. Steps on the device keep theirs.
     pub fn release(&mut self) -> bool {
         !std::mem::take(&mut self.kept).is_empty()
     }
 
-    /// Takes over the pictures that `other` keeps, of the same run.
     pub fn inherit(&mut self, other: &mut Residents) {
         self.kept = std::mem::take(&mut other.kept);
     }
 }
 
-impl From<Kept> for Resident {
-    fn from(Kept { counts, layout, place }: Kept) -> Self {
-        Resident { counts, layout, staged: None, place: Some(place) }
-    }
-}
-
-/// Copies the planes of a picture into staging memory.
 fn staged(staging: &Staging, picture: &Picture, layout: &Layout) -> Result<Slice> {
     let of_depth = layout.depths.map(|first| (first, bytemuck::cast_slice(&picture.depth)));
     let of_flow = layout.flows.map(|first| (first, bytemuck::cast_slice(&picture.flow)));

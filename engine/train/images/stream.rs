@@ -1,41 +1,34 @@
 //! The images of the steps to come, decoded ahead.
 
-use super::order::{reduced_order, training_order};
 use super::residency::{Residency, plan};
-use crate::error::Result;
-use crate::internals::train::config::Config;
+use crate::error::{Error, Result};
+use crate::internals::train::Config;
 use crate::parallel::threads;
+use crate::random::permutation;
 use crate::scene::capture::{Asked, CacheStats, Capture, FrameCache, Picture, PriorPlan, pixel_bytes};
 use std::ops::Range;
 use std::sync::Arc;
 use std::vec::IntoIter;
 
-/// Where the images of a run come from.
 #[derive(Clone, Copy)]
-pub(in crate::internals::train) struct Source<'a> {
+pub struct Source<'a> {
     pub capture: &'a Capture,
-    /// The images that are trained on.
     pub frames: &'a [(usize, u32)],
     pub priors: &'a PriorPlan,
 }
 
-/// The steps that images are wanted for.
-pub(in crate::internals::train) struct Steps<'a> {
+pub struct Steps<'a> {
     pub config: &'a Config,
     /// Steps that have their images.
     pub done: u64,
-    /// Steps of the run.
     pub total: u64,
     /// The images of a step that this process sees.
     pub own: Range<usize>,
 }
 
-/// How many images are held where.
 #[derive(Clone, Copy, Default)]
-pub(in crate::internals::train) struct ImageLimits {
-    /// Bytes that are decoded ahead.
+pub struct ImageLimits {
     pub cache_bytes: u64,
-    /// Bytes that stay on the device.
     pub device_bytes: u64,
     /// Images whose order is known ahead.
     pub listed: u64,
@@ -43,15 +36,12 @@ pub(in crate::internals::train) struct ImageLimits {
 
 /// The images of as many of the next steps as are listed at a time.
 pub(super) struct ImageStream {
-    /// Of all processes: camera and frame.
     images: IntoIter<(usize, u32)>,
-    /// Of this process.
     own: IntoIter<(Asked, Residency)>,
     /// Those of this process that must be decoded.
     cache: FrameCache,
 }
 
-/// An image of this process.
 pub(super) struct Next {
     pub asked: Asked,
     pub residency: Residency,
@@ -61,9 +51,6 @@ pub(super) struct Next {
 
 impl ImageStream {
     /// Lists images of whole steps: `limits.listed` or somewhat fewer, but of one step at least.
-    ///
-    /// # Errors
-    /// [`crate::Error::Data`] where the capture has no such image.
     pub fn new(source: &Source, steps: &Steps, limits: &ImageLimits) -> Result<Self> {
         let Steps { config, done, total, own } = steps;
         let batch = u64::from(config.batch);
@@ -81,28 +68,21 @@ impl ImageStream {
         Ok(ImageStream { images: order.into_iter(), own: own.into_iter(), cache })
     }
 
-    /// Camera and frame of the next image; none if no more are listed.
     pub fn next_image(&mut self) -> Option<(usize, u32)> {
         self.images.next()
     }
 
-    /// The next image of this process.
-    ///
-    /// # Errors
-    /// Those of the image.
     pub fn next_own(&mut self) -> Result<Option<Next>> {
         let Some((asked, residency)) = self.own.next() else { return Ok(None) };
         let picture = if residency.is_decoded() { self.cache.next_picture().transpose()? } else { None };
         Ok(Some(Next { asked, residency, picture }))
     }
 
-    /// Counts of the decoding so far.
     pub fn stats(&self) -> CacheStats {
         self.cache.stats()
     }
 }
 
-/// Bytes of an image on the device.
 fn bytes(source: &Source, asked: &Asked) -> u64 {
     let camera = source.capture.cameras.get(asked.camera);
     let shot = camera.and_then(|camera| camera.shot(asked.frame));
@@ -113,4 +93,30 @@ fn bytes(source: &Source, asked: &Asked) -> u64 {
         reduced(camera.intrinsics.width) * reduced(camera.intrinsics.height)
     });
     pixels * pixel_bytes(has_depth, has_flow)
+}
+
+/// `frames` as they follow one another after the first `done` images of a run on `total`: every epoch all of them,
+/// shuffled by the seed and the epoch.
+pub fn training_order(frames: &[(usize, u32)], seed: u64, done: u64, total: u64) -> Vec<(usize, u32)> {
+    let n = frames.len() as u64;
+    let shuffled = |epoch| permutation(n as usize, &[seed, epoch]).into_iter().map(|at| frames[at]);
+    let epochs = (done / n..total.div_ceil(n)).flat_map(shuffled);
+    epochs.skip((done % n) as usize).take(total.saturating_sub(done) as usize).collect()
+}
+
+/// The images of `order`, which begins after step `done` of `total`, at the size that their steps train on.
+pub fn reduced_order(order: &[(usize, u32)], config: &Config, done: u64, total: u64) -> impl Iterator<Item = Asked> {
+    let batch = config.batch as usize;
+    order.iter().enumerate().map(move |(at, &(camera, frame))| {
+        let reduction = config.resolution.reduction(done + 1 + (at / batch) as u64, total);
+        Asked { camera, frame, reduction }
+    })
+}
+
+pub fn training_frames(capture: &Capture) -> Result<Vec<(usize, u32)>> {
+    let frames = capture.training_frames();
+    if frames.is_empty() {
+        return Err(Error::data(&capture.path, "", "has no training image", "see `ivv check`"));
+    }
+    Ok(frames)
 }

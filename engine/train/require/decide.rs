@@ -7,59 +7,50 @@ use crate::report::statistics::median_high;
 use crate::scene::Splats;
 use crate::stage::Response;
 
-/// Numbers of a static Gaussian of degree 0, a quaternion's length not counted: position, rotation, scale, opacity, colour.
+/// Position, rotation without the length, scale, opacity, colour of degree 0.
 const GEOMETRY_NUMBERS: f64 = 13.0;
 /// Velocity, time of peak visibility, tau.
 const MOTION_NUMBERS: f64 = 5.0;
-/// Least temporal weight over the clip of a Gaussian that may come to rest: below, the pictures that do not show it say
-/// nothing about what it would do to them.
+/// Least temporal weight over the clip of a Gaussian that may come to rest: pictures that do not show it say nothing.
 const LEAST_WEIGHT: f64 = 0.25;
 /// Median of chi squared with five degrees of freedom.
 const MEDIAN_OF_5: f64 = 4.351_46;
-/// Halvings of the interval in which an affordable price is sought.
 const HALVINGS: u32 = 16;
 /// Tau of a Gaussian that begins to move, clips.
-const NEW_TAU: f32 = 2.0;
+pub(super) const NEW_TAU: f32 = 2.0;
 
-/// What becomes of a Gaussian.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Fate {
-    /// Whether it stays.
     pub stays: bool,
-    /// SH degree from now on.
     pub degree: u8,
-    /// Added to its colour: what the bands that go are in the mean over the cameras.
+    /// Added to its colour: the mean over the cameras of the bands that go.
     pub color: [f64; 3],
-    /// How it lives on in time.
     pub time: InTime,
-    /// Log-likelihood that the pictures lose by what it loses.
+    /// Log-likelihood that the pictures lose.
     pub loss: f64,
 }
 
-/// How a Gaussian lives on in time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum InTime {
-    /// As it did.
     AsBefore,
-    /// It stands still, where it is in the middle of the clip and as opaque as it is in the mean.
+    /// Where it is in the middle of the clip, and as opaque as in the mean.
     ComesToRest,
-    /// It moves by this velocity, scene units per clip, around where it was.
+    /// Scene units per clip.
     BeginsToMove([f32; 3]),
 }
 
-/// Bits are natural here: half a logarithm of the number of observations for each number (Schwarz 1978).
+/// Half a logarithm of the number of observations for each number (Schwarz 1978).
 fn cost(numbers: f64, evidence: &Evidence, price: f64) -> f64 {
     0.5 * price * numbers * evidence.n_values.max(2.0).ln()
 }
 
-/// The log-likelihood that the pictures lose by a step along which their information and slope are given, of a Gaussian of which
-/// `seen` was seen.
+/// The log-likelihood that the pictures lose by a step along which their information and slope are given.
 fn loss(information: f64, slope: f64, seen: &Seen, evidence: &Evidence) -> f64 {
     seen.scale * (slope + 0.5 * information) / evidence.variance.max(f64::MIN_POSITIVE)
 }
 
-/// Fates of all Gaussians at the highest price of a number, `price` at most, at which the pictures lose no more than `margin` dB
-/// of PSNR by what is removed; with that price. The rest as in [`fates`].
+/// Fates of all Gaussians at the highest price of a number, at most `price`, at which the pictures lose no more than
+/// `margin` dB of PSNR by what is removed; with that price.
 pub fn affordable(
     splats: &Splats,
     evidence: &Evidence,
@@ -93,8 +84,8 @@ pub fn affordable(
     (best, low)
 }
 
-/// Fates of all Gaussians. `frame_times` are the normalised times of the training frames; `price` multiplies the cost of a
-/// number that may go, one that comes must pay in full; what too little was seen of stays as it is; `key` chooses which of those that are not worth their numbers go now.
+/// Fates of all Gaussians at normalised `frame_times`. `price` multiplies the cost of a number that may go; one that
+/// comes pays in full. `key` chooses which of those that are not worth their numbers go now.
 fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, key: &[u64]) -> Vec<Fate> {
     let random = Keyed::new(key);
     let overdispersion = overdispersion(splats, evidence);
@@ -119,7 +110,7 @@ fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, 
         let numbers = GEOMETRY_NUMBERS
             + if is_dynamic { MOTION_NUMBERS } else { 0.0 }
             + (3 * ((degree + 1) * (degree + 1) - 1)) as f64;
-        // Two that hide each other must not go together: half of them go at a time.
+        // Two that hide each other must not go together.
         let stays = !seen.tells_all() || pays(part(|r| r.whole), numbers) || random.bits(i as u64) & 1 == 0;
         let tells_motion = seen.tells_motion(frame_times.len());
         let time = if is_dynamic {
@@ -144,7 +135,7 @@ fn fates(splats: &Splats, evidence: &Evidence, frame_times: &[f64], price: f64, 
     (0..splats.len()).map(of).collect()
 }
 
-/// The score statistic of what a static Gaussian lacks (Rao 1948), chi squared with five degrees of freedom where it lacks
+/// The score statistic of what a static Gaussian lacks (Rao 1948): chi squared with five degrees of freedom if it lacks
 /// nothing and errors are independent.
 fn score(i: usize, evidence: &Evidence) -> f64 {
     let (information, slope) = (&evidence.information[i], &evidence.slope[i]);
@@ -152,18 +143,10 @@ fn score(i: usize, evidence: &Evidence) -> f64 {
     evidence.seen[i].scale * terms.sum::<f64>() / evidence.variance.max(f64::MIN_POSITIVE)
 }
 
-/// By how much scores are larger than independent errors would make them, at least 1: errors of neighbouring pixels and of
-/// successive frames are alike. The median tells, as most of what stands still does so rightly (genomic control, Devlin and
-/// Roeder 1999).
+/// By how much scores are larger than independent errors would make them, at least 1. The median shows it, as most of
+/// what stands still does so rightly (genomic control, Devlin and Roeder 1999).
 fn overdispersion(splats: &Splats, evidence: &Evidence) -> f64 {
-    let scores = (0..splats.n_static)
-        .filter(|&i| evidence.seen[i].tells_something())
-        .map(|i| score(i, evidence))
-        .filter(|score| score.is_finite());
+    let seen = (0..splats.n_static).filter(|&i| evidence.seen[i].tells_something());
+    let scores = seen.map(|i| score(i, evidence)).filter(|score| score.is_finite());
     median_high(scores).map_or(1.0, |median| (median / MEDIAN_OF_5).max(1.0))
-}
-
-/// log tau of a Gaussian that begins to move.
-pub(super) fn new_t_scale() -> f32 {
-    NEW_TAU.ln()
 }

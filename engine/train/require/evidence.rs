@@ -1,9 +1,9 @@
-//! What the training pictures say of each part of each Gaussian.
+//! Evidence of the training pictures on each part of each Gaussian.
 
 use crate::error::Result;
-use crate::internals::train::require::look::{Album, Seen};
+use crate::internals::train::Sight;
+use crate::internals::train::require::look::{Album, Seen, Shot};
 use crate::internals::train::scores::ColorMap;
-use crate::internals::train::scores::Sight;
 use crate::random::Keyed;
 use crate::scene::{Frame, Splats, View};
 use crate::stage::{Census, Renderer, Response};
@@ -13,26 +13,21 @@ use crate::stage::{Census, Renderer, Response};
 pub struct Evidence {
     /// Fisher information along the step to each part's absence, in squared colours.
     pub information: Vec<Response>,
-    /// Slope of half the squared error of the colours along the same steps.
+    /// Of half the squared error of the colours along the same steps.
     pub slope: Vec<Response>,
-    /// Of the error of a colour: what noise and the model's faults leave.
+    /// Of the error of a colour.
     pub variance: f64,
-    /// What was seen of it.
     pub seen: Vec<Seen>,
     /// Colours of all training pictures, three to a pixel.
     pub n_values: f64,
-    /// Pictures that were looked at.
+    /// That were looked at.
     pub pictures: usize,
 }
 
 impl Evidence {
-    /// Looks at training pictures of `splats`, which `renderer` shows: at `most` at most, until all but `share` of the Gaussians
-    /// have been seen enough. `key` chooses between pictures that show as much and makes the random signs. Pictures of cameras
-    /// that `has_grid` names are compared after the affine map of colours that fits them best. `progress` is called as (pictures
-    /// looked at, pictures chosen so far).
-    ///
-    /// # Errors
-    /// Those of the renderer and of the capture's pictures.
+    /// Looks at `most` training pictures of `splats` at most, until all but `share` of the Gaussians have been seen
+    /// enough. `key` chooses between pictures that show as much. Pictures of cameras that `has_grid` names are compared
+    /// after the affine map of colours that fits them best. `progress` is called as (pictures looked at, chosen so far).
     pub fn gather(
         renderer: &mut Renderer,
         splats: &Splats,
@@ -56,7 +51,7 @@ impl Evidence {
             }
             let total = evidence.pictures + chosen.len();
             for at in chosen {
-                let (camera, frame) = album.shot(at);
+                let Shot { camera, frame, .. } = album.shots[at];
                 let random = Keyed::new(&[key, &[evidence.pictures as u64]].concat());
                 let is_mapped = has_grid.get(camera).copied().unwrap_or(false);
                 let (own_squares, own_values) = look(renderer, &census, sight, (camera, frame), is_mapped, random)?;
@@ -70,13 +65,13 @@ impl Evidence {
         }
         (evidence.information, evidence.slope) = renderer.counted(&census)?;
         evidence.variance = squares / n_values.max(1) as f64;
-        evidence.n_values = n_values as f64 * album.len() as f64 / evidence.pictures.max(1) as f64;
+        evidence.n_values = n_values as f64 * album.shots.len() as f64 / evidence.pictures.max(1) as f64;
         evidence.seen = album.all_seen();
         Ok(evidence)
     }
 }
 
-/// Adds a training picture to `census`; returns the sum of the squared errors of its colours, and their number.
+/// Adds a picture to `census`; returns the sum of the squared errors of its colours, and their number.
 fn look(
     renderer: &mut Renderer,
     census: &Census,
@@ -105,7 +100,7 @@ fn look(
     Ok((squares, n_values))
 }
 
-/// Cotangents of the colours of `view`: a random sign each, 0 where the mask in `truth` hides the pixel.
+/// A random sign for each colour of `view`, 0 where the mask in `truth` hides the pixel.
 fn signs(view: &View, truth: &[u32], random: Keyed) -> Frame {
     let color = truth.iter().zip(0..).map(|(word, pixel)| {
         let bits = random.bits(pixel);

@@ -1,41 +1,32 @@
 //! Which cameras' colours differ so much that they need a bilateral grid.
 
 use crate::error::Result;
-use crate::internals::train::scores::Sight;
+use crate::internals::train::{Sight, spread};
+use crate::scene::capture::Shot;
 use crate::stage::{Outputs, Renderer};
 
-/// Blocks of a picture whose mean colours are compared, across and down: errors within one are alike, those of two hardly.
+/// Blocks of a picture whose mean colours are compared, across and down: errors within one are alike.
 const BLOCKS: [u32; 2] = [6, 4];
-/// Least pixels of a block that tell a mean.
 const LEAST_PIXELS: f64 = 16.0;
-/// Pictures of a camera that are looked at, evenly spread over the clip. A block's mean is over all of them: what is wrong
-/// at a place is wrong in every frame, so more frames are no more evidence.
+/// Pictures of a camera, evenly spread over the clip: more are no more evidence, as a place is wrong in every frame.
 const PICTURES: usize = 8;
-/// Numbers of the map that is tried: gain and offset of each channel.
+/// Of the map: gain and offset of each channel.
 const NUMBERS: f64 = 2.0;
 
-/// What a camera's pictures say of its colours.
+/// Evidence on a camera's colours.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct GridCheck {
-    /// Name of the camera.
     pub camera: String,
-    /// Log-likelihood that a gain and an offset of each channel gain, less what these numbers cost.
+    /// Log-likelihood that a gain and an offset of each channel gain, less their cost.
     pub gain: f64,
-    /// Whether a grid pays.
     pub is_needed: bool,
 }
 
-/// Whether a map of the colours of `camera` would pay (SPEC 12). What is tried is the least that a bilateral grid can do: a gain
-/// and an offset of each channel, on the mean colours of blocks of pixels.
-///
-/// # Errors
-/// Those of the renderer and of the capture's pictures.
+/// Tries the least that a colour map of `camera` can do (SPEC 12): a gain and an offset of each channel, on the mean
+/// colours of blocks of pixels.
 pub(super) fn check(renderer: &mut Renderer, sight: &Sight, camera: usize) -> Result<GridCheck> {
-    let shots = &sight.capture.cameras[camera].shots;
-    let n = shots.len().min(PICTURES);
     let mut blocks = vec![Block::default(); (BLOCKS[0] * BLOCKS[1]) as usize];
-    for k in 0..n {
-        let frame = shots[(2 * k + 1) * shots.len() / (2 * n)].frame;
+    for Shot { frame, .. } in spread(&sight.capture.cameras[camera].shots, PICTURES) {
         let view = sight.view(camera, frame)?;
         let (shown, _) = renderer.render(&view, Outputs::Color)?;
         let picture = sight.capture.picture(camera, frame)?;
@@ -55,10 +46,9 @@ pub(super) fn check(renderer: &mut Renderer, sight: &Sight, camera: usize) -> Re
     Ok(GridCheck { camera: sight.capture.cameras[camera].name.clone(), gain, is_needed: gain > 0.0 })
 }
 
-/// Mean colours of a block, shown and true.
+/// Shown and true.
 type Means = ([f64; 3], [f64; 3]);
 
-/// Sums over the pixels of a block.
 #[derive(Clone, Copy, Debug, Default)]
 struct Block {
     n: f64,
@@ -73,13 +63,13 @@ impl Block {
         self.truth.iter_mut().zip(truth).for_each(|(sum, x)| *sum += x);
     }
 
-    /// Mean colours shown and true; none where too little of it is seen.
+    /// None if too little is seen.
     fn means(&self) -> Option<Means> {
         (self.n >= LEAST_PIXELS).then(|| (self.shown.map(|x| x / self.n), self.truth.map(|x| x / self.n)))
     }
 }
 
-/// Gain of a line per channel over the identity, by Schwarz's criterion, summed over the channels.
+/// Of a line per channel over the identity, by Schwarz's criterion.
 fn gain(blocks: &[Means]) -> f64 {
     let n = blocks.len() as f64;
     if n < 8.0 {
@@ -104,7 +94,7 @@ mod tests {
     use super::{Means, gain};
     use crate::random::Keyed;
 
-    /// Blocks of a camera whose colours are `map` of what is shown, with errors of standard deviation `error`.
+    /// Of a camera whose colours are `map` of what is shown, with errors of standard deviation `error`.
     fn blocks(error: f64, map: impl Fn(f64) -> f64) -> Vec<Means> {
         let random = Keyed::new(&[3]);
         let block = |i: u64| {

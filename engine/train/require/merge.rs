@@ -1,18 +1,18 @@
-//! Gaussians that show one resting thing one after the other become one.
+//! Gaussians that show one resting thing one after the other are merged.
 
 use crate::internals::train::require::evidence::Evidence;
+use crate::report::statistics::median_high;
 use crate::scene::{SH_C0, Splats};
 use glam::{DMat3, DQuat, DVec3};
 use std::collections::HashMap;
 
 /// Bhattacharyya distance below which two Gaussians have the same place and shape.
 const SAME_PLACE: f64 = 0.1;
-/// Way within tau, in units of the largest standard deviation, below which a Gaussian rests.
+/// Way within tau of a Gaussian that rests, at most, in units of the largest standard deviation.
 const RESTS: f64 = 0.5;
-/// Numbers that a merger saves: those of a dynamic Gaussian of degree 0.
+/// Saved by a merger: those of a dynamic Gaussian of degree 0.
 const NUMBERS: f64 = 18.0;
 
-/// A Gaussian in double precision.
 struct One {
     mean: DVec3,
     covariance: DMat3,
@@ -41,12 +41,11 @@ impl One {
         (rests && one.covariance.determinant() > 0.0 && one.mean.is_finite()).then_some(one)
     }
 
-    /// Where it is at `time`.
     fn at(&self, time: f64) -> DVec3 {
         self.mean + self.velocity * (time - self.t_center)
     }
 
-    /// Whether both have the same place and shape, and their times touch.
+    /// True if both have the same place and shape, and their times touch.
     fn continues(&self, other: &One) -> bool {
         let meet = 0.5 * (self.t_center + other.t_center);
         let apart = self.at(meet) - other.at(meet);
@@ -57,17 +56,14 @@ impl One {
     }
 }
 
-/// Merges those that may be one into the earlier of them and marks the later in `gone`; returns how often. Those that are marked
-/// before are left alone. What a merger costs is
-/// told by the information that the pictures have of both colours and opacities.
+/// Merges those that may be one into the earlier of them and marks the later in `gone`; returns how often. It leaves those
+/// alone that are marked already.
 pub fn merge_resting(splats: &mut Splats, evidence: &mut Evidence, price: f64, gone: &mut [bool]) -> usize {
     let mut order: Vec<(usize, One)> =
         (splats.n_static..splats.len()).filter_map(|i| Some((i, One::new(splats, i)?))).collect();
     order.sort_by(|a, b| a.1.t_center.total_cmp(&b.1.t_center));
-    let mut sizes: Vec<f64> = order.iter().map(|(_, one)| one.largest).collect();
-    sizes.sort_unstable_by(f64::total_cmp);
     // Centres of two that are one are less than one standard deviation apart.
-    let side = 2.0 * sizes.get(sizes.len() / 2).copied().unwrap_or(1.0);
+    let side = 2.0 * median_high(order.iter().map(|(_, one)| one.largest)).unwrap_or(1.0);
     let cell = |p: DVec3| (p / side).floor().as_i64vec3().to_array();
     let mut cells: HashMap<[i64; 3], Vec<usize>> = HashMap::new();
     order.iter().enumerate().for_each(|(at, (_, one))| cells.entry(cell(one.mean)).or_default().push(at));
@@ -98,7 +94,7 @@ pub fn merge_resting(splats: &mut Splats, evidence: &mut Evidence, price: f64, g
     n_merged
 }
 
-/// Whether the pictures lose less by one colour and one opacity for both than a Gaussian costs, as far as both were seen.
+/// True if the pictures lose less by one colour and one opacity for both than a Gaussian costs.
 fn agree(splats: &Splats, evidence: &Evidence, price: f64, a: usize, b: usize) -> bool {
     if [a, b].iter().any(|i| !evidence.seen[*i].tells_something()) {
         return false;
@@ -116,8 +112,7 @@ fn agree(splats: &Splats, evidence: &Evidence, price: f64, a: usize, b: usize) -
     loss < 0.5 * price * NUMBERS * evidence.n_values.max(2.0).ln()
 }
 
-/// Puts the union of both into `a`: in time from the beginning of the one to the end of the other, else the mean by what the
-/// pictures know of them.
+/// Puts the union in time of both into `a`; all else is the mean by their information.
 fn unite(splats: &mut Splats, evidence: &mut Evidence, a: usize, b: usize) {
     let [wa, wb] = [a, b].map(|i| evidence.seen[i].scale * evidence.information[i].whole);
     let part = if wa + wb > 0.0 { (wb / (wa + wb)) as f32 } else { 0.5 };

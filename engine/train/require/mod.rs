@@ -1,5 +1,4 @@
-//! Only what a scene requires (SPEC 12): every so often the run asks the training pictures which parts of which Gaussians
-//! pay for their numbers, and training continues with those.
+//! Only what a scene requires (SPEC 12): reviews ask the training pictures which parts of which Gaussians pay.
 
 mod decide;
 mod evidence;
@@ -14,11 +13,8 @@ pub use merge::merge_resting;
 
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::internals::train::checkpoint::{CameraState, Checkpoint};
-use crate::internals::train::config::Config;
 use crate::internals::train::density::recovered_from;
-use crate::internals::train::scores::Sight;
-use crate::internals::train::trainer::Trainer;
+use crate::internals::train::{CameraState, Checkpoint, Config, Sight, Trainer};
 use crate::scene::capture::Capture;
 use crate::scene::{Motion, SH_C0, Splats};
 use crate::settings::Constants;
@@ -27,72 +23,64 @@ use decide::{Fate, InTime, affordable};
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-/// Purpose of the random numbers of a review; those of a step have 1 to 3, and 5.
+/// Purpose of the random numbers of a review; a step has 1 to 3, and 5.
 const REVIEW: u64 = 4;
-/// Training images that a review looks at, at most: each takes as long as two steps.
+/// Training images of a review, at most: each takes as long as two steps.
 pub(crate) const MOST_IMAGES: usize = 128;
-/// When the first review takes place, of the run: by default density control adds its last Gaussians at half of it.
+/// The first review, of the run: by default density control adds its last Gaussians at half of it.
 const FIRST: f64 = 0.6;
-/// When the last review takes place, of the run: the steps after it mend some of what the reviews took.
+/// The last review, of the run: later steps mend some of what reviews took.
 const LAST: f64 = 0.8;
-/// Share of the Gaussians that a review may leave unjudged because too few images show them: the last ones would take many images each.
+/// Share of the Gaussians that may stay unjudged: the last ones would take many images each.
 const UNSEEN: f64 = 0.02;
-/// What a number must be worth to stay, in half logarithms of the number of observations: Schwarz's criterion.
+/// In half logarithms of the number of observations: Schwarz's criterion.
 const PRICE: f64 = 1.0;
-/// PSNR that all reviews together may cost when they take place, dB: the steps that are left repair some of it, not all.
+/// PSNR that all reviews together may cost when they take place, dB.
 const MARGIN: f64 = 0.05;
 /// Largest velocity of a Gaussian that begins to move, scene units per clip; the cameras' extent is 3.
 const FASTEST: f32 = 3.0;
-/// A bucket of Gaussians is stored apart if there are more than one in so many: each costs some twenty dispatches a step.
+/// Largest share of the Gaussians, as one in so many, that is not stored apart: a bucket costs twenty dispatches a step.
 const FEW: usize = 32;
 
-/// What a review found and did.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct Review {
-    /// Step after which it was.
     pub step: u64,
     /// Standard deviation of the errors of the colours, in [0, 1].
     pub noise: f64,
-    /// Price of a number in half logarithms of the number of observations: 1, or less where the pictures would have lost too much.
+    /// Of a number, in half logarithms of the number of observations; less than 1 if the pictures would lose too much.
     pub price: f64,
-    /// Training pictures that it looked at.
+    /// That it looked at.
     pub pictures: usize,
-    /// As many as it was allowed to look at.
+    /// Pictures that it might look at.
     pub budget: usize,
-    /// Gaussians that are in none of these pictures, and may be in others.
+    /// Gaussians in none of these pictures.
     pub unseen: usize,
-    /// Gaussians that were left as they are, since they are in too few of these pictures; those unseen among them.
+    /// Gaussians that were not judged, since they are in too few of these pictures.
     pub left: usize,
-    /// Gaussians before it.
     pub before: usize,
-    /// Gaussians after it.
     pub after: usize,
-    /// Gaussians that were not worth their numbers.
     pub removed: usize,
-    /// Gaussians that became part of another.
+    /// Into another.
     pub merged: usize,
-    /// Dynamic Gaussians that became static.
+    /// Became static.
     pub came_to_rest: usize,
-    /// Static Gaussians that became dynamic.
+    /// Became dynamic.
     pub began_to_move: usize,
     /// Gaussians that lost band 1, 2, 3.
     pub lost_bands: [usize; 3],
-    /// Training cameras that had no grid: what their pictures said.
+    /// Of training cameras that had no grid.
     pub grids: Vec<GridCheck>,
 }
 
-/// What is due after a step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Due {
-    /// Cameras are looked at for whether they need a grid.
     Grids,
-    /// Gaussians are looked at.
     Gaussians,
 }
 
-/// What is due after step `step` of `total`: the cameras' turn comes a step later where the Gaussians have theirs. What falls into the
-/// dip after a reset of the opacities comes once the scene has recovered.
+/// The review after step `step` of `total`. That of the grids is a step later where both coincide, and none falls into the
+/// dip after a reset of the opacities.
 pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
     let grids_at = config.required.grids_at;
     let at = |fraction: f64| recovered_from(config, (fraction * total as f64).round() as u64, total);
@@ -108,7 +96,7 @@ pub fn review_due(config: &Config, step: u64, total: u64) -> Option<Due> {
     }
 }
 
-/// The steps of a run of `total` after which Gaussians are looked at; fewer than were asked for where several fall on one.
+/// Steps with a review of the Gaussians; fewer than were asked for where several fall on one.
 fn reviews_at(config: &Config, total: u64) -> BTreeSet<u64> {
     // More would fall on the same steps.
     let reviews = u64::from(config.required.reviews).min(total + 1);
@@ -117,11 +105,8 @@ fn reviews_at(config: &Config, total: u64) -> BTreeSet<u64> {
     steps.filter(|step| (1..total).contains(step)).collect()
 }
 
-/// Reviews the cameras and the Gaussians of `trainer`, which is trained on `capture`, and lets it go on with what the pictures
-/// require. It looks at `most_images` of them at most. `progress` is called as (pictures looked at, pictures chosen so far).
-///
-/// # Errors
-/// Those of the device and of the capture's pictures.
+/// Reviews the cameras or the Gaussians of `trainer`, by `most_images` images of `capture` at most. `progress` is called
+/// as (pictures looked at, pictures chosen so far).
 #[tracing::instrument(level = "info", name = "review", skip_all)]
 pub fn review(
     trainer: &mut Trainer,
@@ -178,8 +163,7 @@ pub fn review(
     Ok(report)
 }
 
-/// Gives a grid, the identity as yet, to each training camera that needs one, and to no other; returns what their pictures
-/// said.
+/// Gives a grid, the identity as yet, to each training camera that needs one, and to no other.
 fn give_grids(renderer: &mut Renderer, sight: &Sight, state: &mut CameraState) -> Result<Vec<GridCheck>> {
     let cameras = &sight.capture.cameras;
     let mut checks = Vec::new();
@@ -197,7 +181,6 @@ fn give_grids(renderer: &mut Renderer, sight: &Sight, state: &mut CameraState) -
     Ok(checks)
 }
 
-/// What `fates` do.
 fn tally(checkpoint: &Checkpoint, fates: &[Fate], merged: &[bool]) -> Review {
     let staying = || fates.iter().enumerate().filter(|(_, fate)| fate.stays);
     let params = &checkpoint.params;
@@ -216,8 +199,7 @@ fn tally(checkpoint: &Checkpoint, fates: &[Fate], merged: &[bool]) -> Review {
     }
 }
 
-/// Gives the Gaussians of `checkpoint`, with their moments and state, the fates that were decided, in the order of their
-/// buckets.
+/// Carries out `fates` on the Gaussians of `checkpoint`, with their moments and state, in the order of their buckets.
 fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
     let params = &checkpoint.params;
     let is_dynamic = |i: usize| match fates[i].time {
@@ -238,16 +220,11 @@ fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
         });
         Splats {
             n_static: order.iter().filter(|&&i| !is_dynamic(i)).count(),
-            sh_degree: from.sh_degree,
             degree: order.iter().map(|&i| degree_of(i)).collect(),
-            position: order.iter().map(|&i| from.position[i]).collect(),
-            rotation: order.iter().map(|&i| from.rotation[i]).collect(),
-            scale: order.iter().map(|&i| from.scale[i]).collect(),
-            opacity: order.iter().map(|&i| from.opacity[i]).collect(),
             sh: sh.collect(),
             motion: order.iter().filter(|&&i| is_dynamic(i)).map(|&i| motion(i)).collect(),
             source_row: (0..order.len() as u32).collect(),
-            span: Vec::new(),
+            ..from.in_order(&order)
         }
     };
     let motion_of = |from: &Splats, i: usize| i.checked_sub(from.n_static).and_then(|at| from.motion.get(at)).copied();
@@ -255,7 +232,7 @@ fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
         InTime::BeginsToMove(velocity) => Motion {
             velocity: velocity.map(|v| if v.is_finite() { v.clamp(-FASTEST, FASTEST) } else { 0.0 }),
             t_center: 0.5,
-            t_scale: decide::new_t_scale(),
+            t_scale: decide::NEW_TAU.ln(),
         },
         InTime::AsBefore | InTime::ComesToRest => motion_of(params, i).unwrap_or(none),
     });
@@ -281,8 +258,7 @@ fn carry_out(checkpoint: &mut Checkpoint, fates: &[Fate]) {
     checkpoint.params = now;
 }
 
-/// By population and degree, the degree that its Gaussians are stored with: a few that would have kernels of their own join
-/// the next higher degree that there is.
+/// By population and degree, the degree that its Gaussians are stored with: few join the next higher degree.
 fn stored_degrees(all: impl Iterator<Item = (bool, usize)>) -> [[u8; 4]; 2] {
     let mut counts = [[0usize; 4]; 2];
     all.for_each(|(is_dynamic, degree)| counts[usize::from(is_dynamic)][degree] += 1);

@@ -9,10 +9,10 @@ use std::ops::Range;
 /// Weight of the identity, per pixel: a picture of one colour does not fix the map.
 const RIDGE: f64 = 1e-6;
 
-/// Pixels that a thread adds up at a time; the same on every machine, as the sums are.
+/// Pixels that a thread adds up at a time, on every machine: so the sums have the same bits.
 const PART: usize = 1 << 16;
 
-/// Colours in [0, 1]: rendered, truth.
+/// Rendered and true colours in [0, 1].
 type Pair = ([f64; 3], [f64; 3]);
 
 /// The affine map of colours that brings a rendered view closest to its image (SPEC 10).
@@ -22,7 +22,7 @@ pub struct ColorMap {
     rows: [DVec4; 3],
 }
 
-/// Sums over the pixels of a view that the fit needs, and the sum of their squared errors before it.
+/// Sums over the pixels of a view, and of their squared errors before the fit.
 #[derive(Clone, Copy)]
 struct Sums {
     n: usize,
@@ -55,8 +55,7 @@ impl Sums {
 }
 
 impl ColorMap {
-    /// Least squares with a slight pull towards the identity, which decides what the pixels leave open; the identity
-    /// without pixels.
+    /// Least squares with a slight pull towards the identity, which decides what the pixels leave open.
     fn fit(sums: &Sums) -> Self {
         let identity = std::array::from_fn(|c| DMat4::IDENTITY.col(c));
         if sums.n == 0 {
@@ -67,7 +66,7 @@ impl ColorMap {
         ColorMap { rows: std::array::from_fn(|c| inverse * (identity[c] * ridge + sums.moments[c])) }
     }
 
-    /// The map of `frame`, clamped to [0, 1], to `picture`, of the same size, over the pixels that are not hidden.
+    /// Brings `frame`, clamped to [0, 1], to `picture` over the pixels that are not hidden.
     pub fn of_view(frame: &Frame, picture: &Picture) -> Self {
         Self::fit(&sums_of(frame, picture))
     }
@@ -86,16 +85,14 @@ impl ColorMap {
 /// Mean squared errors of a view over the channels of the pixels that the mask does not hide.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Errors {
-    /// Pixels that are not hidden.
     pub n: usize,
     /// Error of the colour, clamped to [0, 1].
     pub plain: f64,
-    /// The same after the map that fits best.
     pub aligned: f64,
 }
 
 impl Errors {
-    /// The errors of `frame` against `picture`, of the same size; 0 if all is hidden.
+    /// Of `frame` against `picture`; 0 if all is hidden.
     pub fn of_view(frame: &Frame, picture: &Picture) -> Self {
         let sums = sums_of(frame, picture);
         let map = ColorMap::fit(&sums);
@@ -119,7 +116,7 @@ fn square_of(a: [f64; 3], b: [f64; 3]) -> f64 {
     (0..3).map(|c| (a[c] - b[c]).powi(2)).sum()
 }
 
-/// The pixels of a part of a view that the mask does not hide: colour clamped to [0, 1], and truth.
+/// The pixels of a part of a view that the mask does not hide: clamped, and true.
 fn visible(frame: &Frame, picture: &Picture, part: Range<usize>) -> impl Iterator<Item = Pair> {
     let both = frame.color[part.clone()].iter().zip(&picture.pixels[part]);
     both.filter_map(|(color, word)| {
@@ -133,7 +130,6 @@ fn sums_of(frame: &Frame, picture: &Picture) -> Sums {
     parts.into_iter().reduce(Sums::and).unwrap_or_else(|| Sums::of(std::iter::empty()))
 }
 
-/// Does `work` on each part of a view's pixels, on several threads; results in order.
 fn by_parts<T: Send>(frame: &Frame, work: impl Fn(Range<usize>) -> T + Sync) -> Vec<T> {
     let n = frame.color.len();
     let part = |k: usize| k * PART..((k + 1) * PART).min(n);

@@ -1,18 +1,15 @@
 //! Warnings when the scores of the test images fall during a run.
 
-use crate::internals::train::config::Config;
 use crate::internals::train::density::recovers;
-use crate::internals::train::folder::{Kind, Log};
+use crate::internals::train::{Config, Kind, Log};
 use serde_json::Value;
 
-/// The mean PSNR falls if it is so far below the best, dB: an eighth more squared error. A good run on photographs,
-/// scored every ten steps, dipped by 0.4 dB at most; one that went astray fell by 0.6.
+/// The mean PSNR falls if it is so far below the best, dB. A good run on photographs dipped by 0.4 dB at most.
 const MARGIN: f64 = 0.5;
 
 /// A fall of the test images' mean PSNR below the best so far.
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Fall {
-    /// Steps done.
     pub step: u64,
     /// Mean PSNR after them, dB.
     pub psnr: f64,
@@ -23,9 +20,8 @@ pub struct Fall {
 }
 
 impl Fall {
-    /// The fall that begins with the last of `scores`: (steps done, mean PSNR in dB) of all evaluations so far, of the
-    /// same images, in order. None if the score is near the best, if an earlier evaluation reported the fall and the
-    /// scores have not recovered since, and after a reset of the opacities in a run of `total` steps.
+    /// The fall that begins with the last of `scores`, (step, mean PSNR in dB) of the same images. None if an earlier
+    /// evaluation reported it, and after a reset of the opacities in a run of `total` steps.
     pub fn of(scores: &[(u64, f64)], config: &Config, total: u64) -> Option<Self> {
         let (mut best, mut begun, mut last) = ((0, f64::NEG_INFINITY), false, None);
         // NaN is no score.
@@ -44,7 +40,7 @@ impl Fall {
         last
     }
 
-    /// The same from the evaluations of a run's log, those of the same images as the last one.
+    /// By the evaluations of the same images as the last one.
     pub fn of_log(log: &Log, config: &Config, total: u64) -> Option<Self> {
         let names = |line: &Value| -> Vec<Value> {
             line["views"].as_array().into_iter().flatten().map(|view| view["view"].clone()).collect()

@@ -3,33 +3,27 @@
 use crate::scene::capture::Picture;
 use crate::scene::{Frame, Pose};
 
-/// Pixels by which a window reaches beyond its middle: changes are averaged over it, which leaves motion and takes
-/// noise out.
+/// Half the window that changes are averaged over, pixels: that leaves motion and takes noise out.
 const REACH: usize = 2;
-/// Largest change of a window's mean that counts as static, in steps of 8 bits.
+/// Largest change of a window's mean that counts as static, of 255.
 const REST: f64 = 2.0;
 /// Least static share of a picture.
 const LEAST: f64 = 0.01;
 
-/// A picture of a camera, and its truth.
 pub(super) struct Instant {
-    /// Frame of the clip.
     pub frame: u32,
     pub pose: Pose,
-    /// Rendered colours, clamped.
+    /// Clamped.
     pub rendered: Vec<[f32; 3]>,
-    /// The camera's image.
     pub truth: Picture,
-    /// The foreground mask.
     pub foreground: Option<Vec<bool>>,
 }
 
-/// Mean absolute change from a picture to the next, over three channels of the static pixels, in colours of 0 to 1.
+/// Mean absolute change from a picture to the next over the static pixels, in colours of 0 to 1.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Flicker {
-    /// In the rendered pictures.
     pub rendered: f64,
-    /// In the camera's images: its noise.
+    /// Noise of the camera.
     pub truth: f64,
 }
 
@@ -39,8 +33,7 @@ impl Instant {
         Instant { frame, pose, rendered, truth, foreground }
     }
 
-    /// The flicker from `before` to this; none unless they are successive pictures of a camera that stays, and enough
-    /// is static.
+    /// None unless both are successive pictures of a camera that stays, and enough is static.
     pub fn flicker_since(&self, before: &Instant) -> Option<Flicker> {
         let is_next = before.frame.checked_add(1) == Some(self.frame) && before.pose == self.pose;
         if !is_next || before.truth.pixels.len() != self.truth.pixels.len() {
@@ -60,13 +53,13 @@ impl Instant {
         (n as f64 >= LEAST * rests.len() as f64 && n > 0).then_some(Flicker { rendered, truth })
     }
 
-    /// For each pixel, true if the window about it is static, and it is neither hidden nor foreground.
+    /// By pixel, true if the window about it is static, and it is neither hidden nor foreground.
     fn rests_since(&self, before: &Instant) -> Vec<bool> {
         let [width, height] = [self.truth.width, self.truth.height].map(|side| side as usize);
         let is_seen = |instant: &Instant, pixel: usize| instant.truth.pixels[pixel] >> 24 != 0;
         let both = |pixel: usize| is_seen(self, pixel) && is_seen(before, pixel);
         let moves = |instant: &Instant, pixel: usize| instant.foreground.as_ref().is_some_and(|mask| mask[pixel]);
-        // Sums over all pixels above and to the left: of the changes, and of those that count.
+        // Summed over all pixels above and to the left: the changes, and the count.
         let mut sums = vec![[0_i64; 4]; (width + 1) * (height + 1)];
         for y in 0..height {
             let mut row = [0_i64; 4];

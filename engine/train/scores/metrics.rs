@@ -4,8 +4,7 @@ use super::align::Errors;
 use super::flicker;
 use crate::error::{Error, Result};
 use crate::gpu::{Gpu, Recording};
-use crate::internals::train::config::Config;
-use crate::internals::train::poses::Correction;
+use crate::internals::train::{Config, Correction};
 use crate::parallel::{in_parallel, threads};
 use crate::report::statistics::{mean, median_high};
 use crate::scene::capture::{Capture, Picture};
@@ -16,7 +15,6 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Instant;
 
-/// Most images that an evaluation decodes at a time.
 const AHEAD: usize = 8;
 
 /// Definitions of the scores, by name; written beside every set of them.
@@ -56,59 +54,51 @@ const METRICS: [(&str, &str); 9] = [
 pub const METRICS_OF: &str = "the rendered colour, clamped to [0, 1], not rounded to 8 bits, against the 8-bit image; \
                               no crop; means are over views that their masks do not hide";
 
-/// Scores of one view, or means over several.
-#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+/// Scores of one view, or means over several; errors are of the clamped colour.
+#[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Scores {
-    /// Peak signal-to-noise ratio of the clamped colour, dB, over visible pixels.
+    /// dB, over visible pixels.
     pub psnr: f64,
-    /// The same after the affine map of colours that brings the view closest to the image, dB.
+    /// After the affine map of colours that brings the view closest to the image.
     pub psnr_aligned: f64,
-    /// The same over the pixels that a foreground mask marks, dB; none without such pixels.
+    /// Over the pixels that a foreground mask marks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_foreground: Option<f64>,
-    /// The same over the pixels that a co-visibility mask marks, dB; none without such pixels.
+    /// Over the pixels that a co-visibility mask marks.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub psnr_covisible: Option<f64>,
-    /// Structural similarity of the clamped colour (SPEC 4's window, zero padding).
+    /// With SPEC 4's window and zero padding.
     pub ssim: f64,
     /// Mean absolute error.
     pub l1: f64,
-    /// LPIPS; none without weights, or of a view that is too small for them.
+    /// None without weights, or of a view that is too small for them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips: Option<f64>,
-    /// LPIPS of colours in [0, 1], to compare with tables that have it so; as [`Scores::lpips`] otherwise.
+    /// Of colours in [0, 1], to compare with tables that have it so.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub lpips_unscaled: Option<f64>,
-    /// Mean absolute change since the frame before, where nothing moves; none of a first frame or a camera that moves.
+    /// Mean absolute change since the frame before, where nothing moves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flicker: Option<f64>,
-    /// The same of the image: its noise.
+    /// Of the image: its noise.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub flicker_true: Option<f64>,
 }
 
-/// Scores of a named view.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ViewScores {
-    /// Name of the view.
     pub view: String,
-    /// Name of its camera.
     pub camera: String,
-    /// Its frame in the clip.
     pub frame: u32,
-    /// Its scores.
     #[serde(flatten)]
     pub scores: Scores,
-    /// Time of its rendering with the way back to the host, milliseconds.
+    /// With the way back to the host.
     pub render_ms: f64,
 }
 
-/// Scores of several views after a number of steps.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Evaluation {
-    /// Steps done.
     pub step: u64,
-    /// Means over the views.
     #[serde(flatten)]
     pub mean: Scores,
     /// By frame, then by camera; at least one.
@@ -116,7 +106,7 @@ pub struct Evaluation {
 }
 
 impl Evaluation {
-    /// The evaluation of `views` after `step` steps; none when there is no view.
+    /// None without a view.
     pub fn new(step: u64, views: Vec<ViewScores>) -> Option<Self> {
         let all = |score: fn(&Scores) -> f64| mean(views.iter().map(|v| score(&v.scores))).unwrap_or(f64::NAN);
         // The mean over the views that have it.
@@ -136,13 +126,13 @@ impl Evaluation {
         (!views.is_empty()).then_some(Evaluation { step, mean, views })
     }
 
-    /// The same for those views that `keeps` takes: (camera, frame).
+    /// Of the views that `keeps` takes by camera and frame.
     pub fn of(&self, keeps: impl Fn(&str, u32) -> bool) -> Option<Self> {
         let views = self.views.iter().filter(|v| keeps(&v.camera, v.frame)).cloned().collect();
         Evaluation::new(self.step, views)
     }
 
-    /// Pictures per second: of the median time of a rendering.
+    /// By the median time of a rendering.
     pub fn frames_per_second(&self) -> f64 {
         median_high(self.views.iter().map(|v| v.render_ms)).map_or(0.0, |ms| 1e3 / ms.max(1e-6))
     }
@@ -170,45 +160,34 @@ impl Evaluation {
 /// Scores of a scene with its size and speed: `eval.json`.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SceneScores {
-    /// The scene file.
     #[serde(serialize_with = "crate::files::as_text")]
     pub scene: PathBuf,
-    /// Gaussians.
     pub gaussians: usize,
     /// Gaussians that move or fade.
     pub dynamic_gaussians: usize,
-    /// Degree of the spherical harmonics.
     pub sh_degree: u32,
-    /// Bytes of the numbers that are modelled, see [`crate::scene::Summary::parameter_bytes`].
+    /// [`crate::scene::Summary::parameter_bytes`].
     pub bytes: u64,
-    /// Pictures per second on the device: colour, one after the other, without the time in which they are read back.
+    /// On the device: colour, without the time in which pictures are read back.
     pub frames_per_second: f64,
-    /// The device's name.
     pub device: String,
     /// Depth up to which nothing was drawn, the capture's units.
     pub near: f32,
-    /// Colours were rounded to 8 bits before they were scored.
     pub rounded_to_8_bits: bool,
-    /// Definitions of the scores.
     pub metrics: BTreeMap<&'static str, &'static str>,
-    /// [`METRICS_OF`].
     pub metrics_of: &'static str,
     /// The trunk whose features LPIPS compares; none without weights.
     pub lpips_trunk: Option<String>,
-    /// The scores.
     #[serde(flatten)]
     pub evaluation: Evaluation,
-    /// Means of the same views with each test camera's time offset fitted to its own images; none if offsets were not
-    /// learnt.
+    /// With each test camera's time offset fitted to its own images; none if offsets were not learnt.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_fitted_offsets: Option<Scores>,
-    /// For a clip in segments, means of the views at its seams and of the others
-    /// ([`Segments::is_at_seam`](crate::internals::train::Segments::is_at_seam)).
+    /// For a clip in segments ([`Segments::is_at_seam`](crate::internals::train::Segments::is_at_seam)).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub mean_at_seams_and_elsewhere: Option<[Scores; 2]>,
 }
 
-/// How large a scene is.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct SceneSize {
     gaussians: usize,
@@ -218,16 +197,12 @@ pub struct SceneSize {
 }
 
 impl SceneSize {
-    /// The size of a scene in memory.
     pub fn of(splats: &Splats) -> Self {
         let Summary { n, n_dynamic, sh_degree, parameter_bytes, .. } = splats.summary();
         SceneSize { gaussians: n, dynamic_gaussians: n_dynamic, sh_degree, bytes: parameter_bytes }
     }
 
-    /// The size of a clip in parts, which are read one after the other.
-    ///
-    /// # Errors
-    /// Those of the clip.
+    /// Reads the parts one after the other.
     pub fn of_parts(clip: &mut dyn Parts) -> Result<Self> {
         let mut all = Self::of(&clip.still()?.by_degree());
         for index in 0..clip.parts().len() {
@@ -241,7 +216,7 @@ impl SceneSize {
 }
 
 impl SceneScores {
-    /// The scores of `scene`, rendered on `device` from depth `near` of the capture's frame on.
+    /// Of a scene rendered on `device` from depth `near` of the capture's frame on.
     pub fn new(scene: &Path, size: SceneSize, device: &str, near: f32, evaluation: Evaluation) -> Self {
         let SceneSize { gaussians, dynamic_gaussians, sh_degree, bytes } = size;
         SceneScores {
@@ -264,35 +239,28 @@ impl SceneScores {
     }
 }
 
-/// At most `n` of `frames`, evenly spread.
-pub fn spread(frames: &[(usize, u32)], n: usize) -> Vec<(usize, u32)> {
-    let n = n.min(frames.len());
-    (0..n).map(|k| frames[(2 * k + 1) * frames.len() / (2 * n)]).collect()
+/// At most `n` of `all`, evenly spread.
+pub fn spread<T: Clone>(all: &[T], n: usize) -> Vec<T> {
+    let n = n.min(all.len());
+    (0..n).map(|k| all[(2 * k + 1) * all.len() / (2 * n)].clone()).collect()
 }
 
 /// How the views of a capture are rendered for scores.
 #[derive(Clone)]
 pub struct Sight<'a> {
-    /// The capture.
     pub capture: &'a Capture,
-    /// Colour behind the scene.
     pub background: [f32; 3],
-    /// Time offsets by camera, frames; 0 for the others.
+    /// By camera, frames; 0 for the others.
     pub offsets: BTreeMap<usize, f64>,
-    /// Learnt corrections of poses, by camera.
     pub poses: BTreeMap<usize, Correction>,
 }
 
 impl<'a> Sight<'a> {
-    /// Views over `background`, at the capture's own times.
+    /// At the capture's own times and poses.
     pub fn new(capture: &'a Capture, background: [f32; 3]) -> Self {
         Sight { capture, background, offsets: BTreeMap::new(), poses: BTreeMap::new() }
     }
 
-    /// The view of `camera` at `frame`.
-    ///
-    /// # Errors
-    /// As [`Capture::view`].
     pub fn view(&self, camera: usize, frame: u32) -> Result<View> {
         let time_offset = self.offsets.get(&camera).copied().unwrap_or(0.0);
         let view = View { background: self.background, time_offset, ..self.capture.view(camera, frame)? };
@@ -303,7 +271,6 @@ impl<'a> Sight<'a> {
     }
 }
 
-/// A camera's image, with its masks.
 struct Seen {
     picture: Picture,
     foreground: Option<Vec<bool>>,
@@ -320,12 +287,8 @@ impl Seen {
     }
 }
 
-/// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` gets every picture
-/// with its camera and frame. A view that its mask hides has no scores; none if no view has any.
-///
-/// # Errors
-/// [`Error::NonFinite`] if a picture has a value that is not finite; those of the renderer, of the capture's pictures
-/// and of `seen`.
+/// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` gets every picture with
+/// its camera and frame. A view that its mask hides has no scores. [`Error::NonFinite`] if a colour is not finite.
 #[tracing::instrument(level = "info", name = "evaluate", skip_all)]
 pub fn evaluate(
     renderer: &mut Renderer,
@@ -373,13 +336,13 @@ pub fn evaluate(
     Ok(Evaluation::new(step, views))
 }
 
-/// Peak signal-to-noise ratio of a mean squared error of colours in [0, 1], dB.
+/// Of a mean squared error of colours in [0, 1], dB.
 pub fn psnr(mse: f64) -> f64 {
     // Not `max`, which would take NaN for the smallest error.
     -10.0 * if mse < 1e-12 { -12.0 } else { mse.log10() }
 }
 
-/// PSNR of the clamped colour over those visible pixels that `counts`; none without such pixels.
+/// Over those visible pixels that `counts`.
 fn psnr_of(frame: &Frame, picture: &Picture, counts: impl Fn(usize) -> bool) -> Option<f64> {
     let pixels = frame.color.iter().zip(&picture.pixels).enumerate();
     let errors = pixels.filter(|(pixel, (_, word))| **word >> 24 != 0 && counts(*pixel)).map(|(_, (color, word))| {
@@ -390,41 +353,31 @@ fn psnr_of(frame: &Frame, picture: &Picture, counts: impl Fn(usize) -> bool) -> 
     (n > 0).then(|| psnr(sum / (3 * n) as f64))
 }
 
-/// Scores pictures.
 pub struct Meter {
     gpu: Arc<Gpu>,
     lpips: Option<Lpips>,
-    /// Why a view had no LPIPS, although there are weights.
+    /// The reason for the first view without LPIPS, if there are weights.
     without_lpips: Option<Error>,
 }
 
 impl Meter {
-    /// A meter, with LPIPS if `config` names its weights.
-    ///
-    /// # Errors
-    /// As [`Lpips::load`].
+    /// With LPIPS if `config` names its weights.
     pub fn new(gpu: Arc<Gpu>, config: &Config) -> Result<Self> {
         let weights = config.loss.lpips_weights.as_ref();
         let lpips = weights.map(|weights| Lpips::load(&gpu, weights)).transpose()?;
         Ok(Meter { gpu, lpips, without_lpips: None })
     }
 
-    /// The trunk of LPIPS, if there are weights.
     pub fn trunk(&self) -> Option<Trunk> {
         self.lpips.as_ref().map(Lpips::trunk)
     }
 
-    /// Why the first view without LPIPS had none, if there are weights; once.
     pub fn take_fault_of_lpips(&mut self) -> Option<Error> {
         self.without_lpips.take()
     }
 
-    /// Scores of `frame` against `picture`, of the same size, without those of masks and of other frames; none if the
-    /// mask hides all pixels, whose error of zero would look like a perfect picture. A view that is too small for
-    /// LPIPS, or for which the device lacks memory, has no LPIPS.
-    ///
-    /// # Errors
-    /// Those of the device.
+    /// Scores of `frame` against `picture`, without those of masks and of other frames; none if the mask hides all
+    /// pixels. A view that is too small for LPIPS, or for which the device lacks memory, has no LPIPS.
     pub fn scores(&mut self, frame: &Frame, picture: &Picture) -> Result<Option<Scores>> {
         let gpu = &self.gpu;
         let errors = Errors::of_view(frame, picture);
@@ -462,18 +415,6 @@ impl Meter {
         let [ssim, l1, _] = Photometric::values(sums, n_visible, size, 1);
         let [lpips, lpips_unscaled] = [1, 2].map(|at| totals.get(at).map(|[value, ..]| f64::from(*value)));
         let (psnr, psnr_aligned) = (psnr(errors.plain), psnr(errors.aligned));
-        let (psnr_foreground, psnr_covisible, flicker, flicker_true) = (None, None, None, None);
-        Ok(Some(Scores {
-            psnr,
-            psnr_aligned,
-            psnr_foreground,
-            psnr_covisible,
-            ssim,
-            l1,
-            lpips,
-            lpips_unscaled,
-            flicker,
-            flicker_true,
-        }))
+        Ok(Some(Scores { psnr, psnr_aligned, ssim, l1, lpips, lpips_unscaled, ..Scores::default() }))
     }
 }

@@ -1,14 +1,10 @@
 //! Events that are due after a step, and those that a run of another length has missed.
 
-use crate::internals::train::average::Average;
 use crate::internals::train::cameras::{offsets_judged_at, poses_are_missed, poses_judged_at};
-use crate::internals::train::checkpoint::DueEvents;
-use crate::internals::train::config::{Config, PoseKind};
-use crate::internals::train::require::{Due, review_due};
+use crate::internals::train::{Average, Config, Due, DueEvents, PoseKind, review_due};
 
 impl DueEvents {
-    /// Events after step `step` of `total`, without density control, which is the trainer's. Time offsets are frozen
-    /// once the scene has formed.
+    /// Without density control, which is the trainer's.
     pub(super) fn after(config: &Config, step: u64, total: u64) -> Self {
         let due = review_due(config, step, total);
         DueEvents {
@@ -21,8 +17,8 @@ impl DueEvents {
         }
     }
 
-    /// The events that are due when a run of `before` steps goes on after step `step` as one of `total`: those that a
-    /// run of that length would have had by now, and this one has not.
+    /// The events that are due when a run of `before` steps goes on after step `step` as one of `total`: those that such
+    /// a run would have had by now, and this one has not.
     pub(super) fn extended(self, config: &Config, step: u64, before: u64, total: u64) -> Self {
         let n = |due: Due, total: u64| (1..=step).filter(|step| review_due(config, *step, total) == Some(due)).count();
         // One that is due has not been.

@@ -4,25 +4,19 @@ mod due;
 mod judge;
 mod notice;
 mod options;
-mod priors;
 
 pub use notice::{Event, Notice, Phase, Watch};
-pub use options::SessionOptions;
-pub use priors::Priors;
+pub use options::{Priors, SessionOptions};
 
 use crate::error::Result;
 use crate::gpu::{Dispatch, Gpu};
-use crate::internals::train::average::Average;
 use crate::internals::train::backdrop::{backdrop_of, put_before};
-use crate::internals::train::checkpoint::{Checkpoint, DueEvents};
-use crate::internals::train::config::Config;
-use crate::internals::train::first::initialise;
 use crate::internals::train::images::{ImageLimits, Source, StepImage, StepImages, training_frames};
-use crate::internals::train::offsets::{OffsetImages, learnt_offsets};
-use crate::internals::train::plan::Plan;
-use crate::internals::train::require::{Due, MOST_IMAGES, review};
-use crate::internals::train::setup::Setup;
-use crate::internals::train::trainer::{ProfiledStep, Trainer};
+use crate::internals::train::require::MOST_IMAGES;
+use crate::internals::train::{
+    Average, Checkpoint, Config, Due, DueEvents, ImageMemory, OffsetImages, Plan, ProfiledStep, Setup, Trainer,
+    initialise, learnt_offsets, review,
+};
 use crate::scene::capture::Capture;
 use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
@@ -34,27 +28,10 @@ use std::time::Instant;
 use tracing::debug_span;
 use tracing::span::EnteredSpan;
 
-/// A run under way. It computes in a frame of training, where the extent of the cameras is 3, and takes captures and gives scenes in
-/// the capture's own world.
-///
-/// ```no_run
-/// # fn main() -> ivv::Result<()> {
-/// use ivv::Capture;
-/// use ivv::train::{Config, Session, SessionOptions};
-///
-/// let gpu = std::sync::Arc::new(ivv::Gpu::open(&Default::default())?);
-/// let capture = Capture::open("captures/demo")?;
-/// let mut session = Session::begin(gpu, &capture, Config::default(), SessionOptions::default())?;
-/// while session.step()? {}
-/// ivv::internals::formats::write_ply("scene.ply".as_ref(), &session.finish()?)?;
-/// # Ok(())
-/// # }
-/// ```
+/// A run under way. It takes captures and gives scenes in the capture's own world.
 pub struct Session<'a> {
     gpu: Arc<Gpu>,
-    /// In the frame of training.
     capture: Arc<Capture>,
-    /// From the capture's world to the frame of training.
     world: Similarity,
     constants: Constants,
     config: Config,
@@ -65,18 +42,16 @@ pub struct Session<'a> {
     plan: Plan,
     n_left_out: usize,
     trainer: Trainer,
-    /// A step.
     due_after: u64,
-    /// Events that are due after it and have not happened.
+    /// Events that are due after step `due_after` and have not happened.
     due: DueEvents,
-    /// The mean of the scenes near the end.
     average: Average,
     events: Vec<Event>,
     seconds: f64,
     watch: Watch<'a>,
 }
 
-/// The parts of a session that do not depend on how it began.
+/// The parts that do not depend on how a session began.
 struct RunOf {
     gpu: Arc<Gpu>,
     capture: Capture,
@@ -88,7 +63,6 @@ struct RunOf {
     plan: Plan,
 }
 
-/// The priors and the memory plan of a run on `capture`, in the frame of training, that goes on from `splats`.
 fn planned(
     gpu: &Gpu,
     capture: &Capture,
@@ -99,16 +73,14 @@ fn planned(
 ) -> Result<(Priors, Plan)> {
     let known = options.priors.take();
     let priors = known.map_or_else(|| Priors::read(capture, config, setup, &mut options.watch), Ok)?;
-    let plan = Plan::of(capture, config, setup, splats, gpu, options.image_memory())?;
+    let memory = ImageMemory { cache_bytes: options.cache_bytes, device_bytes: options.device_image_bytes };
+    let plan = Plan::of(capture, config, setup, splats, gpu, memory)?;
     (options.watch)(Notice::Planned(&plan));
     Ok((priors, plan))
 }
 
 impl<'a> Session<'a> {
-    /// A run on the training images of `capture`, which is in its own world.
-    ///
-    /// # Errors
-    /// Those of the capture's images; those of the device, such as [`crate::error::Error::OutOfMemory`].
+    /// Begins a run on the training images of `capture`, which is in its own world.
     pub fn begin(gpu: Arc<Gpu>, capture: &Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
         let frames = training_frames(capture)?;
         let world = options.world.unwrap_or_else(|| capture.normalisation());
@@ -130,11 +102,8 @@ impl<'a> Session<'a> {
         Ok(Session { n_left_out, ..Self::of(run, trainer, options) })
     }
 
-    /// The run that `checkpoint` is of, on its capture, which is in its own world. `options` say neither its length,
+    /// Goes on with the run of `checkpoint` on its capture, which is in its own world. `options` say neither its length,
     /// nor its first Gaussians, nor its frame.
-    ///
-    /// # Errors
-    /// As [`Session::begin`].
     pub fn resume(
         gpu: Arc<Gpu>,
         capture: &Capture,
@@ -183,9 +152,6 @@ impl<'a> Session<'a> {
     }
 
     /// Continues to `total` steps with the settings `config`; returns the events that are due now.
-    ///
-    /// # Errors
-    /// As [`Trainer::extend`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<DueEvents> {
         self.trainer.extend(config.clone(), total)?;
         self.due = self.due.extended(&config, self.trainer.step(), self.total, total);
@@ -198,13 +164,12 @@ impl<'a> Session<'a> {
         &self.capture
     }
 
-    /// The scene that is trained, in the frame of training.
+    /// In the frame of training.
     #[doc(hidden)]
     pub fn trainer(&mut self) -> &mut Trainer {
         &mut self.trainer
     }
 
-    /// The rendering constants.
     pub fn constants(&self) -> Constants {
         self.constants
     }
@@ -214,12 +179,10 @@ impl<'a> Session<'a> {
         self.trainer.step()
     }
 
-    /// The memory plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
-    /// The priors of its images.
     pub fn priors(&self) -> &Priors {
         &self.priors
     }
@@ -241,16 +204,12 @@ impl<'a> Session<'a> {
         self.trainer.images.waited_s()
     }
 
-    /// Events since the last call, in order. Steps end while others run, so one that was submitted may be missing;
-    /// [`Session::wait`] has it.
+    /// Events since the last call, in order, of steps that have ended; [`Session::wait`] waits for the others.
     pub fn take_events(&mut self) -> Vec<Event> {
         std::mem::take(&mut self.events)
     }
 
     /// Submits the next step, after the events that are due before it; false at the end of the run.
-    ///
-    /// # Errors
-    /// Those of the device and of the images.
     pub fn step(&mut self) -> Result<bool> {
         self.settle()?;
         let _step = self.begun();
@@ -260,11 +219,7 @@ impl<'a> Session<'a> {
         Ok(true)
     }
 
-    /// As [`Session::step`], with the time of every pass; none at the end of the run. Not for steps that several
-    /// processes share.
-    ///
-    /// # Errors
-    /// As [`Session::step`].
+    /// As [`Session::step`], with the time of every pass. Not for steps that several processes share.
     #[doc(hidden)]
     pub fn profile(&mut self) -> Result<Option<ProfiledStep>> {
         self.settle()?;
@@ -277,9 +232,6 @@ impl<'a> Session<'a> {
 
     /// The next step's first dispatch of a kernel, with its data; none if it has none, or the run has ended. The step
     /// is not counted.
-    ///
-    /// # Errors
-    /// As [`Session::step`].
     #[doc(hidden)]
     pub fn dump(&mut self, kernel: &str) -> Result<Option<Dispatch>> {
         self.settle()?;
@@ -288,9 +240,6 @@ impl<'a> Session<'a> {
     }
 
     /// Waits until all submitted steps have ended.
-    ///
-    /// # Errors
-    /// [`crate::error::Error::DeviceLost`].
     pub fn wait(&mut self) -> Result<()> {
         let begun = Instant::now();
         self.trainer.finish()?;
@@ -300,9 +249,6 @@ impl<'a> Session<'a> {
     }
 
     /// Runs the events that are due after the last step, so that the next reader sees their result.
-    ///
-    /// # Errors
-    /// As [`Session::step`].
     #[doc(hidden)]
     pub fn settle(&mut self) -> Result<()> {
         let due = self.due;
@@ -334,21 +280,13 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// A checkpoint of the last step.
-    ///
-    /// # Errors
-    /// As [`Trainer::checkpoint`].
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         let checkpoint = self.trainer.checkpoint()?;
         self.collect();
         Ok(Checkpoint { world: self.world, average: self.average.clone(), ..checkpoint })
     }
 
-    /// As [`Session::checkpoint`], for a run that a fault has ended: the last step that can be read, and the events
-    /// that were due after it.
-    ///
-    /// # Errors
-    /// As [`Trainer::rescue`].
+    /// As [`Session::checkpoint`], for a run that a fault has ended: of the last step that can be read.
     #[doc(hidden)]
     pub fn rescue(&mut self) -> Result<Checkpoint> {
         let rescued = self.trainer.rescue()?;
@@ -362,11 +300,7 @@ impl<'a> Session<'a> {
         Ok(Checkpoint { world: self.world, due, average: self.average.clone(), ..rescued })
     }
 
-    /// Waits for the last step and the events after it, and gives the scene in the frame of training: near the end of
-    /// the run the mean over its last steps, see [`Average`].
-    ///
-    /// # Errors
-    /// As [`Session::step`].
+    /// The scene after the last step, in the frame of training: near the end of the run the mean over its last steps.
     pub fn scene(&mut self) -> Result<Splats> {
         self.wait()?;
         self.settle()?;
@@ -374,26 +308,18 @@ impl<'a> Session<'a> {
         self.trainer.cleared(scene)
     }
 
-    /// The scene that the run ends with, in the capture's world: [`Session::scene`] and the backdrop that the settings
-    /// ask for.
-    ///
-    /// # Errors
-    /// As [`Session::step`].
+    /// The scene that the run ends with, in the capture's world: [`Session::scene`] and the backdrop.
     pub fn finish(&mut self) -> Result<Splats> {
         let scene = self.scene()?;
         self.finish_with(scene)
     }
 
     /// As [`Session::finish`], from the `scene` that [`Session::scene`] gave.
-    ///
-    /// # Errors
-    /// Those of the capture's cameras.
     pub fn finish_with(&mut self, scene: Splats) -> Result<Splats> {
         Ok(self.world.inverse().splats(&self.with_backdrop(scene)?))
     }
 
-    /// `scene` after the backdrop that the settings ask for; without one if images show the background, if the
-    /// background shows through the scene, or if the sum would exceed `max_gaussians`.
+    /// `scene` after the backdrop; without one if images show the background, or if the sum exceeds `max_gaussians`.
     fn with_backdrop(&mut self, scene: Splats) -> Result<Splats> {
         if self.trainer.shows_background() {
             return Ok(scene);
@@ -407,13 +333,12 @@ impl<'a> Session<'a> {
         Ok(if n > 0 && is_added { put_before(scene, backdrop) } else { scene })
     }
 
-    /// The span of the next step in traces, with the wait for its images.
+    /// With the wait for its images.
     fn begun(&self) -> EnteredSpan {
         debug_span!("step", step = self.trainer.step() + 1).entered()
     }
 
-    /// The images of the next step, and when the work on them began, without the wait for their decoding. None at the
-    /// end of the run.
+    /// The images of the next step, and when the work on them began, without the wait for their decoding.
     fn images(&mut self) -> Result<Option<(Vec<StepImage>, Instant)>> {
         let source = Source { capture: &self.capture, frames: &self.frames, priors: &self.priors.plan };
         let StepImages { images, loading } = self.trainer.next_images(&source)?;
@@ -422,7 +347,7 @@ impl<'a> Session<'a> {
         Ok((!images.is_empty()).then_some((images, begun)))
     }
 
-    /// Notes a submitted step, and waits for it if events are due after it.
+    /// Waits for the step if events are due after it.
     fn stepped(&mut self, begun: Instant) -> Result<()> {
         let step = self.trainer.step();
         self.due_after = step;
@@ -439,7 +364,6 @@ impl<'a> Session<'a> {
         self.events.extend(self.trainer.take_reports().into_iter().map(Event::Step));
     }
 
-    /// Reviews the scene, and continues with the parts that it requires.
     fn review(&mut self, due: Due) -> Result<()> {
         let begun = Instant::now();
         let mut looked = work(&mut self.watch, Phase::Review);

@@ -1,12 +1,8 @@
 //! Messages of a session: progress of long work, and events.
 
-use crate::internals::train::depth::DepthSummary;
-use crate::internals::train::plan::Plan;
-use crate::internals::train::require::Review;
-use crate::internals::train::trainer::StepReport;
+use crate::internals::train::{DepthSummary, Plan, Review, StepReport};
 use crate::recon::Initial;
 
-/// Receives the notices of a session.
 pub type Watch<'a> = Box<dyn FnMut(Notice) + 'a>;
 
 /// Progress of a session.
@@ -14,9 +10,7 @@ pub type Watch<'a> = Box<dyn FnMut(Notice) + 'a>;
 pub enum Notice<'a> {
     /// Work under way.
     Work {
-        /// Its kind.
         phase: Phase,
-        /// Pieces done.
         done: usize,
         /// Pieces in all; 0 if unknown.
         total: usize,

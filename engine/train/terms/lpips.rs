@@ -1,9 +1,9 @@
-//! LPIPS (SPEC 4, L_perc), of the picture or of a square of it, if the weights of its trunk are given.
+//! LPIPS (SPEC 4, L_perc), of the picture or of a square of it.
 
 use super::term::{Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
-use crate::internals::train::config::Loss;
+use crate::internals::train::Loss;
 use crate::random::Keyed;
 use crate::stage::{self, Cotangent, Lpips};
 use std::path::Path;
@@ -23,18 +23,16 @@ pub(super) const TERM: TermKind = TermKind {
 const CROP: u64 = 3;
 
 impl Loss {
-    /// The weights of LPIPS's trunk; none if LPIPS is off.
     fn lpips_file(&self) -> Option<&Path> {
         self.lpips_weights.as_deref().filter(|_| self.lpips > 0.0)
     }
 
-    /// True if LPIPS is on.
     #[doc(hidden)]
     pub fn has_lpips(&self) -> bool {
         self.lpips_file().is_some()
     }
 
-    /// True if LPIPS is off only because the weights of its trunk are not given.
+    /// True if LPIPS lacks nothing but the weights of its trunk.
     #[doc(hidden)]
     pub fn lacks_lpips_weights(&self) -> bool {
         self.lpips > 0.0 && self.lpips_weights.is_none()
@@ -44,7 +42,7 @@ impl Loss {
 struct Perceptual {
     network: Lpips,
     weight: f64,
-    /// Side of the square that is compared, pixels; 0 for all.
+    /// Side of the square, pixels; 0 for all.
     crop: u32,
     seed: u64,
 }

@@ -1,8 +1,5 @@
-//! The terms of the loss that compare a picture with the scene: a file for each, and [`TERMS`], which lists them.
-//!
-//! A term has the data that it uses, its buffers, its passes with the cotangent, its weight, and the numbers that it
-//! logs. The trainer, the memory plan, the priors of a session and the report ask the list. A new term is its file, a
-//! line in [`TERMS`] and its weight in [`crate::internals::train::Loss`].
+//! The terms of the loss: a file for each, and [`TERMS`], which lists them. A new term is its file, a line in [`TERMS`]
+//! and its weight in [`crate::internals::train::Loss`].
 
 mod lpips;
 mod photometric;
@@ -12,7 +9,7 @@ mod variation;
 
 use crate::error::Result;
 use crate::gpu::Gpu;
-use crate::internals::train::config::Config;
+use crate::internals::train::Config;
 use crate::scene::capture::Capture;
 use term::TermKind;
 
@@ -20,11 +17,10 @@ pub(super) use term::{Left, Pair, Part, Rendered, Shown, Term};
 pub use term::{Logged, TermData};
 pub(super) use variation::WEIGHT as GRID_VARIATION_WEIGHT;
 
-/// All terms, in the order in which they are recorded and added up: the first sets the cotangent of the colours, the
-/// others add to it.
+/// In the order in which they are recorded and added up: the first sets the cotangent of the colours.
 const TERMS: &[TermKind] = &[photometric::TERM, priors::TERM, lpips::TERM, variation::TERM];
 
-/// The data of `capture` that the terms use. Depth and flow are switched on here alone.
+/// The data of `capture` that the terms use.
 pub(super) fn data(config: &Config, capture: &Capture) -> TermData {
     TERMS
         .iter()
@@ -42,7 +38,6 @@ pub(super) fn buffers(data: TermData) -> impl Iterator<Item = (&'static str, f64
     TERMS.iter().flat_map(move |term| (term.buffers)(data)).copied()
 }
 
-/// The terms that are on.
 pub(super) fn begin(gpu: &Gpu, config: &Config, data: TermData) -> Result<Vec<Box<dyn Term>>> {
     TERMS.iter().filter_map(|term| (term.new)(gpu, config, data).transpose()).collect()
 }

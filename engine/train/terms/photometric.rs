@@ -3,7 +3,7 @@
 use super::term::{LEAST_PIXELS, Left, Logged, Part, Rendered, Shown, Term, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
-use crate::internals::train::scores::psnr;
+use crate::internals::train::psnr;
 use crate::stage::{Photometric, Pictures, SSIM_WEIGHT};
 
 pub(super) const TERM: TermKind = TermKind {

@@ -3,7 +3,7 @@
 use super::term::{LEAST_PIXELS, Left, Logged, Pair, Part, Rendered, Shown, Term, TermData, TermKind};
 use crate::error::Result;
 use crate::gpu::{Gpu, Recording};
-use crate::internals::train::config::Config;
+use crate::internals::train::Config;
 use crate::scene::capture::Capture;
 use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorPicture, PriorWeights};
 
@@ -23,7 +23,6 @@ pub(super) const TERM: TermKind = TermKind {
     },
 };
 
-/// The outputs that they need.
 const BUFFERS: &[(&str, f64)] = &[("image depth flow", 16.0), ("d image depth flow", 16.0)];
 
 const LOGGED: &[Logged] = &[
@@ -77,12 +76,8 @@ impl Term for Priors {
             rec.fill(d_image.range(0, n as usize).slice(), 0);
             return Ok(None);
         };
-        Ok(Some(self.scratch.record(
-            rec,
-            PriorPicture { image, d_image, truth: on.truth, n_pixels: n },
-            on.priors,
-            &weights,
-        )))
+        let picture = PriorPicture { image, d_image, truth: on.truth, n_pixels: n };
+        Ok(Some(self.scratch.record(rec, picture, on.priors, &weights)))
     }
 
     fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part> {

@@ -2,28 +2,24 @@
 
 use crate::error::Result;
 use crate::gpu::{Buf, Gpu, Recording};
-use crate::internals::train::config::Config;
+use crate::internals::train::Config;
 use crate::scene::capture::Capture;
 use crate::stage::{Outputs, PriorPlanes};
 
-/// A term needs so many pixels: a mean over fewer would pull hard on them.
+/// Pixels that a term needs: a mean over fewer would pull hard on them.
 pub(super) const LEAST_PIXELS: u32 = 64;
 
 /// Sums by workgroup; none if the term is not due.
 pub(in crate::internals::train) type Left = Option<Buf<[f32; 4]>>;
 
-/// A term; none if it is off.
-pub(super) type Begun = Result<Option<Box<dyn Term>>>;
-
-/// A term before a run.
+/// A term before a run, which may be off.
 pub(super) struct TermKind {
-    /// The numbers that it logs.
     pub logged: &'static [Logged],
-    /// The data of a clip that it uses beside the colours, if the clip has them.
+    /// Data that it uses beside the colours, if the clip has them.
     pub data: fn(&Config, &Capture) -> TermData,
-    /// Its buffers that grow with the picture, by the data that it uses: name, bytes per pixel.
+    /// Those that grow with the picture, by the data that it uses: name, bytes per pixel.
     pub buffers: fn(TermData) -> &'static [(&'static str, f64)],
-    pub new: fn(&Gpu, &Config, TermData) -> Begun,
+    pub new: fn(&Gpu, &Config, TermData) -> Result<Option<Box<dyn Term>>>,
 }
 
 impl TermKind {
@@ -32,57 +28,46 @@ impl TermKind {
         TermKind { logged: &[], data: |_, _| TermData::NONE, buffers: |_| &[], new: |_, _, _| Ok(None) };
 }
 
-/// Data of a clip that the terms use beside its colours: those that it has, if their weight is not 0.
+/// Data of a clip that the terms use beside its colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub struct TermData {
-    /// Priors of the depth.
     pub depth: bool,
-    /// Optical flow.
     pub flow: bool,
 }
 
 impl TermData {
-    /// Nothing.
     pub const NONE: TermData = TermData { depth: false, flow: false };
 }
 
 /// A number that a term logs in every step that has it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Logged {
-    /// Its key, in [`crate::internals::train::StepReport::terms`] and train.jsonl.
     pub key: &'static str,
     /// The title of its plot in the report; empty for none.
     pub plot: &'static str,
-    /// The plot's vertical axis begins at 0.
     pub from_zero: bool,
 }
 
-/// A term in a run.
 pub(in crate::internals::train) trait Term: Send + Sync {
     /// The outputs that a frame must have for it.
     fn outputs(&self) -> Outputs {
         Outputs::Color
     }
 
-    /// Makes room for pictures of `pixels` pixels.
     fn fit(&mut self, _gpu: &Gpu, _pixels: usize) -> Result<()> {
         Ok(())
     }
 
-    /// Appends its passes and its part of the cotangents, if it is due. Gives its sums by workgroup; none in a step
-    /// without it.
+    /// Appends its passes and its part of the cotangents. Gives its sums by workgroup; none in a step without it.
     fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left>;
 
-    /// Its parts, from the total of what it left.
+    /// From the total of what it left.
     fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part>;
 }
 
-/// Numbers of a step's picture that the terms depend on.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::internals::train) struct Shown {
-    /// Number of the step, from 1.
     pub step: u64,
-    /// Width and height.
     pub size: [u32; 2],
     /// Full pixels along the side of one of this picture's.
     pub reduction: u32,
@@ -94,14 +79,12 @@ pub(in crate::internals::train) struct Shown {
     pub n_flow: u32,
 }
 
-/// A picture, and where its cotangent goes.
 #[derive(Clone, Copy)]
 pub(in crate::internals::train) struct Pair<'a> {
     pub image: &'a Buf<[f32; 4]>,
     pub cotangent: &'a Buf<[f32; 4]>,
 }
 
-/// The pictures that the terms compare, with their cotangents.
 pub(in crate::internals::train) struct Rendered<'a> {
     /// The colours, as the camera shows them.
     pub colors: Pair<'a>,
@@ -109,8 +92,7 @@ pub(in crate::internals::train) struct Rendered<'a> {
     pub geometry: Option<Pair<'a>>,
     /// The picture: RGB and the mask.
     pub truth: &'a Buf<u32>,
-    /// The total variation of the camera's grid by workgroup, complete at the end of the step; none if the camera has
-    /// no grid.
+    /// The total variation of the camera's grid by workgroup, complete at the end of the step.
     pub grid_variation: Option<&'a Buf<[f32; 4]>>,
     pub priors: &'a PriorPlanes,
 }
@@ -118,13 +100,11 @@ pub(in crate::internals::train) struct Rendered<'a> {
 /// A part of the loss in one step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::internals::train) struct Part {
-    /// The key in the log.
     pub key: &'static str,
-    /// The logged value.
     pub value: f64,
-    /// The error, before the weight.
+    /// Before the weight.
     pub error: f64,
-    /// The weight; 0 of a number that is only logged.
+    /// 0 of a number that is only logged.
     pub weight: f64,
 }
 

@@ -10,8 +10,8 @@ pub(super) const TERM: TermKind = TermKind {
     ..TermKind::NONE
 };
 
-/// The weight, that of the authors of bilateral grids, which the grids' step takes for its gradient. A hundred times as much gained 0.5 dB
-/// with `grids=bilateral` on small pictures (`assets/lab/measured.md`), where `grids=affine`, the default, needs none.
+/// That of the authors of bilateral grids, which the grids' step takes for its gradient. A hundred times as much gained
+/// 0.5 dB with `grids=bilateral` on small pictures (`assets/lab/measured.md`); `grids=affine` needs none.
 pub const WEIGHT: f64 = 10.0;
 
 struct Variation;

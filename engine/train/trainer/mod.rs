@@ -16,19 +16,15 @@ use crate::error::Result;
 use crate::gpu::generated::{AdamParams, Status};
 use crate::gpu::{Buf, Gpu, Recording, Running, Staging};
 use crate::internals::train::cameras::Taken;
-use crate::internals::train::config::{Config, Strategy};
-use crate::internals::train::density::{density_round, most_gaussians, regularisers};
+use crate::internals::train::density::most_gaussians;
 use crate::internals::train::images::{ImageStore, Source, StepImage, StepImages, Steps};
 use crate::internals::train::objective::{Objective, Report, Truth};
-use crate::internals::train::poses::Correction;
-use crate::internals::train::ranks::{Ranks, Shared};
-use crate::internals::train::schedule::rates;
-use crate::internals::train::setup::Setup;
+use crate::internals::train::{Config, Correction, Ranks, Setup, Shared, Strategy, density_round, rates, regularisers};
 use crate::scene::capture::Picture;
 use crate::scene::{Clearing, Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Batch, Clearings, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, State,
+    AdamMode, Batch, Clearings, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, Size, State,
     StepSettings, Workspace, adam_params, constants_on, lazy_sums,
 };
 use report::ImageReport;
@@ -40,8 +36,7 @@ use tracing::debug_span;
 
 /// Steps on the device at a time: it runs one while the host prepares the next.
 pub(in crate::internals::train) const IN_FLIGHT: usize = 2;
-/// Largest coefficient of a colour that training begins with: SSIM takes fourth powers, which stay finite up to ten
-/// times as much.
+/// Largest coefficient of a colour that training begins with: SSIM takes fourth powers, which must stay finite.
 const BRIGHTEST: f32 = 1e4;
 
 /// A scene being trained: its Gaussians with their moments, on the device.
@@ -75,7 +70,6 @@ pub struct Trainer {
     reports: Vec<StepReport>,
 }
 
-/// An image of a step.
 struct Image {
     view: View,
     by: Taken,
@@ -83,7 +77,7 @@ struct Image {
     truth: Option<Truth>,
 }
 
-/// The inputs of a step, kept until it has ended well.
+/// The inputs of a step.
 struct Inputs {
     step: u64,
     images: Vec<Image>,
@@ -102,21 +96,15 @@ impl Inputs {
     }
 }
 
-/// The results of a step.
 struct Results {
-    /// Tiles of its last image.
-    n_tiles: u32,
-    /// Pixels of its last image.
-    n_pixels: u32,
-    /// Lists of its last image; none without images.
-    lists: Option<Lists>,
+    /// Lists and size of its last image; none without images.
+    last: Option<(Lists, Size)>,
     /// By image of this process.
     reports: Vec<Report>,
     /// Reports of all processes' images, if they are known already.
     known: Vec<ImageReport>,
 }
 
-/// A step on the device.
 struct Step {
     inputs: Inputs,
     running: Running,
@@ -124,13 +112,8 @@ struct Step {
 }
 
 impl Trainer {
-    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians with a number that
-    /// is not finite, or with colours so bright that their squares are not, are left out, since no gradient would mend
-    /// them.
-    ///
-    /// # Errors
-    /// [`crate::Error::OutOfMemory`] naming the buffer that does not fit; [`crate::Error::NoDevice`] if the device
-    /// cannot do what the settings ask for.
+    /// Uploads `splats` for a run of `total` steps on the capture that `setup` describes. Gaussians that are not finite,
+    /// or so bright that their squares are not, are left out: no gradient would mend them.
     pub fn new(
         gpu: Arc<Gpu>,
         splats: &Splats,
@@ -215,7 +198,7 @@ impl Trainer {
         })
     }
 
-    /// Limits the first buffers to `n` intersections; a step that needs more is run again.
+    /// Limits the first buffers; a step that needs more is run again.
     pub fn limit_intersections(&mut self, n: u32) {
         self.room.intersections = n.max(1);
     }
@@ -230,16 +213,11 @@ impl Trainer {
         self.step - self.in_flight.len() as u64
     }
 
-    /// The number of Gaussians.
     pub fn n_gaussians(&self) -> u32 {
         self.scene.n
     }
 
-    /// The cameras' time offsets after all submitted steps, frames, and which of them are learnt; by camera, empty if
-    /// none are.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
+    /// The cameras' time offsets after all submitted steps, frames, and which of them are learnt; empty if none are.
     pub fn offsets(&mut self) -> Result<(Vec<f64>, Vec<bool>)> {
         self.finish()?;
         let state = self.objective.cameras.state(&self.gpu)?;
@@ -247,9 +225,6 @@ impl Trainer {
     }
 
     /// The learnt corrections of poses after all submitted steps, by camera, in the frame of training.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
     pub fn poses(&mut self) -> Result<BTreeMap<usize, Correction>> {
         self.finish()?;
         let rows = self.objective.cameras.state(&self.gpu)?.poses;
@@ -258,9 +233,6 @@ impl Trainer {
     }
 
     /// Fixes the offsets of the cameras that `freeze` names at 0.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
     pub fn freeze_offsets(&mut self, freeze: &[bool]) -> Result<()> {
         self.finish()?;
         self.objective.cameras.freeze(&self.gpu, freeze)
@@ -276,11 +248,7 @@ impl Trainer {
     }
 
     /// Submits a step on `picture`, which camera `camera` of the capture took as `view`, after the density control
-    /// due. [`Trainer::take_reports`] has the reports of steps that have ended.
-    ///
-    /// # Errors
-    /// [`crate::Error::OutOfMemory`] if a picture's lists do not fit the device, [`crate::Error::DeviceLost`]; the
-    /// scene is unchanged then.
+    /// due. On a fault the scene is unchanged.
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn train(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<()> {
         let image = self.passing(camera, view, picture)?;
@@ -296,15 +264,14 @@ impl Trainer {
         Ok(StepImage { camera, view: view.clone(), resident: Some(resident) })
     }
 
-    /// The images of the next step, of the run on `source`; none at its end.
+    /// The images of the next step; none at the end of the run.
     pub(in crate::internals::train) fn next_images(&mut self, source: &Source) -> Result<StepImages> {
         let own = self.own_images(self.config.batch as usize);
         let steps = Steps { config: &self.config, done: self.step, total: self.total, own };
         self.images.next(&self.gpu, &self.staging, source, &steps)
     }
 
-    /// As [`Trainer::train`], on images that were loaded before density control, for which those that stay on the
-    /// device may have to give way.
+    /// As [`Trainer::train`], on images that were loaded before density control, for which kept ones may give way.
     pub(in crate::internals::train) fn train_on(&mut self, images: Vec<StepImage>) -> Result<()> {
         self.control_density()?;
         let inputs = self.inputs(images);
@@ -315,23 +282,24 @@ impl Trainer {
         Ok(())
     }
 
-    /// Waits for all submitted steps, and runs the density control due.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
-    pub fn finish(&mut self) -> Result<()> {
+    /// Waits for all submitted steps.
+    fn end_all(&mut self) -> Result<()> {
         while !self.in_flight.is_empty() {
             self.end_oldest()?;
         }
+        Ok(())
+    }
+
+    /// Waits for all submitted steps, and runs the density control due.
+    pub fn finish(&mut self) -> Result<()> {
+        self.end_all()?;
         self.control_density()
     }
 
-    /// True if the training images show the background.
     pub fn shows_background(&self) -> bool {
         self.setup.shows_background
     }
 
-    /// Shares the images of each step with other processes.
     pub(in crate::internals::train) fn join(&mut self, ranks: Option<Arc<dyn Ranks>>) {
         self.ranks = ranks;
     }
@@ -344,8 +312,7 @@ impl Trainer {
         }
     }
 
-    /// Reports of the steps that have ended since the last call, in order. The report of a step with density control
-    /// after it follows once that has run.
+    /// Reports of the steps that have ended since the last call, in order. A step's density control is in its report.
     pub fn take_reports(&mut self) -> Vec<StepReport> {
         let is_due = self.due_round().is_some() && self.controlled != self.step;
         let kept = usize::from(is_due && self.reports.last().is_some_and(|report| report.step == self.step));
@@ -355,17 +322,18 @@ impl Trainer {
 
     /// Catches up with the steps that lazy Adam has put off.
     fn catch_up(&self) -> Result<()> {
-        if self.config.adam != AdamMode::Lazy {
-            return Ok(());
-        }
-        self.gpu.write(&self.optimiser.params, &[self.adam_params(self.step.max(1))])?;
+        if self.config.adam == AdamMode::Lazy { self.catch_up_on(&self.optimiser, &self.scene) } else { Ok(()) }
+    }
+
+    fn catch_up_on(&self, optimiser: &Optimiser, scene: &SceneBuffers) -> Result<()> {
+        self.gpu.write(&optimiser.params, &[self.adam_params(self.step.max(1))])?;
         let status = self.gpu.upload("status", &[Status::default()])?;
         let mut rec = Recording::new();
-        self.optimiser.record_catch_up(&mut rec, &self.scene, None, &status, self.step);
+        optimiser.record_catch_up(&mut rec, scene, None, &status, self.step);
         self.gpu.run(&rec)
     }
 
-    /// The round of density control that is due after the last submitted step.
+    /// Density control that is due after the last submitted step.
     fn due_round(&self) -> Option<DensityRound> {
         let n_frames = (1.0 / self.setup.dt).round() as u32;
         let (n, n_trained, origin) = (self.scene.n, self.scene.n_trained(), self.scene.origin);
@@ -374,26 +342,23 @@ impl Trainer {
         Some(DensityRound { max_gaussians: self.most_gaussians(), ..round })
     }
 
-    /// The most Gaussians that density control makes. The backdrop at the end needs some, too.
+    /// Leaves room for the backdrop at the end.
     fn most_gaussians(&self) -> u32 {
         let backdrop = if self.shows_background() { 0 } else { self.config.backdrop };
         most_gaussians(&self.config, self.room.active_of(u32::MAX, self.gpu.caps()), backdrop)
     }
 
-    /// How many Gaussians density control may still add; none once it adds no more.
+    /// Gaussians that density control may still add; none once it adds no more.
     pub fn room_to_grow(&self) -> Option<u32> {
         let density = &self.config.density;
         let grows = density.strategy == Strategy::Adc && density.grows_after(self.step, self.total);
         grows.then(|| self.most_gaussians().saturating_sub(self.scene.n))
     }
 
-    /// Runs the density control due after the last submitted step, once.
     fn control_density(&mut self) -> Result<()> {
         let (Some(round), false) = (self.due_round(), self.controlled == self.step) else { return Ok(()) };
         let _controlling = debug_span!("density", step = self.step).entered();
-        while !self.in_flight.is_empty() {
-            self.end_oldest()?;
-        }
+        self.end_all()?;
         (self.work, self.batch) = (None, None);
         self.catch_up()?;
         let origin = self.scene.origin;
@@ -413,7 +378,6 @@ impl Trainer {
     }
 }
 
-/// The spaces that `setup` keeps clear, relative to `origin`.
 fn clearings(gpu: &Gpu, setup: &Setup, origin: [f64; 3]) -> Result<Option<Clearings>> {
     let relative = |clearing: &Clearing| {
         let place = std::array::from_fn(|k| (f64::from(clearing.place[k]) - origin[k]) as f32);

@@ -1,6 +1,6 @@
 //! Steps with the time of every pass, or with one dispatch taken out.
 
-use super::{Results, Step, Trainer};
+use super::{Step, Trainer};
 use crate::error::Result;
 use crate::gpu::{Dispatch, PassTime, Recording};
 use crate::internals::train::images::StepImage;
@@ -11,20 +11,18 @@ use std::time::{Duration, Instant};
 
 /// A step whose passes were timed.
 pub struct ProfiledStep {
-    /// Its passes, by label, in the order of their first.
+    /// By label, in the order of their first.
     pub passes: Vec<PassReport>,
-    /// Each pass.
     pub times: Vec<PassTime>,
-    /// Amounts of work of the passes.
     pub counters: Counters,
-    /// Barriers between them.
+    /// Barriers between the passes.
     pub barriers: usize,
     /// The work of the host: name, when it began, seconds.
     pub host: Vec<(&'static str, Instant, f64)>,
 }
 
 impl ProfiledStep {
-    /// The time since the host was done with the step, which went into counting.
+    /// The time since the host was done with the step.
     pub(in crate::internals::train) fn counting(&self) -> Duration {
         self.host.last().map_or(Duration::ZERO, |(_, begun, seconds)| {
             begun.elapsed().saturating_sub(Duration::from_secs_f64(*seconds))
@@ -33,11 +31,7 @@ impl ProfiledStep {
 }
 
 impl Trainer {
-    /// As [`Trainer::train`], but waits for the end and gives the time of every pass; the counting that follows is not
-    /// in the times.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
+    /// As [`Trainer::train`], but waits for the end and gives the time of every pass.
     #[tracing::instrument(level = "debug", name = "step", skip_all, fields(step = self.step + 1))]
     pub fn profile(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<ProfiledStep> {
         let begun = Instant::now();
@@ -46,11 +40,7 @@ impl Trainer {
     }
 
     /// As [`Trainer::profile`], on images that have been loaded since `begun`.
-    pub(in crate::internals::train) fn profile_on(
-        &mut self,
-        images: Vec<StepImage>,
-        mut begun: Instant,
-    ) -> Result<ProfiledStep> {
+    pub(crate) fn profile_on(&mut self, images: Vec<StepImage>, mut begun: Instant) -> Result<ProfiledStep> {
         let mut host = Vec::new();
         let mut done = |what| {
             host.push((what, begun, begun.elapsed().as_secs_f64()));
@@ -79,9 +69,10 @@ impl Trainer {
             if !is_complete {
                 continue;
             }
-            let Results { lists, n_tiles, n_pixels, .. } = &step.results;
-            let counters = match (&self.work, lists) {
-                (Some(work), Some(lists)) => Counters::read(&self.gpu, work, &self.scene, lists, *n_tiles, *n_pixels)?,
+            let counters = match (&self.work, &step.results.last) {
+                (Some(work), Some((lists, size))) => {
+                    Counters::read(&self.gpu, work, &self.scene, lists, size.n_tiles, size.n_pixels)?
+                }
                 _ => Counters::default(),
             };
             let passes = add_passes(Vec::new(), &rec, &times, &counters);
@@ -91,9 +82,6 @@ impl Trainer {
     }
 
     /// The passes of a step on `picture`, which is not run.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
     pub fn recorded(&mut self, camera: usize, view: &View, picture: &Picture) -> Result<Recording> {
         let image = self.passing(camera, view, picture)?;
         self.finish()?;
@@ -102,14 +90,7 @@ impl Trainer {
     }
 
     /// As [`Trainer::train_on`], but waits for the end and gives the step's first dispatch of a kernel, with its data.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
-    pub(in crate::internals::train) fn dump(
-        &mut self,
-        images: Vec<StepImage>,
-        kernel: &str,
-    ) -> Result<Option<Dispatch>> {
+    pub(crate) fn dump(&mut self, images: Vec<StepImage>, kernel: &str) -> Result<Option<Dispatch>> {
         self.finish()?;
         let inputs = self.inputs(images);
         loop {

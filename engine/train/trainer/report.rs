@@ -7,7 +7,6 @@ use crate::internals::train::objective::{Objective, Report, Truth};
 use crate::stage::Counts;
 use std::collections::BTreeMap;
 
-/// The report of one image of a step.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct ImageReport {
     pub loss: f64,
@@ -20,13 +19,12 @@ pub(super) struct ImageReport {
 }
 
 impl ImageReport {
-    /// Reads `report` of `truth`'s image, whose step has ended.
     pub fn new(gpu: &Gpu, objective: &Objective, truth: &Truth, report: &Report) -> Result<Self> {
-        let values = objective.values(gpu, truth, report)?;
+        let (loss, terms) = objective.values(gpu, truth, report)?;
         let status: Status = gpu.peek(&report.status.slice())?.first().copied().unwrap_or_default();
         Ok(ImageReport {
-            loss: values.loss,
-            terms: values.logged,
+            loss,
+            terms,
             active: status.n_active,
             visible: status.n_visible,
             intersections: status.n_intersections,
@@ -35,17 +33,15 @@ impl ImageReport {
     }
 }
 
-/// The report of a step: means over its images.
+/// Means over the images of a step.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct StepReport {
-    /// Number of the step, from 1.
+    /// From 1.
     pub step: u64,
-    /// Value of the loss.
     pub loss: f64,
-    /// The numbers that the terms log, by key: those of [`crate::internals::train::logged`] that the step has.
+    /// The numbers that the terms log, by key.
     #[serde(flatten)]
     pub terms: BTreeMap<&'static str, f64>,
-    /// Gaussians.
     pub gaussians: u32,
     /// Gaussians in the view's time and frustum.
     pub active: u32,
@@ -55,7 +51,7 @@ pub struct StepReport {
     pub intersections: u32,
     /// Gradients that were not finite and changed nothing, since the start.
     pub bad_gradients: u32,
-    /// Counts of the density control after the step, if there was any.
+    /// Of the density control after the step.
     pub density: Option<Counts>,
 }
 
@@ -84,7 +80,6 @@ impl StepReport {
         }
     }
 
-    /// A number that a term logs, if the step has it.
     pub fn term(&self, key: &str) -> Option<f64> {
         self.terms.get(key).copied()
     }

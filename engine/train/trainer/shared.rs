@@ -5,8 +5,7 @@ use super::{Inputs, Step, Trainer};
 use crate::error::Result;
 use crate::gpu::Recording;
 use crate::internals::train::objective::Report;
-use crate::internals::train::ranks::{Ranks, Shared};
-use crate::internals::train::terms::logged;
+use crate::internals::train::{Ranks, Shared, logged};
 use std::time::Instant;
 
 impl Trainer {
@@ -16,21 +15,18 @@ impl Trainer {
         rank * n / size..(rank + 1) * n / size
     }
 
-    /// How shared steps spent their time.
     pub fn shared(&self) -> Shared {
         self.shared
     }
 
-    /// Submits a step of which other processes see some images. Waits for the images of all.
+    /// Submits a step of which other processes see some images, and waits for the images of all.
     pub(super) fn start_shared(&mut self, ranks: &dyn Ranks, inputs: Inputs) -> Result<()> {
         let begun = Instant::now();
         let mut results = loop {
             let (rec, results) = self.record(&inputs)?;
             self.gpu.start(&rec)?.wait()?;
             // The steps before it have ended, too.
-            while !self.in_flight.is_empty() {
-                self.end_oldest()?;
-            }
+            self.end_all()?;
             if self.is_complete(&inputs, &results.reports)? {
                 break results;
             }
@@ -86,12 +82,11 @@ impl Trainer {
 }
 
 impl ImageReport {
-    /// Numbers of a report: the fixed ones, and those that terms log.
+    /// The fixed ones, and those that terms log.
     fn n_numbers() -> usize {
         5 + logged().count()
     }
 
-    /// As processes exchange it.
     fn numbers(&self) -> Vec<f64> {
         let counts = [self.active, self.visible, self.intersections, self.bad_gradients].map(f64::from);
         let terms = logged().map(|term| self.terms.get(term.key).copied().unwrap_or(f64::NAN));

@@ -4,21 +4,15 @@ use super::{Step, Trainer, clearings, upload_state};
 use crate::error::Result;
 use crate::gpu::generated::Status;
 use crate::gpu::{Gpu, Recording};
-use crate::internals::train::average::Average;
-use crate::internals::train::checkpoint::{Checkpoint, DueEvents, StepRoom};
-use crate::internals::train::config::Config;
-use crate::internals::train::schedule::rates;
-use crate::internals::train::setup::Setup;
+use crate::internals::train::checkpoint::placed;
+use crate::internals::train::{Average, Checkpoint, Config, DueEvents, Setup, StepRoom, rates};
 use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::stage::{AdamMode, Moments, Optimiser, Purpose, SceneBuffers, lazy_sums};
 use std::sync::Arc;
 
 impl Trainer {
-    /// Continues from `checkpoint`; the steps that follow have the same bits as without it.
-    ///
-    /// # Errors
-    /// As [`Trainer::new`].
+    /// Goes on from `checkpoint`: the steps that follow have the same bits as without it.
     pub fn resume(gpu: Arc<Gpu>, checkpoint: &Checkpoint, constants: Constants, setup: Setup) -> Result<Self> {
         let Checkpoint { step, total, config, origin, params, first, second, state, cameras, due, room, .. } =
             checkpoint;
@@ -41,20 +35,14 @@ impl Trainer {
 
     /// All that [`Trainer::resume`] needs, after the submitted steps and the density control due. The caller sets its
     /// `world`.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
     #[tracing::instrument(level = "info", name = "checkpoint", skip_all)]
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         self.finish()?;
         self.snapshot()
     }
 
-    /// All after the last step that ended well, with what was due after it, when an error has left the device alive.
-    /// Frees the memory of a step first. Only for a trainer that is dropped or replaced next.
-    ///
-    /// # Errors
-    /// Those of the device, which may be lost or still without memory.
+    /// The state after the last step that ended well, with what was due after it, when an error has left the device
+    /// alive. Only for a trainer that is dropped or replaced next.
     pub fn rescue(&mut self) -> Result<Checkpoint> {
         while let Some(step) = self.in_flight.front() {
             step.running.wait()?;
@@ -71,7 +59,6 @@ impl Trainer {
         Ok(Checkpoint { due, ..self.snapshot()? })
     }
 
-    /// The state on the device.
     fn snapshot(&self) -> Result<Checkpoint> {
         let (first, second) = self.optimiser.moments.download(&self.gpu, &self.scene)?;
         Ok(Checkpoint {
@@ -91,7 +78,7 @@ impl Trainer {
         })
     }
 
-    /// State of every Gaussian, see `Optimiser::state`.
+    /// See `Optimiser::state`.
     fn state(&self) -> Result<Vec<[f32; 4]>> {
         let mut all = Vec::with_capacity(self.scene.n as usize);
         for (group, buffer) in self.scene.groups.iter().zip(&self.optimiser.state) {
@@ -101,23 +88,12 @@ impl Trainer {
     }
 
     /// The Gaussians after the submitted steps and the density control due, in the frame of training.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
     pub fn splats(&mut self) -> Result<Splats> {
         self.finish()?;
-        let mut splats = self.download_current()?;
-        let origin = self.scene.origin;
-        for p in &mut splats.position {
-            *p = std::array::from_fn(|k| (f64::from(p[k]) + origin[k]) as f32);
-        }
-        Ok(splats)
+        Ok(placed(self.download_current()?, self.scene.origin))
     }
 
     /// `splats`, in the frame of training, without Gaussians in the spaces that are kept clear.
-    ///
-    /// # Errors
-    /// [`crate::error::Error::OutOfMemory`]
     pub fn cleared(&self, splats: Splats) -> Result<Splats> {
         let mut scene = SceneBuffers::upload(&self.gpu, &splats, &self.constants, Purpose::Training)?;
         scene.holds_static = self.scene.holds_static;
@@ -125,16 +101,10 @@ impl Trainer {
         let mut rec = Recording::new();
         clearings.record(&mut rec, &scene, &self.gpu.upload("status", &[Status::default()])?);
         self.gpu.run(&rec)?;
-        let origin = scene.origin;
-        let mut splats = scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))?;
-        for p in &mut splats.position {
-            *p = std::array::from_fn(|k| (f64::from(p[k]) + origin[k]) as f32);
-        }
-        Ok(splats)
+        Ok(placed(scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))?, scene.origin))
     }
 
-    /// The parameters after catching up with lazy Adam, on a copy: reading the scene must not change the bits of the
-    /// run.
+    /// The parameters after catching up with lazy Adam, on a copy, so that the bits of the run do not change.
     fn download_current(&self) -> Result<Splats> {
         let splats = self.scene.download(&self.gpu, self.scene.groups.iter().map(|g| &g.params))?;
         if self.config.adam != AdamMode::Lazy {
@@ -146,17 +116,11 @@ impl Trainer {
         let state = upload_state(&self.gpu, &scene, &self.state()?)?;
         let sums = lazy_sums(|step| rates(&self.config, step, self.total, self.setup.extent.radius), self.total);
         let copy = Optimiser::new(&self.gpu, moments, state, AdamMode::Lazy, &sums)?;
-        self.gpu.write(&copy.params, &[self.adam_params(self.step.max(1))])?;
-        let mut rec = Recording::new();
-        copy.record_catch_up(&mut rec, &scene, None, &self.gpu.upload("status", &[Status::default()])?, self.step);
-        self.gpu.run(&rec)?;
+        self.catch_up_on(&copy, &scene)?;
         scene.download(&self.gpu, scene.groups.iter().map(|g| &g.params))
     }
 
-    /// Continues from `checkpoint`, one of this run at its present step with other Gaussians or cameras.
-    ///
-    /// # Errors
-    /// As [`Trainer::new`].
+    /// Goes on from `checkpoint`, one of this run at its present step with other Gaussians or cameras.
     pub fn replace(&mut self, checkpoint: &Checkpoint) -> Result<()> {
         let reports = std::mem::take(&mut self.reports);
         let n_bad = self.gpu.read(&self.optimiser.n_bad)?;
@@ -170,12 +134,8 @@ impl Trainer {
         Ok(())
     }
 
-    /// Continues to `total` steps with the settings `config`. All that depends on the share of the run (learning
-    /// rates, the degree of the spherical harmonics, density control, the pictures' size, reviews) is from here on as
+    /// Continues to `total` steps with the settings `config`. All that depends on the share of the run is from here on as
     /// at this step of a run of `total` steps.
-    ///
-    /// # Errors
-    /// As [`Trainer::train`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<()> {
         self.finish()?;
         self.images.restart();

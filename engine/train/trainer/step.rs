@@ -6,47 +6,37 @@ use crate::error::{Error, Result};
 use crate::gpu::Recording;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::internals::train::cameras::Taken;
-use crate::internals::train::density::noise;
 use crate::internals::train::images::StepImage;
-use crate::internals::train::objective::{Report, Truth};
+use crate::internals::train::noise;
+use crate::internals::train::objective::Report;
 use crate::random::Keyed;
 use crate::scene::View;
 use crate::stage::{
-    AdamMode, Among, Batch, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise, view_params,
+    AdamMode, Among, Batch, Lists, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise,
+    view_params,
 };
 use bytemuck::bytes_of;
 use tracing::debug_span;
 
-/// Every so many steps Gaussians are removed from the spaces that are kept clear, before they get far into them.
+/// Steps between two removals of Gaussians from the spaces that are kept clear.
 const CLEAR_EVERY: u64 = 10;
 /// Purpose of the random numbers for a step's background; a review has 4.
 const BACKGROUND: u64 = 5;
 
-/// An image of a step that this process sees.
-struct OwnImage<'a> {
-    step: u64,
-    /// Its place among the images of the step.
-    at: usize,
-    view: &'a View,
-    by: Taken,
-    truth: &'a Truth,
-}
-
 impl Trainer {
-    /// The reduction of pictures along each side in the next step.
+    /// The reduction of the next step's pictures along each side.
     pub(super) fn reduction(&self, view: &View) -> u32 {
         let reduction = self.config.resolution.reduction(self.step + 1, self.total);
         reduction.min(view.intrinsics.width).min(view.intrinsics.height)
     }
 
-    /// The inputs of the next step.
     pub(super) fn inputs(&mut self, images: Vec<StepImage>) -> Inputs {
         let step = self.step + 1;
         let flow_model = self.setup.flow_model;
         let of_image = |(index, StepImage { camera, view, resident }): (usize, StepImage)| {
             let background = self.background(step, index as u64);
             let reduction = self.reduction(&view);
-            let by = self.objective.taken(camera);
+            let by = Taken { camera, grid: self.objective.cameras.next(camera) };
             Image {
                 view: View { background, flow_model, ..view.reduced(reduction) },
                 by,
@@ -56,7 +46,6 @@ impl Trainer {
         Inputs { step, images: images.into_iter().enumerate().map(of_image).collect() }
     }
 
-    /// The colour behind the scene in image `index` of a step.
     fn background(&self, step: u64, index: u64) -> [f32; 3] {
         if !self.setup.varies_background {
             return self.config.background;
@@ -65,7 +54,6 @@ impl Trainer {
         std::array::from_fn(|channel| numbers.uniform(channel as u64) as f32)
     }
 
-    /// Submits a step.
     pub(super) fn start(&mut self, inputs: Inputs) -> Result<()> {
         if let Some(ranks) = self.ranks.clone() {
             return self.start_shared(&*ranks, inputs);
@@ -97,26 +85,23 @@ impl Trainer {
         behind.into_iter().try_for_each(|inputs| self.start(inputs))
     }
 
-    /// Reads the results of a step that has ended. False if it did nothing and needs the larger buffers of now: it is
-    /// then no longer counted.
+    /// Reads the results of a step that has ended. False if it did nothing and needs larger buffers: it no longer counts.
     pub(super) fn end(&mut self, inputs: &Inputs, results: &Results) -> Result<bool> {
-        let mut images = Vec::new();
-        if results.known.is_empty() {
-            if !self.is_complete(inputs, &results.reports)? {
-                return Ok(false);
-            }
+        if results.known.is_empty() && !self.is_complete(inputs, &results.reports)? {
+            return Ok(false);
+        }
+        let mut images = results.known.clone();
+        if images.is_empty() {
             for (truth, report) in inputs.truths().zip(&results.reports) {
                 images.push(ImageReport::new(&self.gpu, &self.objective, truth, report)?);
             }
-        } else {
-            images.clone_from(&results.known);
         }
-        inputs.images.iter().for_each(|image| self.objective.end(image.by));
+        inputs.images.iter().for_each(|image| self.objective.cameras.end(image.by.grid));
         self.reports.push(StepReport::new(inputs.step, self.scene.n, &images, inputs.own().len()));
         Ok(true)
     }
 
-    /// True if the lists of all images of a step, which has ended, fitted. If not, the next buffers are large enough.
+    /// True if the lists of all images of a step fitted. If not, the next buffers are large enough.
     pub(super) fn is_complete(&mut self, inputs: &Inputs, reports: &[Report]) -> Result<bool> {
         let own = &inputs.images[inputs.own()];
         for (image, report) in own.iter().zip(reports) {
@@ -146,7 +131,6 @@ impl Trainer {
         Ok(true)
     }
 
-    /// Makes room for the images of a step, and records by `record` in the workspace that has it.
     pub(super) fn in_workspace<T>(
         &mut self,
         inputs: &Inputs,
@@ -158,7 +142,7 @@ impl Trainer {
         recorded
     }
 
-    /// A workspace with room for the images of a step: the one that there is, or a new one.
+    /// A workspace with room for the images of a step.
     fn fitted(&mut self, inputs: &Inputs) -> Result<Workspace> {
         let mut room = self.room;
         for image in &inputs.images[inputs.own()] {
@@ -168,9 +152,7 @@ impl Trainer {
         }
         if room.pixels > self.room.pixels || self.work.as_ref().is_some_and(|work| work.room != room) {
             // The mark of a failure is in the workspace of the failed step.
-            while !self.in_flight.is_empty() {
-                self.end_oldest()?;
-            }
+            self.end_all()?;
         }
         if room.pixels > self.room.pixels {
             self.with_memory(|trainer| {
@@ -190,16 +172,14 @@ impl Trainer {
         Ok(work)
     }
 
-    /// The passes of a step, and where its results will be; of a shared step, the passes of its own images.
+    /// The passes of a step, and where its results will be; of a shared step those of its own images.
     #[tracing::instrument(level = "debug", name = "record", skip_all)]
     pub(super) fn record(&mut self, inputs: &Inputs) -> Result<(Recording, Results)> {
         self.in_workspace(inputs, |trainer, work| {
             let mut rec = Recording::new();
-            let mut results = Results { n_tiles: 0, n_pixels: 0, lists: None, reports: Vec::new(), known: Vec::new() };
-            for (at, image) in inputs.images.iter().enumerate() {
-                let Some(truth) = &image.truth else { continue };
-                let of = OwnImage { step: inputs.step, at, view: &image.view, by: image.by, truth };
-                trainer.record_image(&mut rec, work, &of, &mut results)?;
+            let mut results = Results { last: None, reports: Vec::new(), known: Vec::new() };
+            for at in inputs.own() {
+                results.last = trainer.record_image(&mut rec, work, inputs, at)?;
                 if trainer.batch.is_some() {
                     results.reports.push(trainer.record_report(&mut rec, work)?);
                 }
@@ -230,26 +210,26 @@ impl Trainer {
         Ok(())
     }
 
-    /// Appends the passes of an image: its frame, the loss, and the way back, which ends in the step if it is the only
-    /// image and in sums of gradients otherwise.
+    /// Appends the passes of an image: frame, loss, and the way back, which ends in the step if it is the only image and
+    /// in sums of gradients otherwise.
     fn record_image(
         &mut self,
         rec: &mut Recording,
         work: &Workspace,
-        image: &OwnImage,
-        results: &mut Results,
-    ) -> Result<()> {
-        let OwnImage { step, at, view, by, truth } = *image;
-        self.record_inputs(rec, view, step)?;
+        inputs: &Inputs,
+        at: usize,
+    ) -> Result<Option<(Lists, Size)>> {
+        let Image { view, by, truth: Some(truth) } = &inputs.images[at] else { return Ok(None) };
+        self.record_inputs(rec, view, inputs.step)?;
         let Trainer { gpu, scene, optimiser, objective, images, batch, rounds, .. } = self;
         images.residents.record_upload(rec, &truth.resident);
-        objective.cameras.record_view(rec, work, by.camera, step);
+        objective.cameras.record_view(rec, work, by.camera, inputs.step);
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_pixels = view.intrinsics.width * view.intrinsics.height;
         let size = Size { n_tiles: tiles_x * tiles_y, n_pixels, rounds: *rounds };
         let forward = debug_span!("forward").entered();
         let lists = work.record_forward(rec, scene, size, |rec| {
-            optimiser.record_catch_up(rec, scene, Some(&work.cull), &work.status, step - 1);
+            optimiser.record_catch_up(rec, scene, Some(&work.cull), &work.status, inputs.step - 1);
         });
         drop(forward);
         debug_span!("loss").in_scope(|| objective.record_loss(gpu, rec, work, &images.residents, truth))?;
@@ -259,11 +239,10 @@ impl Trainer {
         if batch.is_some() {
             objective.cameras.record_keep(rec, work, by.grid, at);
         }
-        (results.n_tiles, results.n_pixels, results.lists) = (size.n_tiles, size.n_pixels, Some(lists));
-        Ok(())
+        Ok(Some((lists, size)))
     }
 
-    /// Appends the step itself, after its images.
+    /// After its images.
     pub(super) fn record_step(&self, rec: &mut Recording, work: &Workspace, inputs: &Inputs) -> Result<()> {
         let _stepping = debug_span!("optimiser").entered();
         let Inputs { step, images } = inputs;
