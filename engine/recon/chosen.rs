@@ -12,7 +12,7 @@ const MOST_DECIDING: usize = 8;
 pub(super) fn cameras(capture: &Capture, are_photos: bool) -> Vec<usize> {
     let takes_part = |camera: &Camera| !camera.is_test && camera.is_photo == are_photos && !camera.shots.is_empty();
     let all: Vec<usize> = (0..capture.cameras.len()).filter(|index| takes_part(&capture.cameras[*index])).collect();
-    some(&all, MOST_CAMERAS)
+    picked(&all, MOST_CAMERAS)
 }
 
 /// The views of the training cameras that take part, at the reference frame or at the first that they have.
@@ -31,22 +31,21 @@ pub(super) fn shown(capture: &Capture, camera: usize, frame: u32, any: bool) -> 
 }
 
 /// At most `most` of `all`, evenly chosen.
-pub(crate) fn some<T: Copy>(all: &[T], most: usize) -> Vec<T> {
+pub(crate) fn picked<T: Copy>(all: &[T], most: usize) -> Vec<T> {
     let n = all.len().min(most);
     (0..n).map(|i| all[i * all.len() / n]).collect()
 }
 
-/// Every n-th of `views`, at most `most`.
-pub(crate) fn evenly_chosen(views: Vec<View>, most: usize) -> Vec<View> {
-    let each = views.len().div_ceil(most).max(1);
-    views.into_iter().step_by(each).collect()
+/// Every n-th of `all`, at most `most`.
+pub(crate) fn evenly_chosen<T>(all: Vec<T>, most: usize) -> Vec<T> {
+    let each = all.len().div_ceil(most).max(1);
+    all.into_iter().step_by(each).collect()
 }
 
 /// True if at least half of the training pictures, by a sample, are cut out: transparent along half of their rim. An
 /// undistorted lens leaves transparent corners, too, but fewer.
 pub(super) fn are_cut_out(capture: &Capture) -> bool {
-    let cameras = cameras(capture, false);
-    let tested: Vec<usize> = cameras.iter().step_by(cameras.len().div_ceil(MOST_DECIDING).max(1)).copied().collect();
+    let tested = evenly_chosen(cameras(capture, false), MOST_DECIDING);
     let is_cut_out = |k: usize| {
         let Some(frame) = shown(capture, tested[k], capture.reference_frame, true) else { return Ok(false) };
         let width = capture.cameras[tested[k]].intrinsics.width as usize;

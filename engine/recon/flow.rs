@@ -2,10 +2,11 @@
 //! from the points of every frame that move.
 //! Frames are read one after another, so that memory grows with the result alone.
 
-use super::chosen::some;
+use super::Progress;
+use super::chosen::picked;
 use super::pinhole::Pinhole;
 use super::points::{Found, OPACITY, Reach, push, spacings};
-use super::settings::Settings;
+use super::settings::{Init, Settings};
 use crate::error::Result;
 use crate::parallel::{in_parallel, threads};
 use crate::scene::capture::{Capture, FramePoint};
@@ -60,15 +61,6 @@ impl fmt::Display for PointCounts {
     }
 }
 
-/// The rule by which a point is dynamic.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Rule {
-    /// Two clear views see it move, or the only one does: one of many is often wrong.
-    TwoViews,
-    AnyView,
-    All,
-}
-
 pub(super) struct FromFrames {
     /// Static points of the reference frame, with the standard deviations of their Gaussians.
     pub still: (Vec<Found>, Vec<f64>),
@@ -84,17 +76,17 @@ pub(super) fn motion_at_rest(capture: &Capture, settings: &Settings) -> Option<M
     may_move.then_some(Motion { velocity: [0.0; 3], t_center, t_scale })
 }
 
-/// Reads the points and the flow of all frames. `progress` is called as (frames done, frames in all).
+/// Reads the points and the flow of all frames.
 pub(super) fn from_frames(
     capture: &Capture,
     settings: &Settings,
-    rule: Rule,
-    progress: &mut dyn FnMut(usize, usize),
+    rule: Init,
+    progress: &mut Progress,
 ) -> Result<FromFrames> {
     let threads = threads();
     let reach = Reach::new(capture);
     let dt = 1.0 / f64::from(capture.n_frames);
-    let by_flow = rule != Rule::All;
+    let by_flow = rule != Init::Concat;
     let mut counts = PointCounts::default();
     let mut still = (Vec::new(), Vec::new());
     let mut moving = Splats::new(settings.sh_degree);
@@ -145,9 +137,9 @@ struct Sight {
 
 /// True if a point moves in two views, or in the only one: one of many is often wrong, if its clock is off or something
 /// passed before the point. Unclear views count only if there is no clear one. By the paper's rule one view is enough.
-fn moves(sights: &[Sight], rule: Rule) -> bool {
+fn moves(sights: &[Sight], rule: Init) -> bool {
     let moving = |sight: &&Sight| sight.moved > THRESHOLD;
-    if rule == Rule::AnyView {
+    if rule == Init::AnyView {
         return sights.iter().any(|sight| moving(&sight));
     }
     match sights.iter().filter(|sight| sight.is_clear).count() {
@@ -195,7 +187,7 @@ fn sights(capture: &Capture, points: &[FramePoint], frame: u32, threads: usize) 
 
 /// The movement of a point in a frame on which most of its views agree, two at least; zero if there is none.
 fn movement(position: DVec3, sights: &[Sight]) -> DVec3 {
-    let sights = some(sights, MOST_VIEWS);
+    let sights = picked(sights, MOST_VIEWS);
     let n = sights.len();
     let agreeing = |way: DVec3| -> Vec<Sight> {
         let agrees = |sight: &&Sight| {

@@ -22,7 +22,7 @@ mod sizing;
 mod surfaces;
 mod sweep;
 
-pub(crate) use chosen::{evenly_chosen, some};
+pub(crate) use chosen::{evenly_chosen, picked};
 pub use flow::PointCounts;
 pub(crate) use pinhole::Pinhole;
 pub(crate) use points::{from_points, random_points};
@@ -41,6 +41,9 @@ use points::Found;
 use sizing::{SIZE, Sizing};
 use std::fmt;
 use surfaces::{Surfaces, Views};
+
+/// Called as (pieces done, pieces in all).
+pub(crate) type Progress<'a> = dyn FnMut(usize, usize) + 'a;
 
 /// Frames from one hull to the next, at least: little moves in between.
 const HULL_STRIDE: u32 = 2;
@@ -110,13 +113,8 @@ impl Initial {
 }
 
 /// Makes the first Gaussians of `capture`, which is in the frame of training: at random places if nothing is found.
-/// Without `settings.trains_static` only dynamic ones are made, and there may be none. `progress` is called as (pieces
-/// done, pieces in all).
-pub(crate) fn initialise(
-    capture: &Capture,
-    settings: &Settings,
-    progress: &mut dyn FnMut(usize, usize),
-) -> Result<Initial> {
+/// Without `settings.trains_static` only dynamic ones are made, and there may be none.
+pub(crate) fn initialise(capture: &Capture, settings: &Settings, progress: &mut Progress) -> Result<Initial> {
     let mut initial =
         if settings.trains_static { all(capture, settings, progress)? } else { moving(capture, settings, progress)? };
     if capture.has_photos() {
@@ -134,7 +132,7 @@ pub(crate) fn initialise(
     Ok(initial)
 }
 
-fn all(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+fn all(capture: &Capture, settings: &Settings, progress: &mut Progress) -> Result<Initial> {
     let lacks = |what: &str| {
         let remedy = "set it to one of auto, flow, any_view, concat, points, hull, frustum and random";
         Err(Error::data(&capture.path, "setting `init`", format!("the capture has no {what}"), remedy))
@@ -152,17 +150,16 @@ fn all(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, u
         asked => (asked, "asked for"),
     };
     let because = because.to_owned();
-    let rule = match from {
-        Init::Flow if settings.init == Init::Flow => flow::Rule::TwoViews,
-        Init::AnyView => flow::Rule::AnyView,
-        Init::Concat => flow::Rule::All,
+    match from {
         Init::Points => {
             return Ok(Initial::new(from_points(&capture.points, capture, settings.sh_degree), from, because));
         }
         Init::Random => return Ok(at_random(capture, settings, because)),
+        Init::AnyView | Init::Concat => {}
+        Init::Flow if settings.init == Init::Flow => {}
         _ => return from_pictures(capture, settings, from, because, progress),
-    };
-    let FromFrames { still: (still, sizes), moving, counts } = flow::from_frames(capture, settings, rule, progress)?;
+    }
+    let FromFrames { still: (still, sizes), moving, counts } = flow::from_frames(capture, settings, from, progress)?;
     let mut splats = Splats::new(settings.sh_degree);
     points::append(&mut splats, &still, &sizes, points::OPACITY, flow::motion_at_rest(capture, settings));
     splats.append(moving);
@@ -173,7 +170,7 @@ fn all(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, u
 }
 
 /// Dynamic Gaussians alone, by flow and by masks; none if the capture has neither.
-fn moving(capture: &Capture, settings: &Settings, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+fn moving(capture: &Capture, settings: &Settings, progress: &mut Progress) -> Result<Initial> {
     let (from, because) = if capture.has_frame_points() && has_flow(capture) {
         (Init::Flow, "of what moves, by the flow")
     } else if marks_motion(capture) {
@@ -219,7 +216,7 @@ fn from_pictures(
     settings: &Settings,
     from: Init,
     because: String,
-    progress: &mut dyn FnMut(usize, usize),
+    progress: &mut Progress,
 ) -> Result<Initial> {
     let cameras = cameras(capture, false);
     let cut_out = are_cut_out(capture);
@@ -242,7 +239,7 @@ fn from_pictures(
         progress(n_done, n_pieces);
     };
     let frames = match from {
-        Init::Flow => Some(flow::from_frames(capture, settings, flow::Rule::TwoViews, &mut |_, _| done())?),
+        Init::Flow => Some(flow::from_frames(capture, settings, from, &mut |_, _| done())?),
         _ => None,
     };
     let sizing = Sizing::new(capture);

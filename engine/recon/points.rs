@@ -1,6 +1,6 @@
 //! Gaussians at points: of a reconstruction, at random, or found by the other modules here.
 
-use super::chosen::{some, views};
+use super::chosen::{picked, views};
 use super::hull;
 use crate::random::Keyed;
 use crate::report::statistics::mean;
@@ -112,7 +112,7 @@ impl Reach {
             shots.map(|shot| camera.pose(shot.frame).center()).collect()
         };
         let all: Vec<DVec3> = training.flat_map(centers).collect();
-        Reach { radius: capture.extent().radius, lenses: some(&all, MOST_LENSES) }
+        Reach { radius: capture.extent().radius, lenses: picked(&all, MOST_LENSES) }
     }
 
     /// The largest standard deviation at a point: a tenth of the extent, or of its distance to the nearest lens beyond

@@ -44,8 +44,8 @@ pub(super) struct Surfaces {
 }
 
 impl Views<'_> {
-    /// The surfaces, frame by frame. `known` are static points; without any the pictures decide which of `points` are
-    /// static. `done` is called after each picture and each sweep.
+    /// The surfaces, frame by frame. `known` are static points; if none are given, the pictures decide which of `points`
+    /// are static. `done` is called after each picture and each sweep.
     pub fn surfaces(&self, known: Option<&[Found]>, lenses: &Lenses, done: &mut dyn FnMut()) -> Result<Surfaces> {
         let at_rest = Some(self.capture.reference_frame).filter(|_| self.finds_static);
         let mut frames: Vec<u32> = self.hull_frames.iter().copied().chain(at_rest).collect();

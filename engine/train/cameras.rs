@@ -74,7 +74,7 @@ pub(super) struct Cameras {
     clocks: Option<TimeOffsets>,
     learns_offset: Vec<bool>,
     poses: Option<Poses>,
-    /// Perhaps in a shorter run.
+    /// Poses have been learnt already, perhaps in a shorter run.
     has_learnt_poses: bool,
     learns_pose: Vec<Option<DVec3>>,
     pose_rate: Rate,
@@ -291,31 +291,25 @@ impl Cameras {
     }
 
     pub fn record_keep(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
-        self.copies(work, grid, at).into_iter().for_each(|[here, kept]| rec.copy(here, kept));
+        self.copies(work, grid, at).for_each(|[here, kept]| rec.copy(here, kept));
     }
 
     pub fn record_take(&self, rec: &mut Recording, work: &Workspace, grid: Option<OwnGrid>, at: usize) {
-        self.copies(work, grid, at).into_iter().for_each(|[here, kept]| rec.copy(kept, here));
+        self.copies(work, grid, at).for_each(|[here, kept]| rec.copy(kept, here));
     }
 
     /// Pairs of a present gradient and the place of that of image `at`.
-    fn copies(&self, work: &Workspace, grid: Option<OwnGrid>, at: usize) -> Vec<[Slice; 2]> {
-        let mut copies = Vec::new();
-        let Some(kept) = &self.kept else { return copies };
-        if let Some(backward) = work.backward.as_ref().filter(|_| self.wants_gradient()) {
-            let of_image = kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS);
-            copies.push([backward.d_camera.slice(), of_image.slice()]);
-        }
-        if let (Some(graded), Some(_)) = (&self.graded, grid) {
-            let of_image = kept.d_grids.range(GRID_ROWS * at, GRID_ROWS);
-            copies.push([graded.grids.d_grid.slice(), of_image.slice()]);
-        }
-        copies
+    fn copies(&self, work: &Workspace, grid: Option<OwnGrid>, at: usize) -> impl Iterator<Item = [Slice; 2]> {
+        let [of_camera, of_grid] = self.kept_parts(at);
+        let d_camera = work.backward.as_ref().map(|backward| backward.d_camera.slice());
+        let d_grid = self.graded.as_ref().filter(|_| grid.is_some()).map(|graded| graded.grids.d_grid.slice());
+        let pairs = [d_camera.zip(of_camera), d_grid.zip(of_grid)].into_iter().flatten();
+        pairs.map(|(here, kept)| [here, kept.slice()])
     }
 
     /// The kept gradients of the images `range` of a step, as bytes: equally many of each, in every process.
     pub fn kept(&self, gpu: &Gpu, range: Range<usize>) -> Result<Vec<Vec<u8>>> {
-        let parts = |at: usize| self.kept_parts(at).into_iter().map(|part| gpu.read(&part));
+        let parts = |at: usize| self.kept_parts(at).into_iter().flatten().map(|part| gpu.read(&part));
         let of_image = |at| Ok(bytemuck::cast_slice(&parts(at).collect::<Result<Vec<_>>>()?.concat()).to_vec());
         range.map(of_image).collect()
     }
@@ -324,19 +318,19 @@ impl Cameras {
     pub fn put_kept(&self, gpu: &Gpu, at: usize, bytes: &[u8]) -> Result<()> {
         let rows: Vec<[f32; 4]> = bytemuck::pod_collect_to_vec(bytes);
         let mut from = 0;
-        for part in self.kept_parts(at) {
+        for part in self.kept_parts(at).into_iter().flatten() {
             gpu.write(&part, &rows[from..from + part.len()])?;
             from += part.len();
         }
         Ok(())
     }
 
-    /// Without a grid its part holds old values.
-    fn kept_parts(&self, at: usize) -> Vec<Buf<[f32; 4]>> {
-        let Some(kept) = &self.kept else { return Vec::new() };
-        let of_cameras = self.wants_gradient().then(|| kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS));
-        let of_grids = self.graded.is_some().then(|| kept.d_grids.range(GRID_ROWS * at, GRID_ROWS));
-        of_cameras.into_iter().chain(of_grids).collect()
+    /// The part of the cameras and that of the grids. Without a grid its part holds old values.
+    fn kept_parts(&self, at: usize) -> [Option<Buf<[f32; 4]>>; 2] {
+        let Some(kept) = &self.kept else { return [None, None] };
+        let of_camera = self.wants_gradient().then(|| kept.d_cameras.range(CAMERA_ROWS * at, CAMERA_ROWS));
+        let of_grid = self.graded.is_some().then(|| kept.d_grids.range(GRID_ROWS * at, GRID_ROWS));
+        [of_camera, of_grid]
     }
 
     /// Appends step `step`, after the backward pass of its image `index`.

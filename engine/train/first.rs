@@ -3,14 +3,13 @@
 use super::Config;
 use super::density::most_first;
 use crate::error::Result;
-use crate::recon::{self, Initial, Settings};
+use crate::recon::{self, Initial, Progress, Settings};
 use crate::scene::Splats;
 use crate::scene::capture::{Capture, Point};
 
-/// Makes the first Gaussians of `capture`, which is in the frame of training. `progress` is called as (pieces done,
-/// pieces in all).
+/// Makes the first Gaussians of `capture`, which is in the frame of training.
 #[tracing::instrument(level = "info", name = "initialise", skip_all)]
-pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+pub fn initialise(capture: &Capture, config: &Config, progress: &mut Progress) -> Result<Initial> {
     let settings = Settings {
         init: config.init,
         seed: config.seed,
@@ -24,7 +23,7 @@ pub fn initialise(capture: &Capture, config: &Config, progress: &mut dyn FnMut(u
 }
 
 /// As [`initialise`], from a capture in its own world to Gaussians there.
-pub fn first_gaussians(capture: &Capture, config: &Config, progress: &mut dyn FnMut(usize, usize)) -> Result<Initial> {
+pub fn first_gaussians(capture: &Capture, config: &Config, progress: &mut Progress) -> Result<Initial> {
     let world = capture.normalisation();
     let initial = initialise(&capture.clone().transformed(&world), config, progress)?;
     Ok(Initial { splats: world.inverse().splats(&initial.splats), ..initial })

@@ -3,6 +3,7 @@
 use super::{Trainer, spread};
 use crate::error::Result;
 use crate::gpu::Gpu;
+use crate::recon::Progress;
 use crate::report::statistics::mean;
 use crate::scene::View;
 use crate::scene::capture::{Capture, Picture, Shot};
@@ -104,12 +105,12 @@ pub struct OffsetImages<'a> {
     pub background: [f32; 3],
 }
 
-/// By camera, its learnt time offset with its errors. `progress` is called as (cameras done, cameras).
+/// By camera, its learnt time offset with its errors.
 #[tracing::instrument(level = "info", name = "fit offsets", skip_all)]
 pub fn learnt_offsets(
     trainer: &mut Trainer,
     images: &OffsetImages,
-    progress: &mut dyn FnMut(usize, usize),
+    progress: &mut Progress,
 ) -> Result<BTreeMap<usize, OffsetFit>> {
     let OffsetImages { gpu, capture, constants, background } = *images;
     let (offsets, learns) = trainer.offsets()?;

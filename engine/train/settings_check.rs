@@ -46,19 +46,15 @@ pub fn check_name(name: &str) -> Result<(), String> {
 }
 
 fn leaves(prefix: &str, settings: &Value, names: &mut Vec<String>) {
-    match settings {
-        Value::Object(inner) => {
-            for (key, value) in inner {
-                match prefix {
-                    // Records of what a run began from, not settings.
-                    "" if key == "preset" && !value.is_string() => {}
-                    "" if key == "holds_static" && value.is_boolean() => {}
-                    "" => leaves(key, value, names),
-                    prefix => leaves(&format!("{prefix}.{key}"), value, names),
-                }
-            }
+    let Value::Object(inner) = settings else { return names.push(prefix.to_owned()) };
+    for (key, value) in inner {
+        // Records of what a run began from, not settings.
+        let is_record = key == "preset" && !value.is_string() || key == "holds_static" && value.is_boolean();
+        match prefix {
+            "" if is_record => {}
+            "" => leaves(key, value, names),
+            prefix => leaves(&format!("{prefix}.{key}"), value, names),
         }
-        _ => names.push(prefix.to_owned()),
     }
 }
 

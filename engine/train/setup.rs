@@ -4,7 +4,7 @@ use super::lenses;
 use super::terms::{self};
 use super::{Config, PoseKind, Rate, TermData};
 use crate::parallel::{in_parallel, threads};
-use crate::recon::cameras_look_inward;
+use crate::recon::{cameras_look_inward, evenly_chosen};
 use crate::scene::capture::{Camera, Capture, Extent, alpha_of, decode_image, has_alpha, read_size};
 use crate::scene::{Clearing, FlowModel, View};
 use glam::DVec3;
@@ -122,8 +122,7 @@ fn shows_background(capture: &Capture, background: [f32; 3]) -> bool {
     let cameras: Vec<(usize, &Camera)> = capture.cameras.iter().enumerate().filter(is_used).collect();
     let firsts = cameras.iter().map(|(_, camera)| camera.shots[0].image.as_path());
     let with_alpha: Vec<&Path> = firsts.filter(|image| has_alpha(image)).collect();
-    let some: Vec<&Path> =
-        with_alpha.iter().step_by(with_alpha.len().div_ceil(MOST_LOOKED_AT).max(1)).copied().collect();
+    let some = evenly_chosen(with_alpha, MOST_LOOKED_AT);
     let shows_through = in_parallel(some.len(), threads(), |k| Ok(is_transparent(some[k])), |_| {});
     if shows_through.unwrap_or_default().contains(&true) {
         return true;

@@ -261,7 +261,8 @@ fn a_capture_without_points_of_frames_is_fitted_to_its_sparse_points() {
         [capture, sparse].map(|capture| fit_depths(capture, DepthSpace::Inverse, 2, &mut |_, _| {}).unwrap());
     let mut off: Vec<f64> = Vec::new();
     for ((camera, frame), fit) in sparse.iter() {
-        let (Ok(fit), Some(other)) = (fit, by_frame.get(camera, frame)) else { continue };
+        let other = by_frame.iter().find(|(image, _)| *image == (camera, frame));
+        let (Ok(fit), Some((_, Ok(other)))) = (fit, other) else { continue };
         off.push((fit.scale / other.scale - 1.0).abs());
     }
     off.sort_by(f64::total_cmp);

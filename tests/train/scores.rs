@@ -43,7 +43,7 @@ fn examples_are_the_extremes_and_an_even_spread() {
     let frames: Vec<(usize, u32)> = (0..100).map(|i| (i, 0)).collect();
     let some: Vec<usize> = spread(&frames, 4).into_iter().map(|f| f.0).collect();
     assert_eq!(some, [12, 37, 62, 87]);
-    assert_eq!((spread(&frames[..3], 16).len(), spread(&[], 16).len()), (3, 0));
+    assert_eq!((spread(&frames[..3], 16).len(), spread::<(usize, u32)>(&[], 16).len()), (3, 0));
 }
 
 /// Of the scene that a run on `tiny` begins with.

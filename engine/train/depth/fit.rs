@@ -4,7 +4,7 @@ use super::cache::DepthCache;
 use super::line::{DepthFit, Outcome, Unfit, fit_line};
 use crate::error::Result;
 use crate::parallel::in_parallel;
-use crate::recon::Pinhole;
+use crate::recon::{Pinhole, Progress};
 use crate::report::statistics::median_high;
 use crate::scene::View;
 use crate::scene::capture::{Capture, FramePoint};
@@ -53,15 +53,9 @@ impl fmt::Display for DepthSummary {
 }
 
 /// Fits the depth prior of every training image to the points seen in it: those of its frame, else the capture's sparse
-/// points. Depth is in the units of the capture's world. Fits are kept in `depth/fits.json` of the capture. `progress` is
-/// called as (frames done, frames in all).
+/// points. Depth is in the units of the capture's world. Fits are kept in `depth/fits.json` of the capture.
 #[tracing::instrument(level = "info", name = "fit depths", skip_all)]
-pub fn fit_depths(
-    capture: &Capture,
-    space: DepthSpace,
-    threads: usize,
-    progress: &mut dyn FnMut(usize, usize),
-) -> Result<DepthFits> {
+pub fn fit_depths(capture: &Capture, space: DepthSpace, threads: usize, progress: &mut Progress) -> Result<DepthFits> {
     let sparse: Vec<[f64; 3]> = capture.points.iter().map(|point| point.position).collect();
     let mut by_frame: BTreeMap<u32, Vec<usize>> = BTreeMap::new();
     capture.training_frames().into_iter().for_each(|(camera, frame)| by_frame.entry(frame).or_default().push(camera));

@@ -35,13 +35,13 @@ pub struct Run {
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct CaptureSummary {
-    /// With the test cameras.
+    /// Cameras, with the test cameras.
     pub cameras: usize,
     pub frames: u32,
     pub fps: f64,
     pub training_images: usize,
     pub test_images: usize,
-    /// Images with one.
+    /// Images with a mask.
     pub masks: usize,
     /// Largest width and largest height, pixels.
     pub largest_image: [u32; 2],

@@ -14,6 +14,7 @@ use crate::gpu::{Gpu, Staging};
 use crate::internals::train::TermData;
 use crate::scene::View;
 use residency::Residency;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 use stream::{ImageStream, Next};
 
@@ -31,6 +32,8 @@ pub(super) struct StepImages {
 }
 
 pub(super) struct ImageStore {
+    gpu: Arc<Gpu>,
+    staging: Arc<Staging>,
     pub residents: Residents,
     pub limits: ImageLimits,
     /// Made for the first step that needs it.
@@ -39,12 +42,12 @@ pub(super) struct ImageStore {
 }
 
 impl ImageStore {
-    pub fn new(gpu: &Gpu, data: TermData) -> Result<Self> {
-        let residents = Residents::new(gpu, data)?;
-        Ok(ImageStore { residents, limits: ImageLimits::default(), stream: None, waited: Duration::ZERO })
+    pub fn new(gpu: Arc<Gpu>, staging: Arc<Staging>, data: TermData) -> Result<Self> {
+        let residents = Residents::new(&gpu, data)?;
+        Ok(ImageStore { gpu, staging, residents, limits: ImageLimits::default(), stream: None, waited: Duration::ZERO })
     }
 
-    pub fn next(&mut self, gpu: &Gpu, staging: &Staging, source: &Source, steps: &Steps) -> Result<StepImages> {
+    pub fn next(&mut self, source: &Source, steps: &Steps) -> Result<StepImages> {
         loop {
             let mut stream = match self.stream.take() {
                 Some(stream) => stream,
@@ -53,7 +56,7 @@ impl ImageStore {
                     ImageStream::new(source, steps, &self.limits)?
                 }
             };
-            let found = self.of_step(gpu, staging, source, steps, &mut stream)?;
+            let found = self.of_step(source, steps, &mut stream)?;
             match found {
                 Some(found) if !found.images.is_empty() || steps.done >= steps.total => {
                     self.stream = Some(stream);
@@ -69,14 +72,7 @@ impl ImageStore {
     }
 
     /// The next images of `stream`; none if one that should be on the device is not.
-    fn of_step(
-        &mut self,
-        gpu: &Gpu,
-        staging: &Staging,
-        source: &Source,
-        steps: &Steps,
-        stream: &mut ImageStream,
-    ) -> Result<Option<StepImages>> {
+    fn of_step(&mut self, source: &Source, steps: &Steps, stream: &mut ImageStream) -> Result<Option<StepImages>> {
         let batch = steps.config.batch as usize;
         let mut images = Vec::with_capacity(batch);
         let mut loading = Duration::ZERO;
@@ -87,7 +83,7 @@ impl ImageStore {
             let mut resident = None;
             if let Some(next) = next {
                 let begun = Instant::now();
-                let Some(loaded) = self.load(gpu, staging, &next)? else { return Ok(None) };
+                let Some(loaded) = self.load(&next)? else { return Ok(None) };
                 resident = Some(loaded);
                 loading += begun.elapsed();
             }
@@ -97,7 +93,8 @@ impl ImageStore {
     }
 
     /// Brings an image to where the device can get it; none if it should be on the device and is not.
-    fn load(&mut self, gpu: &Gpu, staging: &Staging, next: &Next) -> Result<Option<Resident>> {
+    fn load(&mut self, next: &Next) -> Result<Option<Resident>> {
+        let (gpu, staging) = (&self.gpu, &self.staging);
         match (&next.picture, next.residency) {
             (Some(picture), Residency::Stays) => self.residents.keep(gpu, staging, next.asked, picture).map(Some),
             (Some(picture), _) => self.residents.pass(gpu, staging, picture).map(Some),

@@ -5,6 +5,7 @@ use crate::internals::train::Sight;
 use crate::internals::train::require::look::{Album, Seen, Shot};
 use crate::internals::train::scores::ColorMap;
 use crate::random::Keyed;
+use crate::recon::Progress;
 use crate::scene::{Frame, Splats, View};
 use crate::stage::{Census, Renderer, Response};
 
@@ -20,14 +21,14 @@ pub struct Evidence {
     pub seen: Vec<Seen>,
     /// Colours of all training pictures, three to a pixel.
     pub n_values: f64,
-    /// That were looked at.
+    /// Pictures that were looked at.
     pub pictures: usize,
 }
 
 impl Evidence {
     /// Looks at `most` training pictures of `splats` at most, until all but `share` of the Gaussians have been seen
     /// enough. `key` chooses between pictures that show as much. Pictures of cameras that `has_grid` names are compared
-    /// after the affine map of colours that fits them best. `progress` is called as (pictures looked at, chosen so far).
+    /// after the affine map of colours that fits them best.
     pub fn gather(
         renderer: &mut Renderer,
         splats: &Splats,
@@ -35,7 +36,7 @@ impl Evidence {
         has_grid: &[bool],
         (most, share): (usize, f64),
         key: &[u64],
-        progress: &mut dyn FnMut(usize, usize),
+        progress: &mut Progress,
     ) -> Result<Self> {
         let cameras = sight.capture.cameras.iter().filter(|camera| !camera.is_test);
         let census =

@@ -4,7 +4,7 @@ use crate::error::Result;
 use crate::internals::train::Sight;
 use crate::parallel::{in_parallel, threads};
 use crate::random::permutation;
-use crate::recon::{Pinhole, some};
+use crate::recon::{Pinhole, picked};
 use crate::scene::Splats;
 use glam::DVec3;
 
@@ -266,7 +266,7 @@ impl<'a> Album<'a> {
         if !is_first && lacking.len() as f64 <= share * self.tallies.len() as f64 {
             return Ok(Vec::new());
         }
-        let sample = some(&lacking, SAMPLE);
+        let sample = picked(&lacking, SAMPLE);
         let mut candidates = permutation(self.shots.len(), &[key, &[self.n_looked as u64]].concat());
         candidates.retain(|at| !self.is_looked_at[*at]);
         candidates.truncate(CANDIDATES);

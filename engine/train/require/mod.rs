@@ -15,6 +15,7 @@ use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::internals::train::density::recovered_from;
 use crate::internals::train::{CameraState, Checkpoint, Config, Sight, Trainer};
+use crate::recon::Progress;
 use crate::scene::capture::Capture;
 use crate::scene::{Motion, SH_C0, Splats};
 use crate::settings::Constants;
@@ -33,7 +34,7 @@ const FIRST: f64 = 0.6;
 const LAST: f64 = 0.8;
 /// Share of the Gaussians that may stay unjudged: the last ones would take many images each.
 const UNSEEN: f64 = 0.02;
-/// In half logarithms of the number of observations: Schwarz's criterion.
+/// Price of a number in half logarithms of the number of observations: Schwarz's criterion.
 const PRICE: f64 = 1.0;
 /// PSNR that all reviews together may cost when they take place, dB.
 const MARGIN: f64 = 0.05;
@@ -48,9 +49,9 @@ pub struct Review {
     pub step: u64,
     /// Standard deviation of the errors of the colours, in [0, 1].
     pub noise: f64,
-    /// Of a number, in half logarithms of the number of observations; less than 1 if the pictures would lose too much.
+    /// Price of a number, in half logarithms of the number of observations; less than 1 if the pictures would lose too much.
     pub price: f64,
-    /// That it looked at.
+    /// Training pictures that it looked at.
     pub pictures: usize,
     /// Pictures that it might look at.
     pub budget: usize,
@@ -61,15 +62,15 @@ pub struct Review {
     pub before: usize,
     pub after: usize,
     pub removed: usize,
-    /// Into another.
+    /// Gaussians that became part of another.
     pub merged: usize,
-    /// Became static.
+    /// Dynamic Gaussians that became static.
     pub came_to_rest: usize,
-    /// Became dynamic.
+    /// Static Gaussians that became dynamic.
     pub began_to_move: usize,
     /// Gaussians that lost band 1, 2, 3.
     pub lost_bands: [usize; 3],
-    /// Of training cameras that had no grid.
+    /// Checks of training cameras that had no grid.
     pub grids: Vec<GridCheck>,
 }
 
@@ -105,8 +106,7 @@ fn reviews_at(config: &Config, total: u64) -> BTreeSet<u64> {
     steps.filter(|step| (1..total).contains(step)).collect()
 }
 
-/// Reviews the cameras or the Gaussians of `trainer`, by `most_images` images of `capture` at most. `progress` is called
-/// as (pictures looked at, pictures chosen so far).
+/// Reviews the cameras or the Gaussians of `trainer`, by `most_images` images of `capture` at most.
 #[tracing::instrument(level = "info", name = "review", skip_all)]
 pub fn review(
     trainer: &mut Trainer,
@@ -115,7 +115,7 @@ pub fn review(
     constants: Constants,
     due: Due,
     most_images: usize,
-    progress: &mut dyn FnMut(usize, usize),
+    progress: &mut Progress,
 ) -> Result<Review> {
     let mut checkpoint = trainer.checkpoint()?;
     let (offsets, _) = trainer.offsets()?;

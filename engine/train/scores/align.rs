@@ -198,15 +198,7 @@ mod tests {
         };
         let (width, height) = (16, 12);
         let n = (width * height) as usize;
-        let frame = Frame {
-            width,
-            height,
-            color: (0..n as u32).map(color).collect(),
-            alpha: vec![1.0; n],
-            depth: vec![1.0; n],
-            inverse_depth: vec![1.0; n],
-            flow: vec![[0.0; 2]; n],
-        };
+        let frame = Frame { width, height, color: (0..n as u32).map(color).collect(), ..Frame::default() };
         let picture = Picture::new(width, height, (0..n as u32).map(truth).collect());
         let map = ColorMap::of_view(&frame, &picture);
         let aligned = map.aligned(&frame);

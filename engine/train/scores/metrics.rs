@@ -271,22 +271,6 @@ impl<'a> Sight<'a> {
     }
 }
 
-struct Seen {
-    picture: Picture,
-    foreground: Option<Vec<bool>>,
-    covisible: Option<Vec<bool>>,
-}
-
-impl Seen {
-    fn read(capture: &Capture, camera: usize, frame: u32) -> Result<Self> {
-        Ok(Seen {
-            picture: capture.picture(camera, frame)?,
-            foreground: capture.foreground(camera, frame)?,
-            covisible: capture.covisible(camera, frame)?,
-        })
-    }
-}
-
 /// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` gets every picture with
 /// its camera and frame. A view that its mask hides has no scores. [`Error::NonFinite`] if a colour is not finite.
 #[tracing::instrument(level = "info", name = "evaluate", skip_all)]
@@ -306,9 +290,14 @@ pub fn evaluate(
     for (at, &(camera, frame)) in frames.iter().enumerate() {
         if at % threads == 0 {
             let next = &frames[at..frames.len().min(at + threads)];
-            truths.extend(in_parallel(next.len(), threads, |i| Seen::read(capture, next[i].0, next[i].1), |_| ())?);
+            let read = |i: usize| {
+                let (camera, frame) = next[i];
+                let picture = capture.picture(camera, frame)?;
+                Ok((picture, capture.foreground(camera, frame)?, capture.covisible(camera, frame)?))
+            };
+            truths.extend(in_parallel(next.len(), threads, read, |_| ())?);
         }
-        let Some(Seen { picture, foreground, covisible }) = truths.pop_front() else { break };
+        let Some((picture, foreground, covisible)) = truths.pop_front() else { break };
         let view = sight.view(camera, frame)?;
         let begun = Instant::now();
         let (rendered, report) = renderer.render(&view, Outputs::Color)?;

@@ -22,6 +22,7 @@ use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use judge::judge_poses;
 pub(super) use notice::work;
+use std::borrow::Cow;
 use std::cmp::Ordering;
 use std::sync::Arc;
 use std::time::Instant;
@@ -51,55 +52,11 @@ pub struct Session<'a> {
     watch: Watch<'a>,
 }
 
-/// The parts that do not depend on how a session began.
-struct RunOf {
-    gpu: Arc<Gpu>,
-    capture: Capture,
-    world: Similarity,
-    config: Config,
-    total: u64,
-    frames: Vec<(usize, u32)>,
-    priors: Priors,
-    plan: Plan,
-}
-
-fn planned(
-    gpu: &Gpu,
-    capture: &Capture,
-    config: &Config,
-    setup: &Setup,
-    splats: &Splats,
-    options: &mut SessionOptions,
-) -> Result<(Priors, Plan)> {
-    let known = options.priors.take();
-    let priors = known.map_or_else(|| Priors::read(capture, config, setup, &mut options.watch), Ok)?;
-    let memory = ImageMemory { cache_bytes: options.cache_bytes, device_bytes: options.device_image_bytes };
-    let plan = Plan::of(capture, config, setup, splats, gpu, memory)?;
-    (options.watch)(Notice::Planned(&plan));
-    Ok((priors, plan))
-}
-
 impl<'a> Session<'a> {
     /// Begins a run on the training images of `capture`, which is in its own world.
-    pub fn begin(gpu: Arc<Gpu>, capture: &Capture, config: Config, mut options: SessionOptions<'a>) -> Result<Self> {
-        let frames = training_frames(capture)?;
+    pub fn begin(gpu: Arc<Gpu>, capture: &Capture, config: Config, options: SessionOptions<'a>) -> Result<Self> {
         let world = options.world.unwrap_or_else(|| capture.normalisation());
-        let capture = capture.clone().transformed(&world);
-        let setup = Setup::new(&capture, &config);
-        let splats = match options.first.take() {
-            Some(first) => world.splats(&first),
-            None => {
-                let made = initialise(&capture, &config, &mut work(&mut options.watch, Phase::Initialisation))?;
-                (options.watch)(Notice::Initialised(&made));
-                made.splats
-            }
-        };
-        let total = options.total.unwrap_or_else(|| config.total(frames.len() as u64));
-        let (priors, plan) = planned(&gpu, &capture, &config, &setup, &splats, &mut options)?;
-        let trainer = Trainer::new(gpu.clone(), &splats, options.constants, config.clone(), total, setup)?;
-        let n_left_out = splats.len().saturating_sub(trainer.n_gaussians() as usize);
-        let run = RunOf { gpu, capture, world, config, total, frames, priors, plan };
-        Ok(Session { n_left_out, ..Self::of(run, trainer, options) })
+        Self::open(gpu, capture, world, config, options, None)
     }
 
     /// Goes on with the run of `checkpoint` on its capture, which is in its own world. `options` say neither its length,
@@ -108,29 +65,45 @@ impl<'a> Session<'a> {
         gpu: Arc<Gpu>,
         capture: &Capture,
         checkpoint: &Checkpoint,
-        mut options: SessionOptions<'a>,
+        options: SessionOptions<'a>,
     ) -> Result<Self> {
-        let frames = training_frames(capture)?;
-        let (config, world, total) = (checkpoint.config.clone(), checkpoint.world, checkpoint.total);
-        let capture = capture.clone().transformed(&world);
-        let setup = Setup::new(&capture, &config);
-        let (priors, plan) = planned(&gpu, &capture, &config, &setup, &checkpoint.params, &mut options)?;
-        let trainer = Trainer::resume(gpu.clone(), checkpoint, options.constants, setup)?;
-        let run = RunOf { gpu, capture, world, config, total, frames, priors, plan };
-        Ok(Session {
-            due_after: checkpoint.step,
-            due: checkpoint.due,
-            average: checkpoint.average.clone(),
-            ..Self::of(run, trainer, options)
-        })
+        Self::open(gpu, capture, checkpoint.world, checkpoint.config.clone(), options, Some(checkpoint))
     }
 
-    fn of(run: RunOf, mut trainer: Trainer, options: SessionOptions<'a>) -> Self {
-        let RunOf { gpu, capture, world, config, total, frames, priors, plan } = run;
-        let SessionOptions { constants, cache_bytes, listed_images, watch, ranks, .. } = options;
-        trainer.join(ranks);
+    fn open(
+        gpu: Arc<Gpu>,
+        capture: &Capture,
+        world: Similarity,
+        config: Config,
+        options: SessionOptions<'a>,
+        checkpoint: Option<&Checkpoint>,
+    ) -> Result<Self> {
+        let SessionOptions { constants, cache_bytes, listed_images, mut watch, .. } = options;
+        let frames = training_frames(capture)?;
+        let capture = capture.clone().transformed(&world);
+        let setup = Setup::new(&capture, &config);
+        let splats = match (checkpoint, options.first) {
+            (Some(checkpoint), _) => Cow::Borrowed(&checkpoint.params),
+            (None, Some(first)) => Cow::Owned(world.splats(&first)),
+            (None, None) => {
+                let made = initialise(&capture, &config, &mut work(&mut watch, Phase::Initialisation))?;
+                watch(Notice::Initialised(&made));
+                Cow::Owned(made.splats)
+            }
+        };
+        let total = checkpoint.map(|checkpoint| checkpoint.total).or(options.total);
+        let total = total.unwrap_or_else(|| config.total(frames.len() as u64));
+        let priors = options.priors.map_or_else(|| Priors::read(&capture, &config, &setup, &mut watch), Ok)?;
+        let memory = ImageMemory { cache_bytes, device_bytes: options.device_image_bytes };
+        let plan = Plan::of(&capture, &config, &setup, &splats, &gpu, memory)?;
+        watch(Notice::Planned(&plan));
+        let mut trainer = match checkpoint {
+            Some(checkpoint) => Trainer::resume(gpu.clone(), checkpoint, constants, setup)?,
+            None => Trainer::new(gpu.clone(), &splats, constants, config.clone(), total, setup)?,
+        };
+        trainer.join(options.ranks);
         trainer.images.limits = ImageLimits { cache_bytes, device_bytes: plan.image_bytes, listed: listed_images };
-        Session {
+        Ok(Session {
             gpu,
             capture: Arc::new(capture),
             world,
@@ -140,15 +113,15 @@ impl<'a> Session<'a> {
             frames,
             priors,
             plan,
-            n_left_out: 0,
+            n_left_out: splats.len().saturating_sub(trainer.n_gaussians() as usize),
             due_after: trainer.step(),
-            due: DueEvents::default(),
-            average: Average::default(),
+            due: checkpoint.map_or_else(DueEvents::default, |checkpoint| checkpoint.due),
+            average: checkpoint.map_or_else(Average::default, |checkpoint| checkpoint.average.clone()),
             trainer,
             events: Vec::new(),
             seconds: 0.0,
             watch,
-        }
+        })
     }
 
     /// Continues to `total` steps with the settings `config`; returns the events that are due now.

@@ -10,23 +10,15 @@ mod variation;
 use crate::error::Result;
 use crate::gpu::Gpu;
 use crate::internals::train::Config;
-use crate::scene::capture::Capture;
 use term::TermKind;
 
+pub(super) use priors::data;
 pub(super) use term::{Left, Pair, Part, Rendered, Shown, Term};
 pub use term::{Logged, TermData};
 pub(super) use variation::WEIGHT as GRID_VARIATION_WEIGHT;
 
 /// In the order in which they are recorded and added up: the first sets the cotangent of the colours.
 const TERMS: &[TermKind] = &[photometric::TERM, priors::TERM, lpips::TERM, variation::TERM];
-
-/// The data of `capture` that the terms use.
-pub(super) fn data(config: &Config, capture: &Capture) -> TermData {
-    TERMS
-        .iter()
-        .map(|term| (term.data)(config, capture))
-        .fold(TermData::NONE, |all, own| TermData { depth: all.depth || own.depth, flow: all.flow || own.flow })
-}
 
 /// Logged numbers, in the order of the report's plots.
 pub fn logged() -> impl Iterator<Item = &'static Logged> {

@@ -9,7 +9,6 @@ use crate::stage::{DepthSpace, Outputs, PriorLoss, PriorPicture, PriorWeights};
 
 pub(super) const TERM: TermKind = TermKind {
     logged: LOGGED,
-    data,
     buffers: |data| if data == TermData::NONE { &[] } else { BUFFERS },
     new: |gpu, config, data| {
         let loss = &config.loss;
@@ -31,7 +30,7 @@ const LOGGED: &[Logged] = &[
 ];
 
 /// The priors that have a weight and that any training image has.
-fn data(config: &Config, capture: &Capture) -> TermData {
+pub fn data(config: &Config, capture: &Capture) -> TermData {
     let shots = || capture.cameras.iter().filter(|camera| !camera.is_test).flat_map(|camera| &camera.shots);
     TermData {
         depth: config.loss.depth > 0.0 && shots().any(|shot| shot.depth.is_some()),

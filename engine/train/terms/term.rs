@@ -3,7 +3,6 @@
 use crate::error::Result;
 use crate::gpu::{Buf, Gpu, Recording};
 use crate::internals::train::Config;
-use crate::scene::capture::Capture;
 use crate::stage::{Outputs, PriorPlanes};
 
 /// Pixels that a term needs: a mean over fewer would pull hard on them.
@@ -15,8 +14,6 @@ pub(in crate::internals::train) type Left = Option<Buf<[f32; 4]>>;
 /// A term before a run, which may be off.
 pub(super) struct TermKind {
     pub logged: &'static [Logged],
-    /// Data that it uses beside the colours, if the clip has them.
-    pub data: fn(&Config, &Capture) -> TermData,
     /// Those that grow with the picture, by the data that it uses: name, bytes per pixel.
     pub buffers: fn(TermData) -> &'static [(&'static str, f64)],
     pub new: fn(&Gpu, &Config, TermData) -> Result<Option<Box<dyn Term>>>,
@@ -24,8 +21,7 @@ pub(super) struct TermKind {
 
 impl TermKind {
     /// A term that is always off, for struct updates.
-    pub const NONE: TermKind =
-        TermKind { logged: &[], data: |_, _| TermData::NONE, buffers: |_| &[], new: |_, _, _| Ok(None) };
+    pub const NONE: TermKind = TermKind { logged: &[], buffers: |_| &[], new: |_, _, _| Ok(None) };
 }
 
 /// Data of a clip that the terms use beside its colours.

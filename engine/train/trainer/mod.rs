@@ -60,7 +60,7 @@ pub struct Trainer {
     shared: Shared,
     objective: Objective,
     pub(in crate::internals::train) images: ImageStore,
-    staging: Staging,
+    staging: Arc<Staging>,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
     room: Room,
@@ -155,7 +155,8 @@ impl Trainer {
         let state = upload_state(&gpu, &scene, &state)?;
         let optimiser = Optimiser::new(&gpu, moments, state, config.adam, &sums)?;
         let objective = Objective::new(&gpu, &config, &setup, total)?;
-        let images = ImageStore::new(&gpu, setup.data)?;
+        let staging = Arc::new(Staging::new(&gpu));
+        let images = ImageStore::new(gpu.clone(), staging.clone(), setup.data)?;
         let clearings = clearings(&gpu, &setup, scene.origin)?;
         let mut room = Room {
             active: 1,
@@ -175,7 +176,7 @@ impl Trainer {
         Ok(Trainer {
             objective,
             images,
-            staging: Staging::new(&gpu),
+            staging,
             n_undrawable: gpu.upload("undrawable Gaussians", &[0u32])?,
             gpu,
             constants,
@@ -268,7 +269,7 @@ impl Trainer {
     pub(in crate::internals::train) fn next_images(&mut self, source: &Source) -> Result<StepImages> {
         let own = self.own_images(self.config.batch as usize);
         let steps = Steps { config: &self.config, done: self.step, total: self.total, own };
-        self.images.next(&self.gpu, &self.staging, source, &steps)
+        self.images.next(source, &steps)
     }
 
     /// As [`Trainer::train`], on images that were loaded before density control, for which kept ones may give way.

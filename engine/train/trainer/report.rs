@@ -36,7 +36,7 @@ impl ImageReport {
 /// Means over the images of a step.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct StepReport {
-    /// From 1.
+    /// Number of the step, from 1.
     pub step: u64,
     pub loss: f64,
     /// The numbers that the terms log, by key.
@@ -51,7 +51,7 @@ pub struct StepReport {
     pub intersections: u32,
     /// Gradients that were not finite and changed nothing, since the start.
     pub bad_gradients: u32,
-    /// Of the density control after the step.
+    /// Counts of the density control after the step.
     pub density: Option<Counts>,
 }
 
