@@ -120,16 +120,11 @@ impl Base {
         let trained = run.in_training(capture.clone());
         let made = initialise(&trained, &config, &mut work(watch, Phase::Initialisation))?;
         watch(Notice::Initialised(&made));
-        let moving = made.splats;
         let part = capture.settings().frames;
         let mut params = run.world.splats(&self.living(&part, capture.n_frames));
-        let k = params.n_coefficients();
-        let n_static = moving.n_static;
-        debug_assert!(n_static == 0 && moving.sh.len() == k * moving.len());
         params.degree.clear();
-        params.append(moving);
+        params.append(made.splats);
         params.source_row = (0..params.len() as u32).collect();
-        let n = params.len();
         let zeros = params.zeros();
         Ok(Checkpoint {
             step: 0,
@@ -139,8 +134,8 @@ impl Base {
             origin: [0.0; 3],
             first: zeros.clone(),
             second: zeros,
+            state: vec![[0.0; 4]; params.len()],
             params,
-            state: vec![[0.0; 4]; n],
             cameras: CameraState { clocks: vec![], learns_offset: vec![], poses: vec![], ..self.cameras.clone() },
             due: DueEvents::default(),
             room: StepRoom::default(),

@@ -1,6 +1,5 @@
 //! Depth priors: each image's is fitted to the capture's points.
 
-mod cache;
 mod fit;
 mod line;
 
