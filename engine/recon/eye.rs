@@ -54,7 +54,6 @@ pub(super) struct Eye {
     pub ground: Vec<Ground>,
 }
 
-/// The optical axis of a camera, world.
 #[derive(Clone, Copy)]
 pub(super) struct Axis {
     pub center: Vec3,

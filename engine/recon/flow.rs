@@ -37,7 +37,6 @@ pub struct PointCounts {
     pub n_static: usize,
     /// Gaussians from points that belong to their frame.
     pub n_dynamic: usize,
-    /// Dynamic Gaussians with a velocity.
     pub with_velocity: usize,
     /// Points without flow in any view; they count as static.
     pub without_flow: usize,

@@ -14,7 +14,6 @@ const LEVELS: u32 = 8;
 const COARSE_LEVELS: u32 = 6;
 const SMALL: f32 = 0.25;
 const MOST_ZOOMS: usize = 4;
-/// Longest side of a camera's blank picture, pixels.
 const BLANK_SIDE: usize = 64;
 /// Cells at which halving ends early: masks that are all foreground would fill the cube.
 const MOST_CELLS: usize = 200_000;
@@ -33,7 +32,6 @@ const MOST_MISSES: f32 = 0.1;
 pub(super) struct Cube {
     center: Vec3,
     half: f32,
-    /// Cameras that must see a cell.
     least_seen: f32,
     pub is_inward: bool,
 }

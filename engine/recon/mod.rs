@@ -65,7 +65,6 @@ pub struct Initial {
     /// Points and surfaces were joined, as [`Init::Auto`] does if it finds both.
     pub joined: bool,
     pub because: String,
-    /// Frames with a hull.
     pub n_hulls: usize,
     /// Static Gaussians from photographs.
     pub n_photos: usize,

@@ -98,7 +98,6 @@ pub(super) fn median_color(mut colors: Vec<[f32; 3]>) -> Option<[f32; 3]> {
     }))
 }
 
-/// How large Gaussians may begin.
 pub(super) struct Reach {
     pub radius: f64,
     lenses: Vec<DVec3>,

@@ -15,7 +15,6 @@ pub enum Init {
     AnyView,
     /// The points of every frame, each visible around its time.
     Concat,
-    /// The capture's points.
     Points,
     /// Dynamic Gaussians from visual hulls, frame by frame, and static ones as `Frustum`.
     Hull,

@@ -37,7 +37,6 @@ pub(super) struct Views<'a> {
 pub(super) struct Surfaces {
     pub still: Vec<Found>,
     pub moving: Vec<(u32, Vec<Found>)>,
-    /// Static points that were known before.
     pub n_known: usize,
     /// Static points that were found, before thinning.
     pub n_found: usize,

@@ -87,7 +87,6 @@ pub(super) struct Cameras {
     total: u64,
 }
 
-/// Gradients by image of a step.
 struct Kept {
     d_cameras: Buf<[f32; 4]>,
     /// Space for one grid if no camera has one.
@@ -118,7 +117,6 @@ struct Graded {
 #[derive(Clone, Copy)]
 pub(super) struct OwnGrid {
     place: usize,
-    /// Of this camera, from 1.
     step: u64,
 }
 

@@ -19,7 +19,6 @@ const REMEDY: &str = "delete it to go on from the one before";
 /// A run between two steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
-    /// Steps done.
     pub step: u64,
     pub total: u64,
     pub config: Config,
@@ -50,11 +49,9 @@ pub struct StepRoom {
     pub rounds: u32,
 }
 
-/// Events that are due after a step.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct DueEvents {
-    /// The round of density control.
     pub density: bool,
     /// The choice of the cameras that need a colour map.
     pub grids: bool,
@@ -383,7 +380,6 @@ fn verified(file: &Path, bytes: &[u8]) -> Result<(Header, BTreeMap<String, Vec<f
     Ok((header, values))
 }
 
-/// A checkpoint file, by its name.
 struct Kept {
     step: u64,
     /// PSNR, of a best one.

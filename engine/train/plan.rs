@@ -40,9 +40,7 @@ pub struct Workload {
     pub data: TermData,
     /// Adam moves the Gaussians out of view, too.
     pub dense: bool,
-    /// Cameras' time offsets or poses are learnt.
     pub learns_cameras: bool,
-    /// Cameras that have a bilateral grid.
     pub grids: u64,
     pub sums: Sums,
     /// Pixel rows of the largest picture.
@@ -126,7 +124,6 @@ pub enum Class {
 }
 
 impl Class {
-    /// In the order of the table.
     pub const ALL: [Class; 6] =
         [Class::Parameters, Class::Moments, Class::Active, Class::Intersections, Class::Pixels, Class::Cameras];
 
@@ -142,7 +139,6 @@ impl Class {
     }
 }
 
-/// What the length of a buffer grows with.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Per {
     Gaussian,
@@ -154,7 +150,6 @@ enum Per {
 }
 
 impl Per {
-    /// The number of items with `gaussians`.
     fn count(self, work: &Workload, gaussians: f64) -> f64 {
         match self {
             Per::Gaussian => gaussians,

@@ -15,7 +15,6 @@ pub const PRESETS: [(&str, &str); 4] = [
     ("small", include_str!("../../assets/presets/small.json")),
 ];
 
-/// Settings that differ from the defaults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Preset {
     pub id: PresetId,

@@ -5,7 +5,6 @@ use crate::error::Result;
 /// The exchange between processes: all make each call, in the same order, and each waits for the others. It fails with
 /// [`crate::Error::RanksLost`] where another process does not answer.
 pub trait Ranks: Send + Sync {
-    /// This process among them, from 0.
     fn rank(&self) -> usize;
 
     fn size(&self) -> usize;
@@ -41,7 +40,6 @@ pub struct Shared {
     pub rows: u64,
     /// Bytes of sums of gradients that this process gave to the others; it received as many.
     pub bytes: u64,
-    /// Seconds of its own images.
     pub compute_s: f64,
     /// Seconds until the slowest process was there.
     pub wait_s: f64,

@@ -39,7 +39,6 @@ impl DepthFits {
 pub struct DepthSummary {
     pub images: usize,
     pub usable: usize,
-    /// By reason.
     pub unfit: BTreeMap<Unfit, usize>,
     /// Median over the images of [`DepthFit::residual`].
     pub residual: Option<f64>,
@@ -119,7 +118,6 @@ fn pairs(path: &Path, view: &View, space: DepthSpace, points: &[[f64; 3]]) -> Re
 
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 struct Kept {
-    /// See [`DepthCache::key`].
     key: String,
     fit: Outcome,
 }

@@ -5,7 +5,6 @@ use crate::random::Keyed;
 use crate::report::statistics::{mean, median_high};
 
 const FEWEST: usize = 10;
-/// Lines through two points that are tried.
 const LINES: u64 = 500;
 /// Largest residual of a near point, in standard deviations.
 const NEAR: f64 = 2.5;
@@ -17,7 +16,6 @@ const ITERATIONS: usize = 5;
 const UNSURE: f64 = 0.25;
 /// Largest median residual, in units of the median depth.
 const LOOSE: f64 = 0.1;
-/// Key of the choice of lines.
 const KEY: u64 = 0x0064_6570_7468;
 
 /// The depth of an image is `scale * prior + shift`.
@@ -41,7 +39,6 @@ pub enum Unfit {
     NoPrior,
     FewPoints,
     Flat,
-    /// The prior falls where depth rises.
     Inverted,
     /// Half of the points lie farther from the line than a tenth of their depth.
     Loose,

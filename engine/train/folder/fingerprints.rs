@@ -37,7 +37,6 @@ pub struct Fingerprint {
 pub struct Changes {
     /// Cameras that stand elsewhere, or have another lens or other frames.
     pub calibration: Vec<String>,
-    /// Cameras with other pictures, and how many.
     pub pictures: Vec<(String, usize)>,
 }
 

@@ -25,7 +25,6 @@ pub struct Run {
     /// From the capture to the frame that training computes in.
     pub world: Similarity,
     pub constants: Constants,
-    /// To tell the capture from another.
     pub held: CaptureSummary,
     /// None in runs of old versions.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -41,7 +40,6 @@ pub struct CaptureSummary {
     pub fps: f64,
     pub training_images: usize,
     pub test_images: usize,
-    /// Images with a mask.
     pub masks: usize,
     /// Largest width and largest height, pixels.
     pub largest_image: [u32; 2],

@@ -15,7 +15,6 @@ use std::path::{Path, PathBuf};
 /// Slightly less than the opacity below which nothing is drawn.
 const FAINT: f64 = 0.999 / 255.0;
 
-/// How a clip is cut into segments.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Segments {

@@ -19,7 +19,6 @@ pub struct Source<'a> {
 
 pub struct Steps<'a> {
     pub config: &'a Config,
-    /// Steps that have their images.
     pub done: u64,
     pub total: u64,
     /// The images of a step that this process sees.

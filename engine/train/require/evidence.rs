@@ -21,7 +21,6 @@ pub struct Evidence {
     pub seen: Vec<Seen>,
     /// Colours of all training pictures, three to a pixel.
     pub n_values: f64,
-    /// Pictures that were looked at.
     pub pictures: usize,
 }
 

@@ -13,7 +13,6 @@ const PICTURES: usize = 8;
 /// Of the map: gain and offset of each channel.
 const NUMBERS: f64 = 2.0;
 
-/// Evidence on a camera's colours.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct GridCheck {
     pub camera: String,

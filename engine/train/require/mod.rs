@@ -51,7 +51,6 @@ pub struct Review {
     pub noise: f64,
     /// Price of a number, in half logarithms of the number of observations; less than 1 if the pictures would lose too much.
     pub price: f64,
-    /// Training pictures that it looked at.
     pub pictures: usize,
     /// Pictures that it might look at.
     pub budget: usize,
@@ -62,13 +61,9 @@ pub struct Review {
     pub before: usize,
     pub after: usize,
     pub removed: usize,
-    /// Gaussians that became part of another.
     pub merged: usize,
-    /// Dynamic Gaussians that became static.
     pub came_to_rest: usize,
-    /// Static Gaussians that became dynamic.
     pub began_to_move: usize,
-    /// Gaussians that lost band 1, 2, 3.
     pub lost_bands: [usize; 3],
     /// Checks of training cameras that had no grid.
     pub grids: Vec<GridCheck>,

@@ -11,11 +11,8 @@ const MARGIN: f64 = 0.5;
 #[derive(Clone, Copy, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Fall {
     pub step: u64,
-    /// Mean PSNR after them, dB.
     pub psnr: f64,
-    /// The step of the best evaluation.
     pub best_step: u64,
-    /// Its mean PSNR, dB.
     pub best_psnr: f64,
 }
 

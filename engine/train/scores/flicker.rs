@@ -7,7 +7,6 @@ use crate::scene::{Frame, Pose};
 const REACH: usize = 2;
 /// Largest change of a window's mean that counts as static, of 255.
 const REST: f64 = 2.0;
-/// Least static share of a picture.
 const LEAST: f64 = 0.01;
 
 pub(super) struct Instant {
@@ -23,7 +22,6 @@ pub(super) struct Instant {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Flicker {
     pub rendered: f64,
-    /// Noise of the camera.
     pub truth: f64,
 }
 

@@ -50,7 +50,6 @@ const METRICS: [(&str, &str); 9] = [
     ),
 ];
 
-/// Facts about all scores.
 pub const METRICS_OF: &str = "the rendered colour, clamped to [0, 1], not rounded to 8 bits, against the 8-bit image; \
                               no crop; means are over views that their masks do not hide";
 
@@ -69,7 +68,6 @@ pub struct Scores {
     pub psnr_covisible: Option<f64>,
     /// With SPEC 4's window and zero padding.
     pub ssim: f64,
-    /// Mean absolute error.
     pub l1: f64,
     /// None without weights, or of a view that is too small for them.
     #[serde(default, skip_serializing_if = "Option::is_none")]

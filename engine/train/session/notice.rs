@@ -5,7 +5,6 @@ use crate::recon::Initial;
 
 pub type Watch<'a> = Box<dyn FnMut(Notice) + 'a>;
 
-/// Progress of a session.
 #[derive(Debug)]
 pub enum Notice<'a> {
     /// Work under way.
