@@ -5,10 +5,8 @@ use rspirv::dr::{Block, Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, GlslStd450Op as GLOp, Op, StorageClass, Word};
 use std::collections::HashMap;
 
-/// A kernel under change.
 pub struct Edit {
     pub module: Module,
-    /// The type of each value.
     types: HashMap<Word, Word>,
     constants: HashMap<(Word, Vec<Word>), Word>,
     glsl: Word,
@@ -30,19 +28,16 @@ impl Edit {
         edit
     }
 
-    /// The SPIR-V after the changes.
     pub fn bytes(&self) -> Vec<u8> {
         assembled(&self.module)
     }
 
-    /// A fresh id.
     pub fn id(&mut self) -> Word {
         let header = self.module.header.as_mut().expect("a header");
         header.bound += 1;
         header.bound - 1
     }
 
-    /// The type of `value`.
     pub fn type_of(&self, value: Word) -> Word {
         self.types[&value]
     }
@@ -79,25 +74,21 @@ impl Edit {
         self.global(Op::TypeVector, None, vec![Operand::IdRef(scalar), Operand::LiteralBit32(n)])
     }
 
-    /// `n` floats.
     pub fn float(&mut self, n: u32) -> Word {
         let scalar = self.global(Op::TypeFloat, None, vec![Operand::LiteralBit32(32)]);
         self.vector(scalar, n)
     }
 
-    /// `n` unsigned words.
     pub fn uint(&mut self, n: u32) -> Word {
         let scalar = self.global(Op::TypeInt, None, vec![Operand::LiteralBit32(32), Operand::LiteralBit32(0)]);
         self.vector(scalar, n)
     }
 
-    /// `n` truth values.
     pub fn boolean(&mut self, n: u32) -> Word {
         let scalar = self.global(Op::TypeBool, None, Vec::new());
         self.vector(scalar, n)
     }
 
-    /// A pointer to a value of `of_type`.
     pub fn pointer(&mut self, class: StorageClass, of_type: Word) -> Word {
         self.global(Op::TypePointer, None, vec![Operand::StorageClass(class), Operand::IdRef(of_type)])
     }
@@ -144,7 +135,6 @@ impl Edit {
         self.constant(scalar, n, value)
     }
 
-    /// Appends `op` of `operands` to `to`.
     pub fn put(&mut self, to: &mut Vec<Instruction>, op: Op, of_type: Word, operands: &[Word]) -> Word {
         self.put_raw(to, op, of_type, operands.iter().map(|id| Operand::IdRef(*id)).collect())
     }
@@ -164,7 +154,6 @@ impl Edit {
         self.put_raw(to, Op::ExtInst, of_type, operands)
     }
 
-    /// Whether `value` is `precise`.
     pub fn is_exact(&self, value: Word) -> bool {
         let decoration = [Operand::IdRef(value), Operand::Decoration(Decoration::NoContraction)];
         self.module.annotations.iter().any(|i| i.class.opcode == Op::Decorate && i.operands == decoration)
@@ -176,7 +165,6 @@ impl Edit {
         self.module.annotations.push(Instruction::new(Op::Decorate, None, None, decoration));
     }
 
-    /// Puts `instructions` where the kernel begins.
     pub fn begin_with(&mut self, instructions: Vec<Instruction>) {
         let main = id_of(&self.module.entry_points[0], 1);
         let function =
@@ -200,7 +188,6 @@ impl Edit {
     }
 }
 
-/// The id that operand `k` of `instruction` is.
 pub fn id_of(instruction: &Instruction, k: usize) -> Word {
     match instruction.operands[k] {
         Operand::IdRef(id) => id,
@@ -208,7 +195,6 @@ pub fn id_of(instruction: &Instruction, k: usize) -> Word {
     }
 }
 
-/// The function of GLSL that `instruction` calls.
 pub fn glsl_of(instruction: &Instruction) -> Option<GLOp> {
     match instruction.operands.get(1) {
         Some(Operand::LiteralExtInstInteger(function)) if instruction.class.opcode == Op::ExtInst => {
@@ -218,7 +204,6 @@ pub fn glsl_of(instruction: &Instruction) -> Option<GLOp> {
     }
 }
 
-/// FNV-1a.
 pub fn hash(text: &str) -> u32 {
     text.bytes().fold(0x811c_9dc5, |h, byte| (h ^ u32::from(byte)).wrapping_mul(0x0100_0193))
 }

@@ -27,12 +27,10 @@ pub fn rewrite() -> Option<Rewrite> {
     }
 }
 
-/// Whether this lane's kernels count their accesses that are out of bounds.
 pub fn counts() -> bool {
     std::env::var("IVV_TEST_REWRITE").is_ok_and(|name| name == "bounds")
 }
 
-/// Whether this lane reverses the passes between two barriers.
 pub fn reversed() -> bool {
     std::env::var("IVV_TEST_REWRITE").is_ok_and(|name| name == "order")
 }

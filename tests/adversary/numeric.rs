@@ -15,7 +15,6 @@ use rspirv::spirv::{GlslStd450Op as GLOp, Op, Word};
 use std::collections::HashMap;
 use std::sync::OnceLock;
 
-/// The change of this lane.
 pub const REWRITE: Rewrite = Rewrite { subgroup_size: None, spirv: |kernel| rewritten(kernel) };
 
 /// Whether each kernel has roundings of its own: in this lane, and on a GPU, whose compiler fuses as it suits it. A test that compares
@@ -40,7 +39,6 @@ fn rounds() -> bool {
         || *IS_GPU.get_or_init(|| gpu().caps().kind != DeviceKind::Cpu)
 }
 
-/// The kernel's SPIR-V with other roundings.
 pub fn rewritten(kernel: &KernelInfo) -> Vec<u8> {
     let salt = hash(kernel.name);
     let mut edit = Edit::of(kernel.spirv);
@@ -85,7 +83,6 @@ pub fn rewritten(kernel: &KernelInfo) -> Vec<u8> {
 /// How far a result may lie from the true one.
 #[derive(Clone, Copy)]
 enum Move {
-    /// Units in the last place.
     Ulps(u32),
     /// 3 + 2 |x| units in the last place, of which this takes 1 + |x|.
     Exponential,
@@ -112,14 +109,12 @@ fn move_of(instruction: &Instruction) -> Option<Move> {
     }
 }
 
-/// Whether denormal results may be flushed.
 fn is_rounded(instruction: &Instruction) -> bool {
     let exact = [GLOp::Fma, GLOp::Exp, GLOp::Exp2];
     matches!(instruction.class.opcode, Op::FAdd | Op::FSub | Op::FMul | Op::FDiv | Op::VectorTimesScalar | Op::Dot)
         || glsl_of(instruction).is_some_and(|function| exact.contains(&function))
 }
 
-/// The values that an instruction reads.
 fn operands(edit: &Edit, instruction: &Instruction) -> Vec<Word> {
     let skipped = if instruction.class.opcode == Op::ExtInst { 2 } else { 0 };
     let ids = (skipped..instruction.operands.len()).map(|k| id_of(instruction, k));
@@ -229,7 +224,6 @@ fn fma(edit: &mut Edit, to: &mut Vec<Instruction>, n: u32, [x, y, z]: [Word; 3])
     edit.put(to, Op::Select, float, &[finite, better, sum])
 }
 
-/// Moves `raw`, a value of `n` floats, as far as `move_` says.
 fn moved(
     edit: &mut Edit,
     to: &mut Vec<Instruction>,

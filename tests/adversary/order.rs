@@ -21,17 +21,13 @@ use ivv_conformance::adjoint::cotangents;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{BuiltIn, Op, StorageClass, Word};
 
-/// The change of this lane.
 pub const REWRITE: Rewrite = Rewrite { subgroup_size: None, spirv: |kernel| renumbered(kernel) };
 
 /// What becomes of the order of workgroups.
 #[derive(Clone, Copy, Debug)]
 enum Order {
-    /// The last is the first.
     Reversed,
-    /// Those with even numbers, then those with odd ones.
     EvenFirst,
-    /// The second half, then the first.
     Halved,
 }
 
@@ -112,7 +108,6 @@ fn renumbered(kernel: &KernelInfo) -> Vec<u8> {
     edit.bytes()
 }
 
-/// A device that does everything in another order.
 fn reordered() -> Watched {
     opened(&Options { rewrite: Some(REWRITE), reversed: true, ..options() })
 }
@@ -215,7 +210,6 @@ fn a_barrier_that_is_missing_shows() {
     assert_eq!(sum(&reordered(), liar), [0, 0, 0]);
 }
 
-/// The picture of a scene and its gradient.
 fn gradient(gpu: &Watched, mode: Sums) -> (Frame, Gradients) {
     let (splats, view) = (scene(9, 2000, 1), view());
     let mut renderer = Renderer::new((*gpu).clone(), &splats, Constants::default()).unwrap();

@@ -4,7 +4,6 @@
 use ivv::internals::gpu::{KernelInfo, Rewrite};
 use std::path::PathBuf;
 
-/// The change of this lane.
 pub const REWRITE: Rewrite = Rewrite { subgroup_size: None, spirv };
 
 /// `IVV_TEST_KERNELS/NAME.spv`, or the committed SPIR-V where there is no such file.

@@ -8,7 +8,6 @@ use std::collections::{HashMap, HashSet};
 /// Values of a kernel that may differ between the active lanes of a subgroup.
 pub struct Uniform<'a> {
     blocks: Vec<&'a Block>,
-    /// Block by label.
     numbers: HashMap<Word, usize>,
     differs: HashSet<Word>,
 }

@@ -12,7 +12,6 @@ fn noted(report: &Report, says: &str) {
     assert!(report.notes.iter().any(|note| note.contains(says)), "no note says {says:?}: {:?}", report.notes);
 }
 
-/// The numbers of all cameras.
 fn numbers(capture: &Capture) -> Vec<f64> {
     let of = |camera: &ivv::internals::scene::capture::Camera| {
         let lens = camera.intrinsics;

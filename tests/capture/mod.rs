@@ -27,7 +27,6 @@ pub use crate::common::folder::Folder;
 type Case<T> = (fn(&mut T), &'static str);
 
 impl Folder {
-    /// The report of the folder with the default settings.
     fn check(&self) -> Report {
         check_capture(&self.0, &CaptureSettings::default())
     }

@@ -35,7 +35,6 @@ pub fn sample() -> Model {
     }
 }
 
-/// The binary files: cameras, images, points3D.
 pub fn binary(model: &Model) -> [Vec<u8>; 3] {
     let count = |n: usize| (n as u64).to_le_bytes().to_vec();
     let mut cameras = count(model.cameras.len());
@@ -65,7 +64,6 @@ pub fn binary(model: &Model) -> [Vec<u8>; 3] {
     [cameras, images, points]
 }
 
-/// The text files: cameras, images, points3D.
 pub fn text(model: &Model) -> [String; 3] {
     let join = |values: &[f64]| values.iter().map(f64::to_string).collect::<Vec<_>>().join(" ");
     let mut files = ["# cameras\n".to_owned(), "# images\n".to_owned(), "# points\n\n".to_owned()];
@@ -93,7 +91,6 @@ pub fn write(folder: &Folder, model: &Model) {
     }
 }
 
-/// Writes the images of [`sample`].
 pub fn write_images(folder: &Folder) {
     for (index, name) in ["a.png", "b.png", "c d.png"].iter().enumerate() {
         folder.write(&format!("images/{name}"), png(6, 4, index as u8));

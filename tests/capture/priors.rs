@@ -63,7 +63,6 @@ fn kitti(valid: u16) -> Vec<u8> {
     png16(&levels.collect::<Vec<_>>(), ExtendedColorType::Rgb16)
 }
 
-/// [`FLOW`] in every format.
 fn write_flows(folder: &Folder) -> [PathBuf; 7] {
     let [x, y] = [0, 1].map(|k| FLOW.iter().map(|flow| flow[k]).collect::<Vec<f32>>());
     let doubles: Vec<u8> = FLOW.as_flattened().iter().flat_map(|v| f64::from(*v).to_le_bytes()).collect();

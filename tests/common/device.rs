@@ -81,7 +81,6 @@ pub fn rewritten(rewrite: Rewrite) -> Watched {
     opened(&Options { rewrite: Some(rewrite), ..options() })
 }
 
-/// A device of its own.
 pub fn opened(options: &Options) -> Watched {
     take_turn();
     Watched(open(options))

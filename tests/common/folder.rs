@@ -50,6 +50,22 @@ impl Folder {
     }
 }
 
+/// Copies the folder `from` with all below it, but for what `is_left_out` by name.
+pub fn copy(from: &Path, to: &Path, is_left_out: &dyn Fn(&str) -> bool) {
+    std::fs::create_dir_all(to).unwrap();
+    for entry in std::fs::read_dir(from).unwrap().map(Result::unwrap) {
+        let (path, name) = (entry.path(), entry.file_name().into_string().unwrap());
+        if is_left_out(&name) {
+            continue;
+        }
+        if path.is_dir() {
+            copy(&path, &to.join(name), is_left_out);
+        } else {
+            std::fs::copy(&path, to.join(name)).unwrap();
+        }
+    }
+}
+
 impl Drop for Folder {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.0);

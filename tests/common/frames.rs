@@ -12,13 +12,11 @@ pub fn render(splats: &Splats, view: &View) -> (Frame, FrameReport) {
     render_with(splats, view, Constants::default())
 }
 
-/// As [`render`], with other constants.
 pub fn render_with(splats: &Splats, view: &View, constants: Constants) -> (Frame, FrameReport) {
     let gpu = gpu();
     Renderer::new(gpu.clone(), splats, constants).unwrap().render(view, Outputs::All).unwrap()
 }
 
-/// PSNR of one frame's colours in the other, dB.
 pub fn psnr(a: &Frame, b: &Frame) -> f64 {
     -20.0 * rms(a, b).log10()
 }

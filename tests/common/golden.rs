@@ -14,7 +14,6 @@ pub const CASES: [&str; 5] = ["room", "static-small", "dynamic-small", "dynamic-
 /// Tensors by name, flat and row-major, in double precision.
 pub type Tensors = BTreeMap<String, Vec<f64>>;
 
-/// One case.
 pub struct Golden {
     pub splats: Splats,
     pub params: Params<f64>,

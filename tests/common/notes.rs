@@ -63,9 +63,24 @@ pub fn shared(path: &str) -> Option<PathBuf> {
     Some(full)
 }
 
+/// Ends the test, with a note, where one of these programs is absent.
+macro_rules! needs {
+    ($($program:literal),*) => {
+        if ![$($program),*].into_iter().all(|program| crate::common::notes::has_program(program)) {
+            return;
+        }
+    };
+}
+pub(crate) use needs;
+
 /// Whether a program is there; notes a skip where it is not.
 #[track_caller]
-pub fn has_program(program: &str, argument: &str) -> bool {
+pub fn has_program(program: &str) -> bool {
+    let argument = match program {
+        "colmap" => "help",
+        "ffmpeg" => "-version",
+        _ => "--version",
+    };
     let mut command = std::process::Command::new(program);
     let found = command.arg(argument).stdout(std::process::Stdio::null()).stderr(std::process::Stdio::null()).status();
     if found.is_err() {

@@ -20,12 +20,10 @@ pub fn command(arguments: &[&str]) -> Command {
     command
 }
 
-/// Runs `ivv`.
 pub fn ivv(arguments: &[&str]) -> Output {
     command(arguments).output().unwrap()
 }
 
-/// The standard error of a run.
 pub fn told(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
@@ -52,7 +50,6 @@ pub fn fails(arguments: &[&str], code: i32) -> String {
     told(&output)
 }
 
-/// The document in a file.
 #[track_caller]
 pub fn json(file: &Path) -> Value {
     let bytes = std::fs::read(file).unwrap_or_else(|e| panic!("{}: {e}", file.display()));

@@ -6,9 +6,7 @@ pub struct Tested {
     pub shader: &'static str,
     /// A function or type of `ivv::internals::reference`.
     pub reference: &'static str,
-    /// The test.
     pub test: &'static str,
-    /// The file of the test.
     pub file: &'static str,
 }
 

@@ -36,7 +36,6 @@ impl Running {
         rustix::process::kill_process(rustix::process::Pid::from_child(&self.0), signal).unwrap();
     }
 
-    /// The code that it ends with; none where a signal ends it.
     pub fn code(&mut self) -> Option<i32> {
         self.0.wait().unwrap().code()
     }

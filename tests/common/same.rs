@@ -89,7 +89,6 @@ pub fn assert_same_gradients(label: impl Display, found: &Gradients, truth: &Gra
     }
 }
 
-/// The message of [`assert_same`] for two lists that differ.
 fn said<T: Same + std::panic::RefUnwindSafe>(found: &[T], truth: &[T]) -> String {
     let panic = std::panic::catch_unwind(|| assert_same("depth", found, truth)).unwrap_err();
     panic.downcast_ref::<String>().expect("a message").clone()

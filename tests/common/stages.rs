@@ -9,7 +9,6 @@ use ivv::internals::stage::{
     Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, Zeros, view_params,
 };
 
-/// Pairs of a Gaussian and a tile that fit.
 const INTERSECTIONS: u32 = 1 << 20;
 
 /// A scene, a view and the stages' buffers on the device.
@@ -23,10 +22,8 @@ pub struct Fixture {
     pub gpu: Watched,
 }
 
-/// What culling and projection leave.
 pub struct Active {
     pub status: Status,
-    /// Flat indices.
     pub ids: Vec<u32>,
     pub ranges: Vec<[u32; 2]>,
     /// Four vec4 each, see `include/splat.glsl`.
@@ -35,17 +32,14 @@ pub struct Active {
     pub tile_counts: Vec<u32>,
 }
 
-/// What binning leaves.
 pub struct Lists {
     pub status: Status,
-    /// Active indices, tile by tile.
     pub entries: Vec<u32>,
     pub ranges: Vec<[u32; 2]>,
     pub order: Vec<u32>,
 }
 
 impl Fixture {
-    /// Room for every Gaussian of the scene.
     pub fn new(splats: &Splats, view: &View) -> Fixture {
         let gpu = gpu();
         let scene = SceneBuffers::upload(&gpu, splats, &Constants::default(), Purpose::Picture).unwrap();
@@ -79,7 +73,6 @@ impl Fixture {
         (status, ids)
     }
 
-    /// Culls and projects.
     pub fn project(&self) -> Active {
         let mut rec = Recording::new();
         rec.fill(self.status.slice(), 0);
@@ -112,7 +105,6 @@ impl Fixture {
         Eye { view: &self.view, status: &self.status, projected: &self.projected }
     }
 
-    /// Culls, projects and bins.
     pub fn bin(&self, view: &View) -> (Active, Lists) {
         let (tiles_x, tiles_y) = Strip::whole(view).tiles(view);
         let n_tiles = tiles_x * tiles_y;

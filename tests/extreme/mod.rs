@@ -32,7 +32,6 @@ fn run(name: &str, slow: bool) {
     assert!(!slow || tally.not_run.is_empty(), "{name}: the long test leaves out {:?}", tally.not_run);
 }
 
-/// A test for each row.
 macro_rules! rows {
     ($($name:ident)*) => {
         const TESTED: &[&str] = &[$(stringify!($name)),*];

@@ -25,7 +25,6 @@ impl Figures {
         self.0.values().flat_map(BTreeMap::values).sum()
     }
 
-    /// A line for each call.
     fn print(&self, verb: &str) {
         println!("{verb}: {} faults", self.faults());
         for (call, codes) in &self.0 {

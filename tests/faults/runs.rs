@@ -12,14 +12,11 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
 use std::time::{Duration, Instant};
 
-/// Steps of a training.
 pub const STEPS: u64 = 8;
-/// Steps between two of its checkpoints.
 pub const EVERY: u64 = 3;
 /// A run that takes longer hangs, seconds: it takes two, and the machine may have much else to do.
 const TIMEOUT_S: f64 = 90.0;
 
-/// What is run.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Verb {
     Render,
@@ -27,13 +24,11 @@ pub enum Verb {
     Eval,
 }
 
-/// How a run ended.
 pub struct Ended {
     pub fault: String,
     /// Its exit code; none if a signal or the time-out ended it.
     pub code: Option<i32>,
     pub timed_out: bool,
-    /// What it told on standard error.
     pub told: String,
     /// Calls of each entry point; empty if it did not get to the end of its instance.
     pub counts: BTreeMap<String, u64>,
@@ -41,13 +36,11 @@ pub struct Ended {
     pub was_given: Option<bool>,
     /// What it wrote, by file; of a training the scene only.
     pub written: BTreeMap<String, Vec<u8>>,
-    /// Step of the newest checkpoint that can be read.
     pub checkpoint: Option<u64>,
     pub folder: PathBuf,
 }
 
 impl Ended {
-    /// The last completed step that the message names.
     pub fn stopped_after(&self) -> Option<u64> {
         let (_, rest) = self.told.split_once("stopped after step ")?;
         rest.split(|c: char| !c.is_ascii_digit()).next()?.parse().ok()
@@ -60,7 +53,6 @@ pub struct Bed {
     layer: PathBuf,
     serial: AtomicUsize,
     settings: Vec<String>,
-    /// Further options of its trainings.
     options: Vec<String>,
     undisturbed: OnceLock<Ended>,
 }
@@ -79,12 +71,10 @@ impl Bed {
         bed
     }
 
-    /// A new one, with these settings of its trainings.
     pub fn new(name: &str, settings: &[&str]) -> Self {
         Self::with_options(name, settings, &[])
     }
 
-    /// A new one, with these settings and further options of its trainings.
     pub fn with_options(name: &str, settings: &[&str], options: &[&str]) -> Self {
         let further = options.iter().map(|option| (*option).to_owned()).collect();
         let folder = Folder::quick(&format!("faults-{name}"));
@@ -107,12 +97,10 @@ impl Bed {
         bed
     }
 
-    /// The training that nothing disturbed.
     pub fn trained(&self) -> &Ended {
         self.undisturbed.get().expect("it was trained")
     }
 
-    /// Calls of the training that nothing disturbed.
     pub fn counts(&self) -> &BTreeMap<String, u64> {
         &self.trained().counts
     }
@@ -122,7 +110,6 @@ impl Bed {
         self.run_within(verb, fault, TIMEOUT_S)
     }
 
-    /// As [`Bed::run`], ended after so many seconds.
     pub fn run_within(&self, verb: Verb, fault: Option<&str>, seconds: f64) -> Ended {
         let serial = self.serial.fetch_add(1, Ordering::Relaxed);
         let folder = self.folder.file(&format!("out{serial}"));
@@ -210,7 +197,6 @@ impl Bed {
         command
     }
 
-    /// Exit code, and whether the time-out ended it.
     fn end(&self, mut command: Command, seconds: f64) -> (Option<i32>, bool) {
         let mut child = command.spawn().unwrap();
         let begun = Instant::now();

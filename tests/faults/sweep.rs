@@ -8,7 +8,6 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Calls of an entry point that the wide sweep lets fail, at most.
 const CAP: u64 = 24;
-/// Out of host memory, out of device memory.
 const MEMORY: [i32; 2] = [-1, -2];
 
 /// Answers that an entry point may give when it fails; the last is "unknown", which any may give.

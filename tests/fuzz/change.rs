@@ -5,35 +5,8 @@ use serde_json::Value;
 /// Kind, where, from where, with what; all are taken modulo what there is.
 pub type Change = (u8, u32, u32, u64);
 
-/// Numbers at the edges of what is representable, meaningful or affordable.
-const NUMBERS: [&str; 25] = [
-    "0",
-    "-0.0",
-    "1",
-    "-1",
-    "2",
-    "3",
-    "255",
-    "256",
-    "65535",
-    "65536",
-    "2147483647",
-    "2147483648",
-    "4294967295",
-    "4294967296",
-    "-2147483649",
-    "18446744073709551615",
-    "18446744073709551616",
-    "1e-320",
-    "1e-30",
-    "1e30",
-    "3.5e38",
-    "1e308",
-    "1e999",
-    "nan",
-    "-inf",
-];
-/// Words that have a meaning somewhere.
+const NUMBERS: &str = "0 -0.0 1 -1 2 3 255 256 65535 65536 2147483647 2147483648 4294967295 4294967296 -2147483649 \
+     18446744073709551615 18446744073709551616 1e-320 1e-30 1e30 3.5e38 1e308 1e999 nan -inf";
 const WORDS: [&str; 20] = [
     "",
     "..",
@@ -57,7 +30,11 @@ const WORDS: [&str; 20] = [
     "property list uchar int x",
 ];
 
-/// `bytes` with `change` done to it.
+fn number_of(value: u64) -> &'static str {
+    let all: Vec<&str> = NUMBERS.split(' ').collect();
+    all[value as usize % all.len()]
+}
+
 pub fn changed(bytes: Vec<u8>, change: &Change) -> Vec<u8> {
     let kind = change.0;
     match String::from_utf8(bytes) {
@@ -70,7 +47,6 @@ pub fn changed(bytes: Vec<u8>, change: &Change) -> Vec<u8> {
     }
 }
 
-/// Overwrites what is there.
 fn put(bytes: &mut [u8], at: usize, new: &[u8]) {
     bytes.iter_mut().skip(at).zip(new).for_each(|(byte, new)| *byte = *new);
 }
@@ -108,7 +84,6 @@ fn is_number(word: &str) -> bool {
     word.starts_with(|c: char| c.is_ascii_digit() || c == '-' || c == '.')
 }
 
-/// Words of letters, numbers, and single other characters.
 fn words(text: &str) -> Vec<&str> {
     let mut all = Vec::new();
     let mut rest = text;
@@ -125,7 +100,7 @@ fn words(text: &str) -> Vec<&str> {
 
 fn changed_text(text: &str, &(kind, at, from, value): &Change) -> String {
     let pick = |n: usize, by: u32| by as usize % n.max(1);
-    let number = NUMBERS[value as usize % NUMBERS.len()];
+    let number = number_of(value);
     if kind % 4 == 3 {
         let mut lines: Vec<&str> = text.split('\n').collect();
         let (at, from) = (pick(lines.len(), at), pick(lines.len(), from));
@@ -175,7 +150,7 @@ fn changed_json(mut whole: Value, &(kind, at, from, value): &Change) -> Value {
     let n = count(&whole);
     let copy = nth(&mut whole, &mut (from as usize % n)).cloned().unwrap_or_default();
     let Some(place) = nth(&mut whole, &mut (at as usize % n)) else { return whole };
-    let number: f64 = NUMBERS[value as usize % NUMBERS.len()].parse().unwrap_or_default();
+    let number: f64 = number_of(value).parse().unwrap_or_default();
     match (kind % 8, &mut *place) {
         (0, Value::Array(items)) if !items.is_empty() => drop(items.remove(value as usize % items.len())),
         (0, Value::Object(fields)) if !fields.is_empty() => {

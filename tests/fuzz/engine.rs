@@ -20,10 +20,8 @@ const LONGEST_S: f64 = 20.0;
 /// Most bytes that a reader may have at a time on its own thread: the seeds are of kilobytes.
 const MOST_BYTES: u64 = 64 << 20;
 
-/// Contents of files, by name.
 pub type Files = BTreeMap<String, Vec<u8>>;
 
-/// A good input, and what reads it.
 #[derive(Clone)]
 pub struct Seed {
     /// What is changed: files, or what files are made of.
@@ -37,7 +35,6 @@ pub struct Seed {
 }
 
 impl Seed {
-    /// Of files as they are.
     pub fn of(
         parts: impl IntoIterator<Item = (impl Into<String>, impl Into<Vec<u8>>)>,
         read: fn(&Path) -> bool,
@@ -47,14 +44,12 @@ impl Seed {
     }
 }
 
-/// (seed, part, changes).
 type Case = (u16, u16, Vec<Change>);
 
 fn cases() -> impl Strategy<Value = Case> {
     (any::<u16>(), any::<u16>(), vec(any::<Change>(), 0..5))
 }
 
-/// A case as it is told and given again.
 fn hex(case: &Case) -> String {
     let (seed, part, changes) = case;
     let all = changes.iter().map(|(kind, at, from, value)| format!("-{kind:x}.{at:x}.{from:x}.{value:x}"));
@@ -95,7 +90,6 @@ fn quietly<T>(run: impl FnOnce() -> T) -> Result<T, String> {
     outcome.map_err(|_| said)
 }
 
-/// What was done.
 #[derive(Clone, Copy, Default)]
 struct Figures {
     executions: u64,
@@ -275,7 +269,7 @@ fn a_case_is_told_and_given_again() {
     assert_eq!(case_of("3.g"), None);
 }
 
-/// The control: a reader that panics at one byte, and one that believes a count.
+/// The control: a reader that panics at half of the values of one byte, and one that believes a count.
 #[test]
 fn a_panic_and_an_allocation_are_found_and_shrunk() {
     let message = |read: fn(&Path) -> bool| {
@@ -287,7 +281,7 @@ fn a_panic_and_an_allocation_are_found_and_shrunk() {
     };
     let panics = message(|folder| {
         let bytes = std::fs::read(folder.join("a.bin")).unwrap();
-        assert!(bytes.get(3) != Some(&255), "byte 3");
+        assert!(bytes.get(3).is_none_or(|byte| *byte < 128), "byte 3");
         true
     });
     assert!(panics.contains("byte 3") && panics.contains("IVV_FUZZ_REPLAY=control:"), "{panics}");

@@ -44,7 +44,6 @@ pub fn archives(parts: &Files) -> Files {
     files
 }
 
-/// Each part as a gzip stream.
 pub fn gzip(parts: &Files) -> Files {
     let packed = |bytes: &Vec<u8>| {
         let mut encoder = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::fast());

@@ -71,7 +71,6 @@ formats! {
     dispatch, 600, trainings::dispatch();
 }
 
-/// All files below `folder`, by path.
 fn files_of(folder: &Path) -> Files {
     let mut all = Files::new();
     let mut folders = vec![folder.to_owned()];

@@ -163,7 +163,6 @@ pub fn tensors() -> Vec<Seed> {
     vec![Seed::of([("a.safetensors", bytes)], |folder| read_tensors(&folder.join("a.safetensors")).is_ok())]
 }
 
-/// Every file of a folder by `read`; whether any was read.
 fn any(folder: &Path, read: impl Fn(&Path) -> bool) -> bool {
     let all = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
     all.filter(|path| read(path)).count() > 0

@@ -4,11 +4,9 @@
 use super::engine::{Files, Seed};
 use ivv::internals::sound::hrtf::HrtfSet;
 
-/// An address that leads nowhere.
 const NOWHERE: [u8; 8] = [0xff; 8];
 /// Where the superblock says how long the file is.
 const LENGTH: std::ops::Range<usize> = 28..36;
-/// Taps of a response.
 const TAPS: usize = 16;
 
 /// The names of the parts: what tells where all is, and the numbers behind it.
@@ -43,18 +41,15 @@ fn variables() -> Vec<Variable> {
     ]
 }
 
-/// A message of an object's header.
 fn message(kind: u8, body: &[u8]) -> Vec<u8> {
     [&[kind], (body.len() as u16).to_le_bytes().as_slice(), &[0], body].concat()
 }
 
-/// An object out of its messages, version 2.
 fn object(messages: &[Vec<u8>]) -> Vec<u8> {
     let messages = messages.concat();
     [b"OHDR\x02\x02".as_slice(), &(messages.len() as u32).to_le_bytes(), &messages, &[0; 4]].concat()
 }
 
-/// A text of fixed length as an attribute, version 3.
 fn attribute(name: &str, text: &str) -> Vec<u8> {
     let kind = [[0x13, 0, 0, 0].as_slice(), &(text.len() as u32).to_le_bytes()].concat();
     let space = [2, 0, 0, 0];
@@ -130,7 +125,6 @@ fn parts() -> [Vec<u8>; 2] {
     [structure, variables.iter().flat_map(|one| &one.values).flat_map(|value| value.to_le_bytes()).collect()]
 }
 
-/// One file, of the length that it says.
 fn build(parts: &Files) -> Files {
     let mut file = [parts[STRUCTURE].as_slice(), &parts[NUMBERS]].concat();
     let length = (file.len() as u64).to_le_bytes();

@@ -125,7 +125,6 @@ fn prepared(folder: &Path) -> bool {
     done
 }
 
-/// A calibration and a picture of 16 x 12 for each of these cameras.
 fn source(calibration: &str, text: impl Into<Vec<u8>>, cameras: [&str; 2]) -> Vec<Seed> {
     let pictures = cameras.map(|camera| (format!("source/{camera}/0.png"), png(16, 12, 3)));
     let parts = pictures.into_iter().chain([(format!("source/{calibration}"), text.into())]);

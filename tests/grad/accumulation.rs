@@ -191,7 +191,6 @@ fn a_cotangent_beyond_the_fixed_point_s_range_is_counted_and_never_wraps() {
     }
 }
 
-/// Gradients where the device can add them up this way.
 fn gradients_in(splats: &Splats, view: &View, cotangents: &Frame, mode: Sums) -> Option<(Gradients, FrameReport)> {
     let gpu = gpu();
     let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();

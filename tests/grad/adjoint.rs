@@ -19,7 +19,6 @@ tested! {
     "project/project_bwd.comp" by jvp in the_backward_pass_is_the_adjoint_in_every_group_of_every_population_and_degree;
 }
 
-/// The numbers of Gaussians by population.
 fn population(splats: &Splats, is_static: bool) -> Splats {
     let n = splats.len();
     let motion = Motion { velocity: [0.3, -0.2, 0.1], t_center: 0.35, t_scale: -0.5 };

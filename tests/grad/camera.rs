@@ -23,7 +23,6 @@ fn moved(view: &View, turn: [f64; 3], shift: [f64; 3]) -> View {
     View { pose, ..view.clone() }
 }
 
-/// Sum of cotangent times output.
 fn objective(splats: &Splats, view: &View, cotangents: &Frame) -> f64 {
     let truth = render_f64(splats, view, &Constants::default());
     let part = |a: &[f32], b: &[f64]| a.iter().zip(b).map(|(a, b)| f64::from(*a) * b).sum::<f64>();

@@ -8,7 +8,6 @@ use ivv::internals::stage::{FrameReport, Gradients, Renderer};
 use ivv_conformance::adjoint;
 pub use ivv_conformance::adjoint::{cotangents, dot, flat, is_finite};
 
-/// Gradients of a fresh renderer with the default constants.
 pub fn vjp(splats: &Splats, view: &View, cotangents: &Frame) -> (Gradients, FrameReport) {
     let gpu = gpu();
     Renderer::new(gpu.clone(), splats, Constants::default()).unwrap().vjp(view, cotangents).unwrap()
@@ -23,7 +22,6 @@ pub fn smooth_cotangents(seed: u64, splats: &Splats, view: &View) -> Frame {
     cotangents(seed, view, |i| truth.near_discontinuity[i])
 }
 
-/// Checks every group; `least` says how many of them must have a gradient. Says how far off each is when one is.
 pub fn check_adjoint(
     splats: &Splats,
     view: &View,

@@ -6,7 +6,6 @@ use ivv::Constants;
 use ivv::internals::scene::Frame;
 use ivv::internals::stage::{Gradients, Renderer, Sums};
 
-/// The golden cotangents as a frame.
 fn cotangents(golden: &Golden) -> Frame {
     let flat = |name: &str| golden.cotangents[name].iter().map(|x| *x as f32).collect::<Vec<f32>>();
     Frame {

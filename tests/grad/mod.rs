@@ -10,5 +10,4 @@ mod golden;
 
 use crate::common::references::Tested;
 
-/// Every gradient test that has a reference.
 pub const TESTED: &[&[Tested]] = &[accumulation::TESTED, adjoint::TESTED, camera::TESTED, chunks::TESTED];

@@ -45,7 +45,6 @@ fn any_gradients(seed: u64, like: &Splats) -> Splats {
     all
 }
 
-/// The numbers of a Gaussian in the order of a row, with the place of the pull.
 fn row_of(splats: &Splats, i: usize) -> Vec<f32> {
     let ([x, y, z], s, k) = (splats.position[i], splats.scale[i], splats.n_coefficients());
     let motion = i.checked_sub(splats.n_static).map(|at| splats.motion[at]);

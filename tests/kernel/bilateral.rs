@@ -31,7 +31,6 @@ fn wide(numbers: &[f32]) -> Vec<f64> {
     numbers.iter().map(|x| f64::from(*x)).collect()
 }
 
-/// By the kernels for CPU drivers and by those for GPUs.
 fn by_both(case: &Case) -> [Found; 2] {
     [false, true].map(|for_gpus| case.on_device_by(&gpu(), Some(for_gpus), 0.0).unwrap())
 }

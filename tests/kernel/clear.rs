@@ -15,9 +15,7 @@ tested! {
     "density/clear.comp" by cleared in who_is_before_a_lens_goes_behind_it_as_in_the_reference;
 }
 
-/// The kernel's margin.
 const MARGIN: f64 = 0.06;
-/// How far it moves beyond.
 const LITTLE: f64 = 1e-4;
 /// Largest error of a position, scene units.
 const ERROR: f64 = 2e-6;
@@ -58,7 +56,6 @@ const CLEARINGS: [Clearing; 4] = [
     },
 ];
 
-/// Positions after the kernel.
 fn run(splats: &Splats, clearings: &[Clearing], failed: u32, holds_static: bool) -> Vec<[f32; 3]> {
     let gpu = gpu();
     let mut scene = SceneBuffers::upload_in_groups(&gpu, splats, &Constants::default(), 128).unwrap();
@@ -70,7 +67,6 @@ fn run(splats: &Splats, clearings: &[Clearing], failed: u32, holds_static: bool)
     scene.download(&gpu, scene.groups.iter().map(|g| &g.params)).unwrap().position
 }
 
-/// Puts all but every fifth evenly into a box around the spaces.
 fn spread(splats: &mut Splats) {
     for (i, position) in splats.position.iter_mut().enumerate().filter(|(i, _)| i % 5 != 4) {
         // Multiples of these fill a cube evenly.

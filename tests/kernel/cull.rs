@@ -43,7 +43,6 @@ fn population(random: &mut Random, n: usize, dynamic: bool) -> (Vec<One>, Vec<bo
     (seen.iter().map(|seen| clear(random, dynamic, *seen)).collect(), seen)
 }
 
-/// Indirect arguments of `n` workgroups.
 fn folded(n: u32) -> [u32; 4] {
     [n.min(65_535), n.div_ceil(65_535), 1, n]
 }

@@ -64,7 +64,6 @@ pub(super) struct Case {
     gpu: Watched,
 }
 
-/// What a round leaves, read back.
 pub(super) struct After {
     pub(super) splats: Splats,
     pub(super) grown: Grown,
@@ -105,7 +104,6 @@ impl Case {
         Ok(After { splats, grown })
     }
 
-    /// The index of each Gaussian on the device.
     fn flat(&self) -> Vec<u32> {
         self.scene.groups.iter().flat_map(|g| g.first..g.first + g.n).collect()
     }
@@ -220,7 +218,6 @@ fn planes_of(splats: &Splats, i: usize, moment_bits: u32) -> Vec<usize> {
     [3, 1].into_iter().chain(bands).chain(motion).map(|planes| planes * moment_bits as usize / 16).collect()
 }
 
-/// A number whose floor does not hang on rounding.
 fn half(random: &mut Random, n: u64) -> f64 {
     (random.bits() % n) as f64 + 0.5
 }

@@ -14,7 +14,6 @@ tested! {
 
 const CAMERAS: [[f64; 3]; 3] = [[0.0, 0.0, -4.0], [3.0, 0.5, -2.0], [-2.0, 1.0, -3.0]];
 
-/// A scene of all degrees in both populations.
 fn mixed(seed: u64, n: usize) -> Splats {
     let mut splats = scene(seed, n, 3);
     let k = splats.n_coefficients();
@@ -43,7 +42,6 @@ fn signs(view: &View, seed: u64) -> Frame {
     Frame { width, height, color, alpha: vec![0.0; n], ..Frame::default() }
 }
 
-/// `cotangents` with zeros for all other outputs.
 fn whole(cotangents: &Frame) -> Frame {
     let n = cotangents.alpha.len();
     Frame { depth: vec![0.0; n], inverse_depth: vec![0.0; n], flow: vec![[0.0; 2]; n], ..cotangents.clone() }
@@ -53,7 +51,6 @@ fn count(renderer: &mut Renderer, census: &Census, view: &View, signs: &Frame, e
     renderer.count(census, view, signs, |_| errors.clone()).unwrap();
 }
 
-/// All sums of a Gaussian.
 fn numbers(r: &Response) -> [f64; 11] {
     let [b1, b2, b3] = r.bands;
     let [x, y, z, ramp, swell] = r.lacks;

@@ -23,7 +23,6 @@ tested! {
     "lpips/lpips_input_bwd.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;
 }
 
-/// Writes weights to a file.
 fn save(folder: &Folder, weights: &Weights) -> PathBuf {
     let path = folder.file("weights.safetensors");
     fixtures::save(&path, weights).unwrap();
@@ -308,7 +307,6 @@ fn a_file_that_holds_no_weights_of_lpips_is_refused() {
     fault(Lpips::load(&gpu, &path).map(|lpips| lpips.trunk()), &path);
 }
 
-/// A picture of the published examples.
 fn example(path: &Path) -> (Vec<[f32; 3]>, Vec<u32>, [u32; 2]) {
     let picture = image::open(path).unwrap().to_rgb8();
     let image = picture.pixels().map(|p| p.0.map(|x| f32::from(x) * (1.0 / 255.0))).collect();

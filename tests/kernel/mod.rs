@@ -27,7 +27,6 @@ use crate::common::same::{assert_same, assert_same_splats};
 use ivv_conformance::fixtures::adam::Scene;
 use std::fmt::Display;
 
-/// Every kernel test that has a reference.
 pub const TESTED: &[&[Tested]] = &[
     adam::TESTED,
     batch::TESTED,
@@ -52,7 +51,6 @@ pub const TESTED: &[&[Tested]] = &[
     tiles::TESTED,
 ];
 
-/// Demands that two scenes in training are equal to the bit.
 #[track_caller]
 fn assert_same_scene(label: impl Display, found: &Scene, truth: &Scene) {
     assert_same_splats(&label, &found.params, &truth.params);

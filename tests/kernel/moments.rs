@@ -51,7 +51,6 @@ fn places(splats: &Splats) -> Vec<(usize, u32, u32)> {
     all
 }
 
-/// Index of each Gaussian on the device.
 fn flat(splats: &Splats) -> Vec<u32> {
     let scene = SceneBuffers::upload(&gpu(), splats, &Constants::default(), Purpose::Training).unwrap();
     scene.groups.iter().flat_map(|g| g.first..g.first + g.n).collect()
@@ -79,7 +78,6 @@ fn assert_rounded(packed: &Scene, plain: &Scene, step: u32) -> usize {
     n
 }
 
-/// Demands that all but the moments is equal to the bit.
 #[track_caller]
 fn assert_moved_alike(label: impl Display, found: &Scene, truth: &Scene) {
     assert_same_splats(&label, &found.params, &truth.params);
@@ -95,7 +93,6 @@ fn both(mut scene: Scene) -> [Scene; 2] {
     [packed, plain]
 }
 
-/// Moments of every size in every number.
 fn warm(seed: u64, n: usize, degree: u32) -> Scene {
     let mut scene = Scene::new(&scene(seed, n, degree));
     let mut random = Random::new(seed);

@@ -23,7 +23,6 @@ fn vector(random: &mut Random, most: f64) -> DVec3 {
     DVec3::from_array(std::array::from_fn(|_| random.uniform(-most, most)))
 }
 
-/// A view from somewhere.
 fn seen(random: &mut Random) -> View {
     let rotation = DMat3::from_quat(DQuat::from_scaled_axis(vector(random, 1.5)));
     View { pose: Pose::at(vector(random, 4.0), rotation), ..crate::common::random::view() }
@@ -33,7 +32,6 @@ fn params(view: &View) -> ViewParams {
     view_params(view, &Constants::default(), [0.0; 3], Strip::whole(view))
 }
 
-/// Rows of the rotation and the centre.
 fn rows(params: &ViewParams, next: bool) -> [[f32; 4]; 3] {
     if next { [params.next0, params.next1, params.next2] } else { [params.row0, params.row1, params.row2] }
 }
@@ -88,7 +86,6 @@ fn wide(v: DVec3) -> [f32; 4] {
     v.as_vec3().extend(0.0).to_array()
 }
 
-/// Runs `steps` (camera, gradient of turn and shift) on the device; turn and shift of all cameras after each.
 fn on_device(
     views: &[View],
     centers: &[Option<DVec3>],

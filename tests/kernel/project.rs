@@ -38,7 +38,6 @@ fn shape(m: [[f64; 2]; 2]) -> [f64; 3] {
     [-b / a, 1.0 / a.sqrt(), (a / det).sqrt()]
 }
 
-/// Checks one record against the truth.
 fn record(worst: &mut Worst, found: &[[f32; 4]; 4], p: &Projected<f64>, u: f64, color_size: f64, flow_size: f64) {
     let [[x, y, m00, m01], [m10, m11, opacity, z], [r, g, b, flow_x], [flow_y, slope, chord, reach_y]] =
         found.map(|v| v.map(f64::from));
@@ -79,7 +78,6 @@ fn record(worst: &mut Worst, found: &[[f32; 4]; 4], p: &Projected<f64>, u: f64, 
     worst.n += 1;
 }
 
-/// Everything about the records of one scene; gives the largest errors.
 fn check(what: &str, splats: &Splats, view: &View) -> Worst {
     let fixture = Fixture::new(splats, view);
     let Active { status, ids, ranges, splats: records, depth_keys, tile_counts } = fixture.project();

@@ -17,7 +17,6 @@ tested! {
 /// Lengths around the block (1,024), the step over the blocks before (128) and one.
 const SIZES: [usize; 11] = [0, 1, 7, 127, 1023, 1024, 1025, 4096, 131_071, 131_072, 131_073];
 
-/// The sums and the total; with an `index`, those of the values that it names.
 fn scan_on_device(values: &[u32], index: Option<&[u32]>) -> (Vec<u32>, u32) {
     let gpu = gpu();
     let n = index.map_or(values.len(), <[u32]>::len);

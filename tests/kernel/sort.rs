@@ -14,10 +14,8 @@ tested! {
     "sort/sort_exchange.comp" by radix_sort in the_sort_of_any_length_is_the_references_and_stable;
 }
 
-/// A word past the end, which must survive.
 const GUARD: u32 = 0xDEAD_BEEF;
 
-/// The sorted keys and what goes with them: the `values`, or without them the places.
 fn sort_on_device(keys: &[u32], values: Option<&[u32]>, n_bits: u32) -> (Vec<u32>, Vec<u32>) {
     let gpu = gpu();
     let n = keys.len();

@@ -14,7 +14,6 @@ tested! {
     "tiles/tile_order.comp" by ranges in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;
 }
 
-/// Checks the lists of one scene; gives the numbers of pairs found and needed.
 fn check(what: &str, splats: &Splats, view: &View) -> [usize; 2] {
     let fixture = Fixture::new(splats, view);
     let (active, lists) = fixture.bin(view);

@@ -8,7 +8,6 @@ use super::{done, rate, run, settings};
 use crate::capture::{Folder, assert_told};
 use crate::common::npy_rows;
 
-/// A row of `poses_bounds.npy` of a camera at x that looks along z.
 fn row(x: f64) -> Vec<f64> {
     let (down, right, back) = ([0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]);
     let (center, hwf) = ([x, 0.0, 0.0], [48.0, 64.0, 50.0]);
@@ -50,7 +49,6 @@ fn rows_of_poses_go_to_cameras_in_the_order_of_their_numbers() {
     assert_told(&run(&none).unwrap().0.report, &["describes 12 cameras, there are 9", "--exclude"]);
 }
 
-/// A matrix as OpenCV writes one.
 fn matrix(key: &str, rows: usize, numbers: &[f64]) -> String {
     let elements: Vec<String> = numbers.iter().map(f64::to_string).collect();
     let (first, rest) = elements.split_at(elements.len() / 2);

@@ -4,15 +4,13 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use crate::capture::Folder;
-use crate::common::notes::{has_program, shared};
+use crate::common::notes::{needs, shared};
 
-/// What `ivv` said of an input, and how it ended.
 struct Told {
     text: String,
     code: i32,
 }
 
-/// Runs `ivv VERB INPUT` with more arguments.
 fn ivv(verb: &str, input: &Path, more: &[&str]) -> Told {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
     let output = command.arg(verb).arg(input).args(more).output().unwrap();
@@ -38,9 +36,7 @@ fn assert_said(told: &Told, code: i32, says: &[&str]) {
 
 #[test]
 fn calibrations_of_the_cases_are_read() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-cases-calibrations");
     for (input, format) in [
         ("captures/easymocap", "EasyMocap"),
@@ -64,9 +60,7 @@ fn calibrations_of_the_cases_are_read() {
 
 #[test]
 fn footage_of_the_cases_is_found() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-cases-footage");
     for (input, says) in [
         ("footage/folder_per_camera", &["COLMAP rig", "cameras: 2"][..]),
@@ -80,9 +74,7 @@ fn footage_of_the_cases_is_found() {
 
 #[test]
 fn photos_of_the_cases_are_read_or_named() {
-    if !has_program("colmap", "help") || !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("colmap", "ffmpeg");
     let folder = Folder::new("prepare-cases-photos");
     let Some((told, _)) = prepared(&folder, "footage/heic_photos", &[]) else { return };
     // An ffmpeg of today reads them; they are small and of noise, so that COLMAP may place none.
@@ -98,9 +90,7 @@ fn photos_of_the_cases_are_read_or_named() {
 /// All of COLMAP on three videos whose names have spaces.
 #[test]
 fn points_of_cameras_with_spaces_in_their_names_are_triangulated() {
-    if !has_program("colmap", "help") || !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("colmap", "ffmpeg");
     let folder = Folder::new("prepare-cases-spaces");
     let Some(source) = shared("cases/footage/space_in_name") else { return };
     let out = folder.0.join("out");

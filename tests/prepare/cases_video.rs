@@ -11,7 +11,7 @@ use crate::common::notes::{has_program, shared};
 #[track_caller]
 fn prepared(case: &str) -> Option<(Folder, String, Capture)> {
     let source = shared(&format!("cases/footage/{case}"))?;
-    if !has_program("ffmpeg", "-version") {
+    if !has_program("ffmpeg") {
         return None;
     }
     let folder = Folder::new(&format!("case-{case}"));
@@ -33,7 +33,6 @@ fn apart(capture: &Capture, frame: u32) -> f64 {
     f64::from(a.iter().zip(&b).map(off).sum::<u32>()) / (3 * a.len()) as f64
 }
 
-/// The frames that both cameras have.
 fn of_both(capture: &Capture) -> Vec<u32> {
     let has = |camera: usize, frame: u32| capture.cameras[camera].shots.iter().any(|shot| shot.frame == frame);
     (0..capture.n_frames).filter(|frame| has(0, *frame) && has(1, *frame)).collect()

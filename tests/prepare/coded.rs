@@ -1,9 +1,11 @@
 //! Videos whose pictures tell their own number, so that what a capture shows can be read back.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+use std::sync::Mutex;
 
 use ivv::internals::scene::capture::Capture;
 
@@ -26,22 +28,33 @@ pub fn rig(folder: &Folder, names: &[&str]) {
 
 /// A video of `n` frames at `rate` per second; `options` are ffmpeg's, for what it writes.
 pub fn coded(path: &Path, n: u32, rate: &str, options: &[&str]) {
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let mut command = Command::new("ffmpeg");
-    command
-        .args(["-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "gray", "-s", "64x48", "-r", rate, "-i", "pipe:0"]);
     let codec: &[&str] =
         if options.contains(&"-c:v") { &[] } else { &["-c:v", "mpeg4", "-q:v", "2", "-g", "12", "-bf", "2"] };
-    let mut running = command.args(codec).args(options).arg(path).stdin(Stdio::piped()).spawn().unwrap();
-    let mut to = running.stdin.take().unwrap();
-    for frame in 0..n {
-        to.write_all(&picture(frame)).unwrap();
-    }
-    drop(to);
-    assert!(running.wait().unwrap().success());
+    made(path, &format!("{n} {rate} {options:?}"), |path| {
+        let mut command = Command::new("ffmpeg");
+        command.args([
+            "-v", "error", "-y", "-f", "rawvideo", "-pix_fmt", "gray", "-s", "64x48", "-r", rate, "-i", "pipe:0",
+        ]);
+        let mut running = command.args(codec).args(options).arg(path).stdin(Stdio::piped()).spawn().unwrap();
+        let mut to = running.stdin.take().unwrap();
+        (0..n).for_each(|frame| to.write_all(&picture(frame)).unwrap());
+        drop(to);
+        assert!(running.wait().unwrap().success());
+    });
 }
 
-/// A picture with the bits of a number.
+/// Writes the video `what` to `path`: `make` does so once, and later ones are copies.
+pub fn made(path: &Path, what: &str, make: impl FnOnce(&Path)) {
+    static MADE: Mutex<BTreeMap<(String, PathBuf), Vec<u8>>> = Mutex::new(BTreeMap::new());
+    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
+    let key = (what.to_owned(), path.extension().unwrap().into());
+    if let Some(bytes) = MADE.lock().unwrap().get(&key) {
+        return std::fs::write(path, bytes).unwrap();
+    }
+    make(path);
+    MADE.lock().unwrap().insert(key, std::fs::read(path).unwrap());
+}
+
 fn picture(number: u32) -> Vec<u8> {
     let [width, height] = SIZE;
     let bit = |x: u32, y: u32| number >> (x / BLOCK + width / BLOCK * (y / BLOCK)) & 1;
@@ -64,7 +77,6 @@ pub fn numbers(capture: &Capture, camera: usize) -> Vec<Option<u32>> {
     (0..capture.n_frames).map(told).collect()
 }
 
-/// Runs ffmpeg with these arguments.
 pub fn ffmpeg(arguments: &[&str]) {
     let done = Command::new("ffmpeg").args(["-v", "error", "-y"]).args(arguments).status().unwrap();
     assert!(done.success(), "{arguments:?}");

@@ -8,13 +8,12 @@ use ivv::internals::scene::capture::Capture;
 use super::coded::{ffmpeg, rig};
 use super::{done, settings};
 use crate::capture::Folder;
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 use crate::common::same::assert_same;
 
 /// Colours of every hue and lightness, smooth, so that codecs change little.
 const PICTURE: &str = "nullsrc=s=64x48:r=10:d=1,format=gbrp,geq=r='X*4':g='Y*5':b='(X+Y)*2'";
 
-/// Whether ffmpeg can make what is to be converted.
 fn has_zscale() -> bool {
     let listed = std::process::Command::new("ffmpeg").args(["-v", "error", "-filters"]).output();
     let has = listed.is_ok_and(|listed| String::from_utf8_lossy(&listed.stdout).contains(" zscale "));
@@ -48,7 +47,8 @@ fn apart(capture: &Capture, limit: u8) -> [f64; 2] {
 
 #[test]
 fn high_dynamic_range_and_wide_gamuts_become_bt_709() {
-    if !has_program("ffmpeg", "-version") || !has_zscale() {
+    needs!("ffmpeg");
+    if !has_zscale() {
         return;
     }
     let plain = "zscale=m=bt709:r=tv,format=yuv444p";
@@ -84,9 +84,7 @@ fn high_dynamic_range_and_wide_gamuts_become_bt_709() {
 
 #[test]
 fn fields_of_two_moments_become_whole_pictures() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-fields");
     rig(&folder, &["a", "b"]);
     // A bar that goes four pixels to the right from field to field; `a` has the whole pictures of the first fields.

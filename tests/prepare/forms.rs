@@ -10,7 +10,7 @@ use ivv::internals::scene::capture::Capture;
 use super::pictures::{models, prepare_with, stub};
 use super::{run, settings, video};
 use crate::capture::{Folder, encode, png};
-use crate::common::notes::has_program;
+use crate::common::notes::{has_program, needs};
 
 fn converted(folder: &Folder, from: &str, to: &str) {
     let [from, to] = [from, to].map(|name| folder.0.join(name));
@@ -21,9 +21,7 @@ fn converted(folder: &Folder, from: &str, to: &str) {
 
 #[test]
 fn photos_in_other_forms_are_converted_and_none_is_dropped_in_silence() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-forms");
     folder.write("own.png", png(64, 48, 9));
     std::fs::create_dir_all(folder.0.join("source")).unwrap();
@@ -93,7 +91,7 @@ fn poses_of_others_are_named_where_they_are_not_read() {
         folder.write(&place(name), text);
         let what = recognise(&source).unwrap().what;
         assert!(what.contains(&format!("poses of {program} in {name} are not read")), "{what}");
-        if has_program("colmap", "help") {
+        if has_program("colmap") {
             let forecast = forecast(&PrepareSettings::new(&source, &folder.0.join("out"))).unwrap().unwrap();
             assert!(forecast.notes[0].contains(program), "{forecast:?}");
         }
@@ -114,9 +112,7 @@ fn noise(seed: u64) -> Vec<u8> {
 /// COLMAP itself, on pictures that have nothing in common.
 #[test]
 fn pictures_that_share_nothing_are_told_by_what_they_share() {
-    if !has_program("colmap", "help") {
-        return;
-    }
+    needs!("colmap");
     let folder = Folder::new("prepare-nothing");
     (0..3_u64).for_each(|k| drop(folder.write(&format!("source/photo {k}.png"), noise(k))));
     let told = run(&settings(&folder)).map(|_| ()).unwrap_err().to_string();
@@ -127,9 +123,7 @@ fn pictures_that_share_nothing_are_told_by_what_they_share() {
 
 #[test]
 fn a_file_that_is_no_video_is_not_tried_again() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-broken");
     let file = folder.write("source/a.mp4", "no video");
     video(&folder.0.join("source/b.mp4"), 2);

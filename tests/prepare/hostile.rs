@@ -8,7 +8,7 @@ use ivv::internals::scene::capture::CaptureSettings;
 
 use super::{done, rate, run, settings, video};
 use crate::capture::{Folder, assert_told, png};
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
 /// caliscope's calibration of two cameras, the numbers of the first as they are given.
 fn caliscope(folder: &Folder, matrix: &str, distortions: &str) {
@@ -44,7 +44,6 @@ fn a_calibration_that_no_camera_has_is_refused_before_anything_is_written() {
     done(&settings(&folder));
 }
 
-/// Runs `ivv prepare` where a folder holds all programs.
 fn prepare_with(programs: &Path, folder: &Folder, more: &[&str]) -> Output {
     let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
     command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(folder.0.join("out"));
@@ -85,9 +84,7 @@ fn a_program_that_is_missing_is_told_before_anything_is_decoded() {
 
 #[test]
 fn a_colon_in_a_path_is_no_protocol() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-colon");
     let matrix = "[[50.0, 0.0, 31.0], [0.0, 51.0, 23.0], [0.0, 0.0, 1.0]]";
     caliscope(&folder, matrix, "[-0.1, 0.02, 0.0, 0.0, 0.0]");
@@ -107,9 +104,7 @@ fn a_colon_in_a_path_is_no_protocol() {
 
 #[test]
 fn a_video_that_is_a_list_of_files_opens_none_of_them() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-playlist");
     let matrix = "[[50.0, 0.0, 31.0], [0.0, 51.0, 23.0], [0.0, 0.0, 1.0]]";
     caliscope(&folder, matrix, "[-0.1, 0.02, 0.0, 0.0, 0.0]");

@@ -8,7 +8,7 @@ use ivv::internals::scene::capture::Capture;
 use super::coded::{coded, ffmpeg, numbers, rig};
 use super::{done, run, settings};
 use crate::capture::Folder;
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
 /// The part from `from` seconds on of a video of ten seconds of noise, louder by `gain`, with hiss of its own.
 fn recorded(path: &Path, from: f64, gain: f64, hiss: f64, seed: u32) {
@@ -20,21 +20,8 @@ fn recorded(path: &Path, from: f64, gain: f64, hiss: f64, seed: u32) {
     );
     let whole = path.with_extension("whole.mkv");
     let [silent, whole_name] = [&silent, &whole].map(|path| path.to_str().unwrap().to_owned());
-    ffmpeg(&[
-        "-i",
-        &silent,
-        "-filter_complex",
-        &mix,
-        "-map",
-        "0:v",
-        "-map",
-        "[out]",
-        "-c:v",
-        "copy",
-        "-c:a",
-        "pcm_s16le",
-        &whole_name,
-    ]);
+    let maps = ["-map", "0:v", "-map", "[out]", "-c:v", "copy", "-c:a", "pcm_s16le", &whole_name];
+    ffmpeg(&[&["-i", &silent, "-filter_complex", &mix][..], &maps].concat());
     let from = from.to_string();
     ffmpeg(&["-i", &whole_name, "-ss", &from, "-c:v", "mpeg4", "-q:v", "2", "-c:a", "aac", path.to_str().unwrap()]);
     std::fs::remove_file(&silent).unwrap();
@@ -43,9 +30,7 @@ fn recorded(path: &Path, from: f64, gain: f64, hiss: f64, seed: u32) {
 
 #[test]
 fn sound_tells_when_cameras_began() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-by-sound");
     rig(&folder, &["a", "b", "c"]);
     let file = |name: &str| folder.0.join(format!("source/{name}.mp4"));
@@ -75,9 +60,7 @@ fn sound_tells_when_cameras_began() {
 
 #[test]
 fn what_sound_does_not_tell_is_refused_by_name() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-unheard");
     rig(&folder, &["a", "b", "c"]);
     let file = |name: &str| folder.0.join(format!("source/{name}.mp4"));

@@ -10,7 +10,7 @@ use super::sources::{IDENTITY, sequence};
 use super::{done, run, settings, video};
 use crate::capture::model::{Model, STEMS, binary};
 use crate::capture::{Folder, assert_told, encode, png};
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
 /// A calibration of cameras of 64 x 48 in COLMAP's files, without points.
 fn rig(folder: &Folder, names: &[&'static str]) {
@@ -36,31 +36,15 @@ fn still(to: &Path, second: &str, options: &[&str]) {
 
 #[test]
 fn a_folder_of_each_camera_has_its_clip() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-folders");
     rig(&folder, &["a.jpg", "b.jpg"]);
     video(&folder.0.join("source/a/GX010123.MP4"), 4);
     // The second camera's take goes on in a further chapter.
     video(&folder.0.join("source/b/GX010007.MP4"), 2);
-    ffmpeg(
-        &[
-            "-f",
-            "lavfi",
-            "-i",
-            "testsrc=size=64x48:rate=10",
-            "-vf",
-            "negate",
-            "-frames:v",
-            "3",
-            "-c:v",
-            "mpeg4",
-            "-q:v",
-            "2",
-        ],
-        &folder.0.join("source/b/GX020007.MP4"),
-    );
+    let negative = ["-f", "lavfi", "-i", "testsrc=size=64x48:rate=10", "-vf", "negate"];
+    let short = ["-frames:v", "3", "-c:v", "mpeg4", "-q:v", "2"];
+    ffmpeg(&[negative, short].concat(), &folder.0.join("source/b/GX020007.MP4"));
     let settings = settings(&folder);
     let prepared = done(&settings);
     assert_eq!((prepared.source_format, prepared.report.n_frames), ("COLMAP rig", 4));
@@ -89,9 +73,7 @@ fn folders_of_clips_without_calibration_are_cameras() {
 
 #[test]
 fn of_two_videos_of_a_camera_one_is_named() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-twins");
     rig(&folder, &["a.jpg", "b.jpg"]);
     ["a.mp4", "a.mov", "b.mp4"].iter().for_each(|name| video(&folder.0.join("source").join(name), 2));
@@ -101,9 +83,7 @@ fn of_two_videos_of_a_camera_one_is_named() {
 
 #[test]
 fn sequences_that_ffmpeg_reads_are_converted() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-sequences");
     rig(&folder, &["png.png", "tif.png", "dpx.png", "exr.png", "webp.png"]);
     let source = folder.0.join("source");
@@ -144,9 +124,7 @@ fn sequences_that_ffmpeg_reads_are_converted() {
 
 #[test]
 fn masks_of_a_folder_go_with_videos_and_sequences() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-masks");
     rig(&folder, &["film.png", "seq.png", "bare.png"]);
     video(&folder.0.join("source/film.mp4"), 4);

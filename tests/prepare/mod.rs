@@ -39,12 +39,11 @@ fn settings(folder: &Folder) -> PrepareSettings {
     }
 }
 
-/// How a source is read whose image sequences have `fps` frames per second.
-/// Every n-th frame, from one on.
 fn every(every: u32, from: u32) -> Frames {
     Frames { from, every, ..Frames::default() }
 }
 
+/// How a source is read whose image sequences have `fps` frames per second.
 fn rate(fps: f64) -> CaptureSettings {
     CaptureSettings { fps, ..CaptureSettings::default() }
 }
@@ -58,34 +57,31 @@ fn run(settings: &PrepareSettings) -> ivv::Result<(Prepared, Vec<String>)> {
     Ok((prepared, pieces.into_inner().unwrap()))
 }
 
-/// Prepares what must have no fault.
 fn done(settings: &PrepareSettings) -> Prepared {
     let (prepared, _) = run(settings).unwrap();
     assert_eq!(crate::capture::told(&prepared.report), "");
     prepared
 }
 
-/// Prepares what must have no fault, and opens it.
 fn open(settings: &PrepareSettings) -> Capture {
     done(settings);
     Capture::open(&settings.output).unwrap()
 }
 
-/// A 4-frame video of 64 x 48 at 10 frames per second.
+/// A video of 64 x 48 at 10 frames per second.
 fn video(path: &Path, n_frames: u32) {
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let source = format!("testsrc=size=64x48:rate=10:duration={}", f64::from(n_frames) / 10.0);
-    let mut command = std::process::Command::new("ffmpeg");
-    command.args(["-v", "error", "-y", "-f", "lavfi", "-i", &source, "-c:v", "mpeg4", "-q:v", "2"]).arg(path);
-    assert!(command.status().unwrap().success());
+    encoded(path, &format!("testsrc=size=64x48:rate=10:duration={}", f64::from(n_frames) / 10.0), &[]);
 }
 
 /// The same with frames between others (B frames), few key frames and these options, at `rate` frames per second.
 fn video_with(path: &Path, n_frames: u32, rate: &str, options: &[&str]) {
-    std::fs::create_dir_all(path.parent().unwrap()).unwrap();
-    let source = format!("testsrc=size=64x48:rate={rate}");
-    let mut command = std::process::Command::new("ffmpeg");
-    command.args(["-v", "error", "-y", "-f", "lavfi", "-i", &source, "-frames:v", &n_frames.to_string()]);
-    command.args(["-c:v", "mpeg4", "-q:v", "2", "-g", "12", "-bf", "2"]).args(options).arg(path);
-    assert!(command.status().unwrap().success());
+    let own = ["-frames:v", &n_frames.to_string(), "-g", "12", "-bf", "2"];
+    encoded(path, &format!("testsrc=size=64x48:rate={rate}"), &[&own, options].concat());
+}
+
+fn encoded(path: &Path, source: &str, options: &[&str]) {
+    coded::made(path, &format!("{source} {options:?}"), |path| {
+        let own = ["-f", "lavfi", "-i", source, "-c:v", "mpeg4", "-q:v", "2"];
+        coded::ffmpeg(&[&own[..], options, &[path.to_str().unwrap()]].concat());
+    });
 }

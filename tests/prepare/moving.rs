@@ -12,14 +12,12 @@ use ivv::internals::scene::capture::{Capture, Frames};
 
 use super::{done, settings};
 use crate::capture::Folder;
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
 const SIZE: (u32, u32) = (320, 240);
 const N_CAMERAS: u32 = 6;
-/// Half of the room's sides.
 const HALF: DVec3 = DVec3::new(3.0, 1.6, 3.0);
 
-/// A number in [0, 1] that looks random.
 fn random(x: i64, y: i64, layer: u32) -> f64 {
     let mut n =
         (x as u32).wrapping_mul(73_856_093) ^ (y as u32).wrapping_mul(19_349_663) ^ layer.wrapping_mul(83_492_791);
@@ -50,7 +48,6 @@ fn balls(frame: f64) -> [(DVec3, f64); 3] {
     ]
 }
 
-/// What is seen along a ray.
 fn seen(from: DVec3, ray: DVec3, frame: f64) -> f64 {
     let (mut nearest, mut color) = (f64::INFINITY, 0.0);
     for axis in 0..3 {
@@ -85,7 +82,6 @@ fn camera(index: u32, frame: u32) -> Pose {
     Pose::at(turn * pose.center() + shift, pose.rotation * turn.transpose())
 }
 
-/// Makes the videos of `n` frames.
 fn film(folder: &Path, n: u32) {
     std::fs::create_dir_all(folder).unwrap();
     let (width, height) = SIZE;
@@ -168,7 +164,6 @@ fn mean(errors: &[[f64; 2]]) -> [f64; 2] {
     [0, 1].map(|k| errors.iter().map(|e| e[k]).sum::<f64>() / errors.len() as f64)
 }
 
-/// By frame, the poses of all cameras that were found and the true ones.
 fn poses(settings: &PrepareSettings) -> Vec<Vec<(Pose, Pose)>> {
     done(settings);
     let capture = Capture::open(&settings.output).unwrap();
@@ -182,17 +177,10 @@ fn poses(settings: &PrepareSettings) -> Vec<Vec<(Pose, Pose)>> {
     (0..capture.n_frames).map(of).collect()
 }
 
-/// Whether the programs are there.
-fn can_film() -> bool {
-    has_program("ffmpeg", "-version") && has_program("colmap", "help")
-}
-
 #[test]
 #[ignore = "slow: COLMAP on a clip of 7 frames; prepare::tracking has what is asked of it and done with it"]
 fn colmap_follows_a_moving_rig() {
-    if !can_film() {
-        return;
-    }
+    needs!("ffmpeg", "colmap");
     let folder = Folder::new("prepare-moving");
     film(&folder.0.join("source"), 7);
     let found = poses(&PrepareSettings { moving: Some(3), ..settings(&folder) });
@@ -209,9 +197,7 @@ fn colmap_follows_a_moving_rig() {
 #[test]
 #[ignore = "slow: COLMAP on a clip of 33 frames"]
 fn colmap_follows_a_moving_rig_through_a_longer_clip() {
-    if !can_film() {
-        return;
-    }
+    needs!("ffmpeg", "colmap");
     let folder = Folder::new("prepare-moving-long");
     film(&folder.0.join("source"), 33);
     for step in [1, 4] {

@@ -12,7 +12,7 @@ use super::{done, run, settings, video};
 use crate::capture::model::{Model, binary};
 use crate::capture::photos::clip;
 use crate::capture::{Folder, assert_told, encode, png};
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
 /// A program in the place of COLMAP: its mapper finds `model/`, and it deletes images by taking the model of that name.
 fn stub(folder: &Folder) -> String {
@@ -54,9 +54,7 @@ fn prepare_with(path: &str, folder: &Folder, options: &[&str]) -> Output {
 
 #[test]
 fn videos_and_photographs_are_placed_together_and_become_one_capture() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-static");
     let cameras = ["left.jpg", "middle.jpg", "right.jpg"];
     for name in ["left", "middle", "right"] {

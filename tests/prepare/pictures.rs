@@ -11,7 +11,7 @@ use super::sources::{IDENTITY, transforms};
 use super::{done, run, settings, video};
 use crate::capture::model::{Model, STEMS, binary};
 use crate::capture::{Folder, assert_told, png, told};
-use crate::common::notes::{has_program, shared};
+use crate::common::notes::{has_program, needs, shared};
 
 /// A program in the place of COLMAP that writes what it is called with, tells progress as COLMAP does, and has the mapper find
 /// the model in `model/`.
@@ -112,9 +112,7 @@ fn photos_that_cannot_be_placed_are_told() {
 
 #[test]
 fn videos_of_one_moment_become_a_capture_of_their_frames() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-videos");
     for name in ["left", "middle", "right"] {
         video(&folder.0.join(format!("source/{name}.mp4")), 3);
@@ -131,7 +129,7 @@ fn videos_of_one_moment_become_a_capture_of_their_frames() {
     let capture = Capture::open(&out).unwrap();
     assert_eq!((capture.cameras.len(), capture.n_frames, capture.fps), (3, 2, 10.0));
     // A forecast is made in this process, whose path has no stub.
-    if has_program("colmap", "help") {
+    if has_program("colmap") {
         let forecast = forecast(&PrepareSettings::new(&folder.0.join("source"), &out)).unwrap().unwrap();
         assert_eq!((forecast.what, forecast.pictures, forecast.pairs), ("a folder of videos", 3, 3));
     }
@@ -139,9 +137,7 @@ fn videos_of_one_moment_become_a_capture_of_their_frames() {
 
 #[test]
 fn a_video_of_what_stands_still_becomes_a_capture_of_one_moment() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-walk");
     video(&folder.0.join("walk.mp4"), 4);
     models(&folder, ["00000.jpg", "00001.jpg", "00003.jpg"]);
@@ -204,7 +200,6 @@ fn what_is_no_capture_yet_is_told_by_its_name_and_the_command() {
     assert_eq!((recognise(&folder.0.join("capture")), recognise(&folder.0.join("nowhere"))), (None, None));
 }
 
-/// A model of these images, all of one camera.
 fn model(folder: &Folder, to: &str, names: &[&'static str]) {
     let image = |(id, name): (u32, &&'static str)| (id, IDENTITY, [f64::from(id), 0.0, 0.0], 1, *name, vec![]);
     let images = (1..).zip(names).map(image).collect();
@@ -304,9 +299,7 @@ fn smaller_images_are_of_a_plain_colmap_project_alone() {
 #[ignore = "slow: all of COLMAP on seven photographs"]
 fn colmap_places_photos() {
     let Some(source) = shared("data/colmap_simple_radial_7img/images") else { return };
-    if !has_program("colmap", "help") {
-        return;
-    }
+    needs!("colmap");
     let folder = Folder::new("prepare-colmap");
     let settings = PrepareSettings { source, scale: 0.25, triangulate: None::<Triangulate>, ..settings(&folder) };
     let prepared = prepare(&settings, &|_| {}).unwrap();

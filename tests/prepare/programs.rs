@@ -11,7 +11,7 @@ use std::process::Command;
 use super::{done, every, open, run, settings, video, video_with};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, assert_told};
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
 /// ImViD's layout: cameras and images of COLMAP, a video of each camera; `left` distorts.
 fn imvid(folder: &Folder) {
@@ -33,9 +33,7 @@ fn imvid(folder: &Folder) {
 
 #[test]
 fn videos_are_decoded_gone_on_with_and_compared() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-video");
     imvid(&folder);
     video(&folder.0.join("source/left.mp4"), 6);
@@ -69,9 +67,7 @@ fn videos_are_decoded_gone_on_with_and_compared() {
 
 #[test]
 fn a_part_of_a_video_is_sought_and_has_the_frames_that_it_has_in_the_whole() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     // Rates that are no whole numbers, containers that do not tell how many frames there are, one that begins late, one whose sound
     // begins before its pictures, and one whose frames do not follow evenly, in which nothing is sought.
     let kinds: [(&str, &str, &[&str]); 5] = [
@@ -104,9 +100,7 @@ fn a_part_of_a_video_is_sought_and_has_the_frames_that_it_has_in_the_whole() {
 
 #[test]
 fn sound_is_as_late_as_in_the_video() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-late-sound");
     imvid(&folder);
     // The pictures of `right` begin half a second after its sound, and so does the clip, in both files.
@@ -132,14 +126,8 @@ fn with_sound(file: &Path, delay: &str) {
     let without = file.with_extension("silent.mp4");
     std::fs::rename(file, &without).unwrap();
     let mut command = Command::new("ffmpeg");
-    command.args(["-v", "error", "-y", "-i"]).arg(&without).args([
-        "-itsoffset",
-        delay,
-        "-f",
-        "lavfi",
-        "-i",
-        "sine=d=7",
-    ]);
+    command.args(["-v", "error", "-y", "-i"]).arg(&without).args(["-itsoffset", delay]);
+    command.args(["-f", "lavfi", "-i", "sine=d=7"]);
     command.args(["-map", "0:v", "-map", "1:a", "-c:v", "copy", "-avoid_negative_ts", "make_zero"]).arg(file);
     assert!(command.status().unwrap().success());
     std::fs::remove_file(without).unwrap();
@@ -147,9 +135,7 @@ fn with_sound(file: &Path, delay: &str) {
 
 #[test]
 fn time_codes_tell_which_frames_are_of_one_moment() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-timecode");
     imvid(&folder);
     // `right` began two frames later.
@@ -178,9 +164,7 @@ fn time_codes_tell_which_frames_are_of_one_moment() {
 
 #[test]
 fn a_plan_by_time_codes_is_of_the_frames_of_the_capture() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-plan-timecode");
     imvid(&folder);
     // `right` began nine frames later: what lies in the middle of twelve is not in both.
@@ -195,9 +179,7 @@ fn a_plan_by_time_codes_is_of_the_frames_of_the_capture() {
 
 #[test]
 fn a_plan_tells_what_a_preparation_takes_and_leaves_nothing() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-plan");
     imvid(&folder);
     for name in ["left", "right"] {
@@ -224,9 +206,7 @@ fn a_plan_tells_what_a_preparation_takes_and_leaves_nothing() {
 
 #[test]
 fn damaged_videos_are_told_in_the_words_of_ffmpeg() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-damaged");
     imvid(&folder);
     video(&folder.0.join("source/left.mp4"), 4);
@@ -256,9 +236,7 @@ fn noise(folder: &Folder) {
 
 #[test]
 fn a_frame_without_matches_has_no_points() {
-    if !has_program("colmap", "help") {
-        return;
-    }
+    needs!("colmap");
     let folder = Folder::new("prepare-blank");
     noise(&folder);
     let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), ..settings(&folder) };
@@ -275,9 +253,7 @@ fn a_frame_without_matches_has_no_points() {
 #[test]
 #[ignore = "slow: it waits until a program counts as asleep"]
 fn a_program_that_sleeps_is_begun_again() {
-    if !has_program("colmap", "help") {
-        return;
-    }
+    needs!("colmap");
     let folder = Folder::new("prepare-asleep");
     noise(&folder);
     // Its first call sleeps, and those after it are the real program's.
@@ -318,9 +294,7 @@ fn shares_triangulate_and_estimate_flow() {
 
 /// Points and flow of a rig, and what is done with its settings then.
 fn triangulated(name: &str, then: impl FnOnce(PrepareSettings)) {
-    if !has_program("colmap", "help") || !has_program("/usr/bin/python3", "--version") {
-        return;
-    }
+    needs!("colmap", "/usr/bin/python3");
     let folder = Folder::new(name);
     let options = Options { cameras: 6, frames: 2, width: 256, height: 192, ..Preset::Tiny.options(3) };
     write_capture(&folder.0.join("source"), &options, 2, &mut |_, _| {}).unwrap();

@@ -10,7 +10,6 @@ use ivv::internals::scene::capture::{CaptureSettings, check_capture};
 use super::{done, every, rate, run, settings};
 use crate::capture::{Folder, assert_told, dynamic, png};
 
-/// Every file below a folder with its bytes and the time of its last change.
 fn tree(path: &Path) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
     let mut found = BTreeMap::new();
     let mut folders = vec![path.to_owned()];

@@ -15,9 +15,8 @@ use super::sources::IDENTITY;
 use super::{done, open, run, settings, video};
 use crate::capture::model::{Model, STEMS, binary};
 use crate::capture::{Folder, png};
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
-/// Pixels of an image.
 const N: usize = 64 * 48;
 
 /// In the place of COLMAP: its mapper finds `model/`, and it deletes images by taking the model of that name.
@@ -59,7 +58,6 @@ fn prepare(folder: &Folder, options: &[&str]) -> Result<(), String> {
     output.status.success().then_some(()).ok_or(told)
 }
 
-/// Each call of a program that leaves one there.
 fn calls(folder: &Folder) -> Vec<String> {
     std::fs::read_to_string(folder.0.join("calls")).unwrap().lines().map(str::to_owned).collect()
 }
@@ -261,9 +259,7 @@ fn photos_that_have_changed_are_placed_again() {
 
 #[test]
 fn videos_and_photographs_that_have_changed_are_placed_again() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-stale-videos");
     program(&folder, "colmap", COLMAP);
     let (cameras, photos) = (["left.jpg", "middle.jpg", "right.jpg"], ["photos/a.png", "photos/b.png"]);

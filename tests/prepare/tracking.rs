@@ -9,7 +9,7 @@ use ivv::internals::scene::capture::{Capture, Frames};
 use super::{settings, video};
 use crate::capture::model::{Model, binary};
 use crate::capture::{Folder, png};
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
 /// Finds the model in `model/` for pictures without cameras. Beside the images of a model that is given, it places those of its
 /// database: a unit further along x for each key frame, all but those in the file `lost`; where there is a file `fail` it fails at
@@ -80,7 +80,6 @@ fn prepare(folder: &Folder, options: &[&str]) -> Output {
     command.args(["--triangulate", "none"]).args(options).output().unwrap()
 }
 
-/// What a run that must fail says.
 fn fails(folder: &Folder, options: &[&str]) -> String {
     let output = prepare(folder, options);
     let told = String::from_utf8(output.stderr).unwrap();
@@ -88,7 +87,6 @@ fn fails(folder: &Folder, options: &[&str]) -> String {
     told
 }
 
-/// How often cameras were placed among others.
 fn n_blocks(folder: &Folder) -> usize {
     let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
     calls.lines().filter(|call| call.starts_with("mapper") && call.contains("fix_existing_images 1")).count()
@@ -96,9 +94,7 @@ fn n_blocks(folder: &Folder) -> usize {
 
 #[test]
 fn a_rig_is_followed_and_an_interrupted_run_goes_on() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = rig("prepare-rig", "001/00003.jpg");
     folder.write("fail", "");
     let options = ["--moving", "2", "--frames", "1:12", "--shift", "b=1"];
@@ -135,9 +131,7 @@ fn a_rig_is_followed_and_an_interrupted_run_goes_on() {
 /// COLMAP 3.13 has no more of the older names and tells of the first that it meets.
 #[test]
 fn a_newer_colmap_is_given_the_names_that_it_knows() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = rig("prepare-newer", "");
     std::fs::rename(folder.0.join("bin/colmap"), folder.0.join("bin/older")).unwrap();
     let newer = "#!/bin/sh\nfor word; do case $word in --Sift*.use_gpu | --Sift*.num_threads | --Sift*.guided_matching | *.max_image_size | \
@@ -157,9 +151,7 @@ fn a_newer_colmap_is_given_the_names_that_it_knows() {
 
 #[test]
 fn a_rig_that_is_lost_is_told() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = rig("prepare-lost", "001/00002.jpg 003/00002.jpg");
     let told = fails(&folder, &["--moving", "3"]);
     assert!(told.contains("at frame 6: 2 of 4 cameras") && told.contains("smaller --moving"), "{told}");
@@ -190,9 +182,7 @@ fn what_cannot_be_followed_is_refused() {
         std::fs::remove_file(folder.0.join("source").join(name)).unwrap();
     }
     folder.write("source/a.mp4", "");
-    if !has_program("ffmpeg", "-version") || !has_program("colmap", "help") {
-        return;
-    }
+    needs!("ffmpeg", "colmap");
     ["a", "b", "c"].iter().for_each(|name| video(&folder.0.join(format!("source/{name}.mp4")), 8));
     let counted = forecast(&PrepareSettings { frames: Frames::first(7), ..settings }).unwrap().unwrap();
     // Blocks of 5 and 3 frames beside the first: pairs of cameras in each frame, and of frames of each camera.

@@ -6,19 +6,19 @@ use ivv::internals::scene::capture::{Capture, Frames, Manifest};
 use super::coded::{coded, ffmpeg, numbers, rig};
 use super::{done, run, settings};
 use crate::capture::{Folder, assert_told};
-use crate::common::notes::has_program;
+use crate::common::notes::needs;
 
 /// Frames whose numbers a condition of ffmpeg's `select` names stay, each with its time.
 fn kept(condition: &str) -> [String; 4] {
     ["-vf".to_owned(), format!("select='{condition}'"), "-fps_mode".to_owned(), "passthrough".to_owned()]
 }
 
-/// Prepares a rig of two, `a` being a whole video at 30 frames per second, and returns notes and capture.
-fn beside(name: &str, ending: &str, n: u32, rate: &str, options: &[&str]) -> (Folder, Prepared, Capture) {
+/// Prepares a rig of two videos of `n` frames, `a` being a whole one at 30 frames per second, and returns notes and capture.
+fn beside(name: &str, ending: &str, n: [u32; 2], rate: &str, options: &[&str]) -> (Folder, Prepared, Capture) {
     let folder = Folder::new(name);
     rig(&folder, &["a", "b"]);
-    coded(&folder.0.join("source/a.mp4"), 120, "30", &[]);
-    coded(&folder.0.join(format!("source/b.{ending}")), n, rate, options);
+    coded(&folder.0.join("source/a.mp4"), n[0], "30", &[]);
+    coded(&folder.0.join(format!("source/b.{ending}")), n[1], rate, options);
     let settings = settings(&folder);
     let prepared = done(&settings);
     let capture = Capture::open(&settings.output).unwrap();
@@ -36,13 +36,11 @@ fn whole(numbers: std::ops::Range<u32>) -> Vec<Option<u32>> {
 /// Matroska's rates say nothing of frames that were lost, and one lost frame of many hardly changes MP4's.
 #[test]
 fn frames_after_lost_ones_stay_in_step_and_a_part_has_those_of_the_whole() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let lost = kept("not(between(n,60,64))");
     let lost: Vec<&str> = lost.iter().map(String::as_str).collect();
     for ending in ["mkv", "mp4"] {
-        let (folder, prepared, capture) = beside(&format!("prepare-lost-{ending}"), ending, 120, "30", &lost);
+        let (folder, prepared, capture) = beside(&format!("prepare-lost-{ending}"), ending, [120; 2], "30", &lost);
         has(&prepared, "camera `b`: 5 frames are missing at 2.00 s of its video");
         assert_eq!(numbers(&capture, 0), whole(0..120));
         let expected: Vec<_> = (0..120).map(|frame| (!(60..65).contains(&frame)).then_some(frame)).collect();
@@ -73,10 +71,8 @@ fn frames_after_lost_ones_stay_in_step_and_a_part_has_those_of_the_whole() {
 
 #[test]
 fn rates_that_differ_are_paired_by_time() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
-    let (folder, prepared, capture) = beside("prepare-double", "mp4", 240, "60", &[]);
+    needs!("ffmpeg");
+    let (folder, prepared, capture) = beside("prepare-double", "mp4", [120, 240], "60", &[]);
     has(&prepared, "have 30 (a), 60 (b) frames per second");
     has(&prepared, "the capture has 30 frames per second");
     assert_eq!((capture.fps, capture.n_frames), (30.0, 120));
@@ -98,9 +94,7 @@ fn rates_that_differ_are_paired_by_time() {
 /// 29.97 beside 30: half a frame after 17 seconds, a whole one after 33.
 #[test]
 fn rates_that_drift_stay_within_half_a_frame() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-drift");
     rig(&folder, &["a", "b"]);
     coded(&folder.0.join("source/a.mp4"), 1100, "30", &[]);
@@ -117,13 +111,11 @@ fn rates_that_drift_stay_within_half_a_frame() {
 /// A phone that drops frames and is never quite on time.
 #[test]
 fn a_variable_rate_is_paired_by_its_times() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let lost = |frame: u32| frame % 7 == 3 || frame % 11 == 5;
     let filter = "select='not(eq(mod(n,7),3)+eq(mod(n,11),5))',settb=1/3000,setpts=PTS+0.25*sin(N)/30/TB";
     let options = ["-vf", filter, "-fps_mode", "passthrough", "-enc_time_base", "1/3000"];
-    let (_folder, prepared, capture) = beside("prepare-variable", "mp4", 120, "30", &options);
+    let (_folder, prepared, capture) = beside("prepare-variable", "mp4", [120; 2], "30", &options);
     has(&prepared, "frames are missing in");
     has(&prepared, "camera `b`: its pictures come unevenly");
     let expected: Vec<_> = (0..capture.n_frames).map(|frame| (!lost(frame)).then_some(frame)).collect();
@@ -132,16 +124,14 @@ fn a_variable_rate_is_paired_by_its_times() {
 
 #[test]
 fn late_beginnings_b_frames_and_odd_containers_stay_in_step() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     // Its file says when the first picture is shown: half a second after the other's.
     let late = kept("gte(n,15)");
     let late: Vec<&str> = late.iter().map(String::as_str).collect();
     for ending in ["mp4", "mkv"] {
-        let (_folder, prepared, capture) = beside(&format!("prepare-late-{ending}"), ending, 120, "30", &late);
+        let (_folder, prepared, capture) = beside(&format!("prepare-late-{ending}"), ending, [60; 2], "30", &late);
         has(&prepared, "begin late in their files (b), by up to 0.50 s");
-        assert_eq!((numbers(&capture, 0), numbers(&capture, 1)), (whole(15..120), whole(15..120)), "{ending}");
+        assert_eq!((numbers(&capture, 0), numbers(&capture, 1)), (whole(15..60), whole(15..60)), "{ending}");
     }
     // B frames without an edit list make the first picture late by what they wait for, which says nothing.
     let odd: [(&str, &str, &[&str]); 5] = [
@@ -152,20 +142,18 @@ fn late_beginnings_b_frames_and_odd_containers_stay_in_step() {
         ("fragments", "mp4", &["-movflags", "frag_keyframe+empty_moov"]),
     ];
     for (name, ending, options) in odd {
-        let (folder, _, capture) = beside(&format!("prepare-odd-{name}"), ending, 120, "30", options);
-        assert_eq!((numbers(&capture, 0), numbers(&capture, 1)), (whole(0..120), whole(0..120)), "{name}");
+        let (folder, _, capture) = beside(&format!("prepare-odd-{name}"), ending, [60; 2], "30", options);
+        assert_eq!((numbers(&capture, 0), numbers(&capture, 1)), (whole(0..60), whole(0..60)), "{name}");
         let part =
-            PrepareSettings { frames: "45:60".parse().unwrap(), output: folder.0.join("part"), ..settings(&folder) };
+            PrepareSettings { frames: "33:46".parse().unwrap(), output: folder.0.join("part"), ..settings(&folder) };
         done(&part);
-        assert_eq!(numbers(&Capture::open(&part.output).unwrap(), 1), whole(45..60), "{name}");
+        assert_eq!(numbers(&Capture::open(&part.output).unwrap(), 1), whole(33..46), "{name}");
     }
 }
 
 #[test]
 fn a_clip_that_was_trimmed_without_encoding_shows_what_players_show() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-trimmed");
     rig(&folder, &["a", "b"]);
     let [a, b] = ["a", "b"].map(|name| folder.0.join(format!("source/{name}.mp4")));
@@ -185,9 +173,7 @@ fn a_clip_that_was_trimmed_without_encoding_shows_what_players_show() {
 
 #[test]
 fn a_rate_that_leaves_a_camera_nothing_is_refused_and_so_is_a_shift_before_the_footage() {
-    if !has_program("ffmpeg", "-version") {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("prepare-nothing-left");
     rig(&folder, &["a", "b"]);
     coded(&folder.0.join("source/a.mp4"), 30, "30", &[]);

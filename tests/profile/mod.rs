@@ -135,7 +135,6 @@ fn the_pass_that_ends_last_ends_with_the_host_though_another_was_recorded_behind
     assert_eq!(ends.len(), 3);
 }
 
-/// The blend of a random scene, dumped.
 pub fn dumped() -> Dispatch {
     let gpu = gpu();
     let mut renderer = Renderer::new(gpu.clone(), &random::scene(11, 200, 0), Constants::default()).unwrap();

@@ -7,7 +7,6 @@ use ivv::internals::scene::Splats;
 use super::single;
 use crate::common::random::{scene, view};
 
-/// `splats` one behind the other, all in one scene.
 fn together(splats: &[Splats]) -> Splats {
     let mut all = Splats { n_static: splats.len(), ..Splats::default() };
     for s in splats {
@@ -28,7 +27,6 @@ fn wall(z: f32, opacity: f32, color: [f32; 3]) -> Splats {
     Splats { scale: vec![[25.0; 3]], opacity: vec![logit], sh: vec![sh], ..single([0.0, 0.0, z]) }
 }
 
-/// The middle pixel of a render of [`view`].
 const MIDDLE: usize = 28 * 80 + 40;
 
 fn draw(splats: &Splats) -> Outputs<f64> {

@@ -10,7 +10,6 @@ use crate::common::random::{Random, scene, view};
 const GROUPS: [&str; 10] =
     ["position", "rotation", "scale", "opacity", "sh", "velocity", "t_center", "t_scale", "time_offset", "background"];
 
-/// A random direction in one group of `params`.
 fn direction(params: &Params<f64>, name: &str, seed: u64) -> Params<f64> {
     let mut random = Random::new(seed);
     let mut tangent = zero_like(params);
@@ -92,7 +91,6 @@ fn derivatives_of_renders_match_finite_differences_in_every_group() {
     }
 }
 
-/// All numbers of a projection.
 fn flat(p: &Projected<Dual>) -> Vec<Dual> {
     [p.xy, p.m[0], p.m[1], p.flow].as_flattened().iter().chain(&p.color).chain(&[p.opacity, p.z]).copied().collect()
 }

@@ -7,7 +7,6 @@ use ivv::internals::scene::{Motion, Splats};
 use super::{single, with_motion, zero_like};
 use crate::common::random::view;
 
-/// Projects the only Gaussian of `splats` at time `time`.
 fn projected<R: Real>(splats: &Splats, time: f64) -> Option<Projected<R>> {
     let view = view();
     let params = Params::<R>::new(splats, &view);

@@ -4,7 +4,6 @@ use ivv::internals::reference::{DIGITS, block_histograms, exclusive_scan, float_
 
 use crate::common::random::Random;
 
-/// Sizes around block and workgroup edges.
 const SIZES: [usize; 9] = [0, 1, 2, 255, 256, 257, 1023, 1024, 3001];
 
 #[test]

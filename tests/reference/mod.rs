@@ -35,7 +35,6 @@ pub fn relative_l2(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(x, y)| (x - y).powi(2)).sum::<f64>().sqrt() / norm
 }
 
-/// A direction of the shape of `params`, all zero.
 pub fn zero_like(params: &Params<f64>) -> Params<f64> {
     params.zip(params, |_, _| 0.0)
 }
@@ -57,7 +56,6 @@ pub fn single(position: [f32; 3]) -> Splats {
     }
 }
 
-/// Makes every Gaussian of a static scene dynamic with `motion`.
 pub fn with_motion(splats: &Splats, motion: Motion) -> Splats {
     assert_eq!(splats.n_static, splats.len());
     Splats { n_static: 0, motion: vec![motion; splats.len()], ..splats.clone() }

@@ -26,7 +26,6 @@ fn aligned_rows(pixels_per_unit: f32) -> [[f32; 3]; 2] {
     [[pixels_per_unit, 0.0, 0.0], [0.0, pixels_per_unit, 0.0]]
 }
 
-/// The truth for the same f32 inputs.
 fn exact(g: [[f32; 3]; 2], s: [f32; 3]) -> Footprint<f64> {
     footprint(g.map(|row| row.map(f64::from)), s.map(f64::from), f64::from(BLUR))
 }
@@ -40,7 +39,6 @@ fn naive_power(g: [[f32; 3]; 2], s: [f32; 3], d: [f32; 2]) -> f32 {
     0.5 * (c / det * d[0] * d[0] + a / det * d[1] * d[1]) - b / det * d[0] * d[1]
 }
 
-/// A point inside the drawn ellipse of `m`, uniform in angle and radius.
 fn point_in_ellipse(random: &mut Random, m: [[f64; 2]; 2]) -> [f32; 2] {
     let (angle, radius) = (random.uniform(0.0, 6.3), random.uniform(0.0, (2.0 * POWER_MAX).sqrt()));
     let w = [radius * angle.cos(), radius * angle.sin()];

@@ -3,7 +3,6 @@
 use crate::common::random::Random;
 use ivv::internals::reference::{Dual, photometric, ssim_map};
 
-/// A grey picture in [0, 1] and its size.
 fn grey(path: &str) -> (Vec<f64>, [usize; 2]) {
     let picture = image::open(path).unwrap().to_luma8();
     let size = [picture.width() as usize, picture.height() as usize];

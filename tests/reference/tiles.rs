@@ -43,7 +43,6 @@ fn check<R: Real>(p: &Projected<R>) -> [usize; 2] {
     [found.len(), truth.len()]
 }
 
-/// Checks in f64 and in f32 and adds up.
 fn check_both(p: &Projected<f64>, totals: &mut [usize; 2]) {
     for counts in [check(p), check(&narrowed(p))] {
         totals[0] += counts[0];

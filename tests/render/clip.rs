@@ -35,7 +35,6 @@ pub fn at(time: f64) -> View {
     View { time, time_offset: 0.0, ..view() }
 }
 
-/// Renderers of all of `splats`, and of its windows.
 fn whole_and_clip(splats: &Splats, constants: Constants) -> [Renderer; 2] {
     let whole = Renderer::new(gpu().clone(), splats, constants).unwrap();
     [whole, Renderer::of_clip(gpu().clone(), Arc::new(splats.clone()), constants).unwrap()]

@@ -10,7 +10,6 @@ use ivv::Constants;
 use ivv::internals::scene::Frame;
 use ivv::internals::stage::{Outputs, Renderer};
 
-/// Where more than one Gaussian shows.
 fn assert_busy(frame: &Frame) {
     let n = frame.alpha.iter().filter(|alpha| **alpha > 0.1).count();
     assert!(4 * n > frame.alpha.len(), "only {n} of {} pixels show anything", frame.alpha.len());

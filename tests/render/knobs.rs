@@ -15,7 +15,6 @@ fn turned(splats: &Splats, view: &View, knobs: Knobs) -> (Frame, ivv::internals:
     render_with(splats, view, knobs.on(Constants::default()))
 }
 
-/// The largest difference in colour and alpha of two frames.
 fn difference(a: &Frame, b: &Frame) -> f32 {
     let (a, b) = (pixels(a), pixels(b));
     let channels = a.iter().zip(&b).flat_map(|(a, b)| (0..4).map(|k| (a[k] - b[k]).abs()));

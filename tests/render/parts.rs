@@ -55,7 +55,6 @@ impl Told {
         Told { still: keep(0, 500), moving, parts, n_read: Arc::default() }
     }
 
-    /// All of it as one scene.
     fn whole(&self) -> Splats {
         let mut whole = self.still.clone();
         for part in &self.moving {
@@ -115,7 +114,6 @@ fn contents() -> Contents<'static> {
 /// Before and after the clip, about and at borders, back and forth.
 const TIMES: [f64; 13] = [0.0, 0.1, 0.179, 0.19, 0.2, 0.21, 0.55, 0.6, 0.99, 1.0, 0.45, -0.5, 7.0];
 
-/// That `parts` gives the pictures of `whole`.
 fn shows(parts: Box<dyn Parts>, whole: &Splats) {
     let constants = Constants::default();
     let mut expected = Renderer::of_clip(gpu().clone(), Arc::new(whole.clone()), constants).unwrap();

@@ -18,7 +18,6 @@ fn purpose(shader: &str) -> String {
     purpose.replace("\n//", "").split_whitespace().collect::<Vec<_>>().join(" ").trim_end_matches('.').to_owned()
 }
 
-/// The table of kernels as Markdown.
 fn kernel_table() -> String {
     let mut lines = vec![
         "| kernels | shader | choices | purpose | reference | time grows with |".to_owned(),

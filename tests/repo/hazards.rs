@@ -150,7 +150,6 @@ fn passes_that_conflict_keep_their_order_with_a_barrier_between_and_no_barrier_i
     assert!(n_moved > 200, "in {n_moved} recordings a pass moved");
 }
 
-/// A device of its own, so that what the layer says here fails no other test.
 fn own_device(sync_validation: bool) -> Arc<Device> {
     let choice = ivv::internals::vk::DeviceChoice { sync_validation, ..options().device };
     Device::open(&choice).expect("a Vulkan device and the validation layer").0

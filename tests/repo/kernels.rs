@@ -8,7 +8,6 @@ use rspirv::spirv::Capability;
 use std::collections::BTreeSet;
 use std::process::Command;
 
-/// Shaders, by path below `shaders-glsl`.
 fn shaders() -> BTreeSet<String> {
     let below = |file: String| file.strip_prefix("shaders-glsl/").map(str::to_owned);
     files("shaders-glsl").into_iter().filter_map(below).filter(|file| file.ends_with(".comp")).collect()
@@ -18,7 +17,6 @@ fn source(shader: &str) -> String {
     text(&format!("shaders-glsl/{shader}"))
 }
 
-/// Shaders and includes, as code.
 fn all_code() -> Vec<(String, String)> {
     let is_glsl = |file: &String| file.ends_with(".comp") || file.ends_with(".glsl");
     let code: Vec<_> = files("shaders-glsl")
@@ -259,7 +257,7 @@ fn only_the_variants_for_devices_that_have_them_use_64_bit_integers() {
 
 #[test]
 fn spirv_val_finds_no_fault() {
-    if !crate::common::notes::has_program("spirv-val", "--version") {
+    if !crate::common::notes::has_program("spirv-val") {
         return;
     }
     for row in KERNELS.iter() {

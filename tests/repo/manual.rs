@@ -31,7 +31,6 @@ const CITED: &str = "SPEC ";
 const OF_OTHER_BUILDS: [(&str, &str); 1] = [("profile", "tools/verbs/profile/replay.rs")];
 const FOLDERS: [&str; 6] = [".ci/", "assets/", "engine/", "shaders-glsl/", "tests/", "tools/"];
 
-/// The targets of the links of a document.
 fn links(document: &str) -> impl Iterator<Item = &str> {
     document.split("](").skip(1).filter_map(|rest| rest.split_once(')')).map(|(target, _)| target)
 }
@@ -196,7 +195,6 @@ fn every_file_and_folder_that_a_document_names_exists() {
     assert!(n_named > 50, "only {n_named} paths were found");
 }
 
-/// The names that mdBook gives the headings of a page.
 fn anchors(page: &str) -> Vec<String> {
     let (mut found, mut seen) = (Vec::new(), BTreeMap::new());
     let mut fenced = false;
@@ -262,7 +260,6 @@ fn every_block_of_the_manual_is_run_or_says_that_it_is_no_command() {
     }
 }
 
-/// What `ivv` says with these arguments.
 fn ivv(arguments: &[&str]) -> String {
     let output = Command::new(env!("CARGO_BIN_EXE_ivv")).args(arguments).output().unwrap();
     String::from_utf8(output.stdout).unwrap()
@@ -345,7 +342,6 @@ fn every_option_that_the_manual_names_alone_is_one_of_some_verb_or_script() {
     }
 }
 
-/// The settings as `ivv train` lists them.
 fn settings() -> Vec<Value> {
     serde_json::from_str(&ivv(&["train", "--list-settings", "--json"])).unwrap()
 }
@@ -393,7 +389,6 @@ fn told(value: &Value) -> String {
     }
 }
 
-/// The tables of settings as Markdown.
 fn settings_tables() -> String {
     let (mut page, mut group) = (String::new(), None);
     for setting in settings() {

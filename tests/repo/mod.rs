@@ -45,7 +45,6 @@ fn below_root(path: &Path) -> String {
     path.strip_prefix(root()).unwrap().to_str().unwrap().replace('\\', "/")
 }
 
-/// The text of a file below the root.
 fn text(file: &str) -> String {
     std::fs::read_to_string(root().join(file)).unwrap_or_else(|e| panic!("{file}: {e}"))
 }
@@ -59,7 +58,6 @@ fn without_comments(source: &str) -> String {
     source.lines().map(|line| line.split("//").next().unwrap_or("")).collect::<Vec<_>>().join("\n")
 }
 
-/// The identifiers and numbers of `source`, in order.
 fn words(source: &str) -> impl Iterator<Item = &str> {
     source.split(|c: char| !c.is_alphanumeric() && c != '_').filter(|word| !word.is_empty())
 }
@@ -79,7 +77,6 @@ fn marked<'a>(document: &'a str, name: &str) -> (&'a str, &'a str, &'a str) {
     (&document[..first], &document[first..last], &document[last..])
 }
 
-/// The words in backticks of a cell.
 fn quoted(cell: &str) -> Vec<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }

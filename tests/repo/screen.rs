@@ -2,7 +2,6 @@
 
 use super::{files, text, without_comments};
 
-/// The files below `folders` whose code prints by itself.
 fn printers(folders: &[&str]) -> Vec<String> {
     let sources = folders.iter().flat_map(|folder| files(folder)).filter(|file| file.ends_with(".rs"));
     let prints = |file: &String| {

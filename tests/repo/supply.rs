@@ -12,7 +12,6 @@ fn policy() -> toml::Table {
     text(".ci/deny.toml").parse().unwrap()
 }
 
-/// The strings of a list of the policy.
 fn list(policy: &toml::Table, part: &str, name: &str) -> BTreeSet<String> {
     policy[part][name].as_array().unwrap().iter().map(|word| word.as_str().unwrap().to_owned()).collect()
 }

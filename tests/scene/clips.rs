@@ -94,7 +94,6 @@ fn what_a_ftgs_ply_says_in_comments_is_done_or_refused() {
     }
 }
 
-/// A PLY of Spacetime Gaussians with one Gaussian, which moves and turns as told.
 fn spacetime(motion: [f32; 9], omega: [f32; 4]) -> Vec<u8> {
     let mut names: Vec<String> =
         ["x", "y", "z", "trbf_center", "trbf_scale", "nx", "ny", "nz"].map(str::to_owned).into();
@@ -193,7 +192,6 @@ fn a_splatv_holds_the_largest_first_and_cameras_as_3dgs_has_them() {
     }
 }
 
-/// Floats of an accessor of a .glb, row by row.
 fn accessor(document: &Value, binary: &[u8], name: &str) -> Vec<Vec<f64>> {
     let index = document["meshes"][0]["primitives"][0]["attributes"][name].as_u64().unwrap() as usize;
     let accessor = &document["accessors"][index];
@@ -210,7 +208,6 @@ fn accessor(document: &Value, binary: &[u8], name: &str) -> Vec<Vec<f64>> {
     floats.chunks(n).map(<[f64]>::to_vec).collect()
 }
 
-/// What a .glb says of its binary part.
 fn document_of(glb: &[u8]) -> Value {
     let length = u32::from_le_bytes(std::array::from_fn(|k| glb[12 + k])) as usize;
     serde_json::from_slice(&glb[20..20 + length]).unwrap()

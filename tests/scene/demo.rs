@@ -7,7 +7,6 @@ use ivv::internals::scene::{demo, read_views, write_views};
 
 use super::Folder;
 
-/// FNV-1a.
 fn hash(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))
 }

@@ -94,7 +94,6 @@ fn spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
     gzip(&raw_spz(degree, rotation, rest))
 }
 
-/// The same before it is gzipped.
 pub fn raw_spz(degree: u8, rotation: u32, rest: &[u8]) -> Vec<u8> {
     let mut raw = b"NGSP".to_vec();
     raw.extend(3_u32.to_le_bytes());
@@ -190,7 +189,6 @@ fn a_scene_whose_y_is_up_is_not_turned_over_on_its_way_into_an_spz() {
     }
 }
 
-/// A vendor record of an SPZ.
 fn record(kind: u32, content: &[u8]) -> Vec<u8> {
     [&kind.to_le_bytes()[..], &(content.len() as u32).to_le_bytes(), content].concat()
 }

@@ -17,7 +17,6 @@ pub(super) fn contents(clock: Clock) -> Contents<'static> {
     Contents { clock, views: &[], own: BTreeMap::new(), sounds: &SILENT, world: None, cutoff: None, is_quick: false }
 }
 
-/// The scene as it is read back from a file.
 pub(super) fn there_and_back(path: &Path, splats: &Splats, clock: Clock, grades: Grades) -> Splats {
     std::fs::write(path, Encoded::new(splats, clock).bytes(path, &contents(clock), grades).unwrap()).unwrap();
     let read = read_scene(path).unwrap();
@@ -354,7 +353,6 @@ fn a_cutoff_that_shows_is_kept_instead_of_a_window_for_each_gaussian() {
     }
 }
 
-/// What the program says to an export of `file` to another `.4dgs`, which it must refuse.
 fn refused_export(folder: &Folder, file: &Path) -> String {
     let copy = folder.file("copy.4dgs");
     let told = fails(&["export", text(file), "-o", text(&copy)], 3);

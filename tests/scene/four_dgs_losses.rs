@@ -52,20 +52,25 @@ fn frames_of_a_file_are_those_of_the_scene_at_all_times_borders_of_chunks_too() 
     for (name, splats, clock) in
         [("demo", scene, Clock { fps: 30.0, frames: 60 }), ("long", long_scene().0, long_scene().1)]
     {
+        let mut truth = (Vec::new(), Vec::new());
         for (grades, least) in [(Grades::default(), 45.0), (all(2), 27.0)] {
             let path = folder.file("a.4dgs");
             let read = there_and_back(&path, &splats, clock, grades);
             assert_eq!(read.len(), splats.len());
             let told = FourDgs::read(&path).unwrap().summary();
             let borders = told.chunk_intervals.iter().flatten().map(|seconds| seconds / clock.seconds());
-            let mut times: Vec<f64> = (0..10).map(|i| f64::from(i) / 9.0).chain(borders).collect();
+            let mut times: Vec<f64> = (0..4).map(|i| f64::from(i) / 3.0).chain(borders).collect();
             times.sort_unstable_by(f64::total_cmp);
             times.dedup();
             assert!(name == "demo" || told.chunk_intervals.len() > 5, "{name}: {} chunks", told.chunk_intervals.len());
             let at = |time: &f64| View { time: *time, name: time.to_string(), ..views[2].reduced(2) };
             let views: Vec<View> = times.iter().map(at).collect();
-            let pairs = frames(&splats, &views).into_iter().zip(frames(&read, &views));
-            let worst = pairs.map(|(a, b)| psnr(&a, &b)).fold(f64::INFINITY, f64::min);
+            // Once, unless another grade has other borders.
+            if truth.0 != views {
+                truth = (views.clone(), frames(&splats, &views));
+            }
+            let pairs = truth.1.iter().zip(frames(&read, &views));
+            let worst = pairs.map(|(a, b)| psnr(a, &b)).fold(f64::INFINITY, f64::min);
             let bytes = std::fs::metadata(&path).unwrap().len();
             println!("{name}, {grades:?}: {worst:.1} dB at the worst of {} times, {bytes} bytes", times.len());
             assert!(worst >= least, "{name}, {grades:?}: {worst} dB");
@@ -73,7 +78,6 @@ fn frames_of_a_file_are_those_of_the_scene_at_all_times_borders_of_chunks_too() 
     }
 }
 
-/// The same grade for every attribute.
 fn all(grade: u8) -> Grades {
     let mut grades = Grades::default();
     (0..Grades::N).for_each(|attribute| *grades.of(attribute) = grade);
@@ -184,7 +188,6 @@ fn a_file_is_as_small_as_its_pictures_allow_and_as_good_as_its_size_allows() {
     assert_eq!(FourDgs::of_bytes(&path, &bytes).unwrap().splats().unwrap().sh_degree, 0);
 }
 
-/// A view from `eye` to the origin.
 fn look(name: usize, eye: [f64; 3]) -> View {
     let unit = |v: [f64; 3]| v.map(|x| x / v.iter().map(|x| x * x).sum::<f64>().sqrt());
     let cross = |a: [f64; 3], b: [f64; 3]| {

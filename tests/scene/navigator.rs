@@ -13,7 +13,6 @@ fn demo_navigator() -> (Navigator, Vec<View>) {
     (Navigator::new(&views, &splats), views)
 }
 
-/// Rows right, down, forward of a view, world to camera.
 fn axes(view: &View) -> [DVec3; 3] {
     [0, 1, 2].map(|row| view.pose.rotation.row(row))
 }
@@ -30,7 +29,6 @@ fn seen(view: &View, point: DVec3) -> (DVec2, f64) {
     )
 }
 
-/// What is looked at.
 fn pivot(navigator: &Navigator) -> DVec3 {
     navigator.center() + navigator.reach * navigator.forward()
 }

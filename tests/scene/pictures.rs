@@ -11,7 +11,6 @@ use super::{Folder, fault};
 use crate::common::golden::{self, CASES};
 use crate::common::same::assert_same;
 
-/// Every value different, some outside [0, 1], one NaN.
 fn frame() -> Frame {
     let (width, height) = (7, 5);
     let n = 35;

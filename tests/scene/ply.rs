@@ -277,7 +277,6 @@ trait ReplaceLast {
 }
 
 impl ReplaceLast for Vec<u8> {
-    /// The last word of an ascii file replaced.
     fn replace_last(self, word: &[u8]) -> Vec<u8> {
         let end = self.trim_ascii_end().len();
         let start = self[..end].iter().rposition(|&b| b == b' ').unwrap() + 1;

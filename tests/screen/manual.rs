@@ -3,7 +3,6 @@
 use super::{Folder, ivv};
 use crate::common::program::works;
 
-/// The commands that the help lists.
 fn verbs() -> Vec<String> {
     let help = works(&["--help"]);
     let listed = help.lines().skip_while(|line| *line != "Commands:").skip(1).take_while(|line| !line.is_empty());

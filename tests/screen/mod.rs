@@ -13,7 +13,6 @@ use crate::common::folder::Folder;
 use crate::common::program::command as ivv;
 
 impl Folder {
-    /// A tiny capture; its path.
     fn capture(&self) -> String {
         let options = ivv::internals::synth::Options { frames: 2, ..ivv::internals::synth::Preset::Tiny.options(7) };
         ivv::internals::synth::write_capture(&self.0.join("capture"), &options, 2, &mut |_, _| {}).unwrap();

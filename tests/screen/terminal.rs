@@ -7,7 +7,6 @@ use std::fs::File;
 use std::io::Read;
 use std::process::{Command, Stdio};
 
-/// What `command` writes on a terminal of `columns` columns.
 fn on_terminal(mut command: Command, columns: u16) -> String {
     let ours = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();
     grantpt(&ours).unwrap();

@@ -13,7 +13,6 @@ use std::time::Duration;
 
 const IVV: &str = env!("CARGO_BIN_EXE_ivv");
 
-/// The server, ended with the test.
 struct Server {
     child: Child,
     address: String,
@@ -52,7 +51,6 @@ impl Server {
         answer
     }
 
-    /// Status, head and body of a request with more header lines.
     fn ask(&self, method: &str, path: &str, lines: &str) -> (u16, String, Vec<u8>) {
         let host = if lines.contains("Host:") { String::new() } else { format!("Host: {}\r\n", self.address) };
         let request = format!("{method} {path} HTTP/1.1\r\n{host}{lines}Connection: close\r\n\r\n");
@@ -71,7 +69,6 @@ impl Drop for Server {
     }
 }
 
-/// A `.4dgs` of the demo with its views, by the command line.
 fn scene(folder: &Folder) -> std::path::PathBuf {
     let (splats, views) = demo();
     let [ply, cameras, path] = ["demo.ply", "cameras.json", "demo.4dgs"].map(|name| folder.file(name));

@@ -260,7 +260,6 @@ fn an_export_takes_sound_along_and_keeps_what_a_file_has() {
     assert!(code == Some(3) && said.contains("none.json") && !Path::new(&folder.file("d.4dgs")).exists(), "{said}");
 }
 
-/// Level of the difference of two responses against the first, dB.
 fn off(expected: &[f32], found: &[f32]) -> f64 {
     let energy = |x: f64| x * x;
     let sum: f64 = expected.iter().map(|x| energy((*x).into())).sum();

@@ -17,7 +17,6 @@ fn run(args: &[&str]) -> (i32, String, String) {
     (output.status.code().unwrap(), text(output.stdout), text(output.stderr))
 }
 
-/// A folder of responses with few directions, which opens at once.
 fn ears(folder: &Path) {
     fs::create_dir_all(folder).unwrap();
     let model = Sphere::default().measured(2);

@@ -93,7 +93,6 @@ fn t19_windows_sum_to_one() {
     }
 }
 
-/// A signal with nothing above 16 kHz.
 fn below_16_khz(n: usize) -> Vec<f32> {
     let tones =
         |i: usize| (0..12).map(|k| (i as f64 * (0.05 + 0.17 * f64::from(k)) + f64::from(k * k)).sin()).sum::<f64>();

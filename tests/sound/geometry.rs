@@ -10,7 +10,6 @@ fn plane() -> SoundPlane {
     SoundPlane::new(DVec3::Z, DVec3::Y).unwrap()
 }
 
-/// Vectors that look random, components in [-3, 3).
 fn vectors(n: usize, seed: u64) -> Vec<DVec3> {
     noise(3 * n, seed).chunks(3).map(|v| 3.0 * DVec3::new(v[0].into(), v[1].into(), v[2].into())).collect()
 }

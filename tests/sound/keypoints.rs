@@ -79,7 +79,6 @@ pub fn read(path: &Path) -> ivv::Result<Mouths> {
     Mouths::read(path, &LENS, &KeypointSettings::default())
 }
 
-/// T33.
 #[test]
 fn every_dialect_tells_the_same_mouths() {
     let folder = Folder::new("dialects");
@@ -141,7 +140,6 @@ fn without_lips_the_nose_is_taken() {
     assert!(alone.frames.is_empty());
 }
 
-/// T34.
 #[test]
 fn pictures_of_another_size_are_refused() {
     let folder = Folder::new("size");

@@ -20,15 +20,12 @@ use crate::scene::Folder;
 
 const FS: f64 = 48_000.0;
 const BLOCK: usize = 512;
-/// Whole blocks.
 const N: usize = 64 * BLOCK;
 
-/// As [`sphere`], to be given away.
 fn ears() -> HrtfSet {
     HrtfSet::new(Sphere::default().measured(3), Path::new("sphere")).unwrap()
 }
 
-/// A WAV file of `frames` in memory.
 fn encoded<const CHANNELS: usize>(frames: &[[f32; CHANNELS]]) -> Vec<u8> {
     // Tests run at once, and each removes its folder.
     let folder = Folder::new(&format!("live-{:?}", std::thread::current().id()));
@@ -57,7 +54,6 @@ fn heard(live: &Live, head: &PoseTrack, n: usize) -> Vec<[f32; 2]> {
     out
 }
 
-/// Decibels of what differs between two signals of an ear, relative to the second.
 fn off(a: &[[f32; 2]], b: &[[f32; 2]], side: usize) -> f64 {
     let (a, b) = (ear(a, side), ear(b, side));
     let difference: Vec<f32> = a.iter().zip(&b).map(|(a, b)| a - b).collect();

@@ -97,7 +97,6 @@ fn nobody_is_no_track() {
     assert!(found.tracks.is_empty() && found.report.sources.is_empty() && found.report.agreeing == 0.0);
 }
 
-/// The speaker of a synthetic capture is where its truth says.
 #[test]
 fn the_synthetic_speaker_is_found() {
     let folder = Folder::new("speaker");

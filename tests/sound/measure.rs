@@ -43,14 +43,11 @@ pub fn itd(left: &[f32], right: &[f32]) -> f64 {
     peak(bins, n, coarse as f64) / f64::from(FS)
 }
 
-/// What lies between the ears at a time.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Between {
     /// Seconds, the middle of a window of 0.1 s.
     pub t: f64,
-    /// By how much the left ear leads, seconds.
     pub itd: f64,
-    /// By how much the left ear is louder, decibels.
     pub ild_db: f64,
 }
 
@@ -71,22 +68,18 @@ pub fn ear_course(frames: &[[f32; 2]]) -> Vec<Between> {
     windows.iter().enumerate().filter_map(between).collect()
 }
 
-/// Energy of a signal.
 pub fn energy(signal: &[f32]) -> f64 {
     signal.iter().map(|value| f64::from(*value).powi(2)).sum()
 }
 
-/// By how much the left ear is louder, decibels.
 pub fn ild_db(left: &[f32], right: &[f32]) -> f64 {
     10.0 * (energy(left) / energy(right).max(f64::MIN_POSITIVE)).log10()
 }
 
-/// Mean energy of frames and ears, decibels.
 pub fn level_db(frames: &[[f32; 2]]) -> f64 {
     10.0 * (energy(frames.as_flattened()) / (2 * frames.len()).max(1) as f64).max(f64::MIN_POSITIVE).log10()
 }
 
-/// Energy of `a - b` relative to that of `b`, decibels.
 pub fn residual_db(a: &[[f32; 2]], b: &[[f32; 2]]) -> f64 {
     let differences: Vec<f32> = a.as_flattened().iter().zip(b.as_flattened()).map(|(a, b)| a - b).collect();
     10.0 * (energy(&differences) / energy(b.as_flattened()).max(f64::MIN_POSITIVE)).max(1e-40).log10()
@@ -173,7 +166,6 @@ impl Localiser {
     }
 }
 
-/// An angle in (-180, 180].
 pub fn wrap_degrees(angle: f64) -> f64 {
     180.0 - (180.0 - angle).rem_euclid(360.0)
 }
@@ -181,14 +173,10 @@ pub fn wrap_degrees(angle: f64) -> f64 {
 /// Samples over which direction and level are judged.
 const FRAME: usize = 4096;
 
-/// How far a rendering is from the truth.
 #[derive(Clone, Copy, Debug)]
 pub struct Difference {
-    /// Mean error of azimuth, degrees.
     pub azimuth: f64,
-    /// Mean error of level, decibels.
     pub level: f64,
-    /// Frames that were judged.
     pub frames: usize,
 }
 

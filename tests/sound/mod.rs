@@ -93,12 +93,10 @@ fn head(p: DVec3, yaw: f64) -> PoseTrack {
     PoseTrack::still(p, DQuat::from_rotation_z((90.0 + yaw).to_radians()))
 }
 
-/// A sine.
 fn tone(frequency: f64, n: usize) -> Vec<f32> {
     (0..n).map(|i| (std::f64::consts::TAU * frequency * i as f64 / 48_000.0).sin() as f32).collect()
 }
 
-/// Numbers in [-1, 1) that look random.
 fn noise(n: usize, seed: u64) -> Vec<f32> {
     let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
     let mut next = || {
@@ -110,12 +108,10 @@ fn noise(n: usize, seed: u64) -> Vec<f32> {
     (0..n).map(|_| next()).collect()
 }
 
-/// One ear of frames.
 fn ear(frames: &[[f32; 2]], ear: usize) -> Vec<f32> {
     frames.iter().map(|frame| frame[ear]).collect()
 }
 
-/// Decibels of a ratio of energies.
 fn db(ratio: f64) -> f64 {
     10.0 * ratio.max(1e-40).log10()
 }

@@ -233,7 +233,6 @@ fn the_physical_mode_asks_for_a_scale() {
     assert!((rendered(Mode::Paper2d).unwrap().report.r_min - 0.02).abs() < 1e-12);
 }
 
-/// 2 samples of 16 bits at a rate.
 fn two_samples(fs: u32) -> Vec<u8> {
     let mut bytes = b"RIFF\x28\0\0\0WAVEfmt \x10\0\0\0\x01\0\x01\0".to_vec();
     bytes.extend(fs.to_le_bytes());

@@ -6,7 +6,6 @@ use ivv::internals::sound::pose::HeadPose;
 
 use crate::capture::Folder;
 
-/// Two poses that no axis is special to.
 fn heads() -> [HeadPose; 2] {
     let turn = |a: f64, b: f64| DQuat::from_rotation_z(a) * DQuat::from_rotation_x(b) * DQuat::from_rotation_y(0.3);
     [
@@ -66,7 +65,6 @@ pub fn csv() -> String {
     format!("qw,qx,qy,qz,t,x,y,z\n{}", heads().iter().map(line).collect::<String>())
 }
 
-/// T6.
 #[test]
 fn every_kind_of_file_gives_the_same_head() {
     let folder = Folder::new("paths");

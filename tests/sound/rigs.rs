@@ -9,7 +9,6 @@ use ivv::internals::sound::triangulate::Sight;
 
 use crate::common::random::Random;
 
-/// Of mean 0 and variance 1 (Box and Muller).
 pub fn normal(random: &mut Random) -> f64 {
     let (u, v) = (random.uniform(0.0, 1.0), random.uniform(0.0, std::f64::consts::TAU));
     (-2.0 * (1.0 - u).ln()).sqrt() * v.cos()
@@ -31,7 +30,6 @@ pub fn rig(n: usize, fps: f64, n_frames: u32) -> Rig {
     Rig { cameras: (0..n).map(camera).collect(), fps, n_frames }
 }
 
-/// The pixel of a camera that shows `point`.
 pub fn pixel(camera: &RigCamera, point: DVec3) -> DVec2 {
     let local = camera.pose(0.0).to_camera(point);
     assert!(local.z > 0.0);

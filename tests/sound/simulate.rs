@@ -19,7 +19,6 @@ pub struct Speech {
 }
 
 impl Speech {
-    /// The voice of a seed.
     pub fn new(seed: u64) -> Self {
         const TONES: u32 = 36;
         let mut state = seed.wrapping_add(1);
@@ -43,7 +42,6 @@ impl Speech {
     }
 }
 
-/// The signal of an omnidirectional microphone.
 pub fn recording(emitter: &Emitter, microphone: &PoseTrack, n: usize) -> Vec<f32> {
     let sample = |i: usize| {
         let t = i as f64 / f64::from(FS);
@@ -52,21 +50,15 @@ pub fn recording(emitter: &Emitter, microphone: &PoseTrack, n: usize) -> Vec<f32
     (0..n).map(sample).collect()
 }
 
-/// A scene with its truth.
 pub struct Simulated {
     pub scene: SoundScene,
-    /// The signal of the microphone.
     pub recording: Vec<f32>,
-    /// The way of the head.
     pub head: PoseTrack,
-    /// The signals at its ears.
     pub truth: Vec<[f32; 2]>,
 }
 
-/// How the built-in scene moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Motion {
-    /// Nothing moves.
     Still,
     /// The source walks at 1 m/s around the head, which turns the other way by 30 degrees a second.
     Walk,

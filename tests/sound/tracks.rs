@@ -15,7 +15,6 @@ use crate::common::random::Random;
 const MOTION: Motion = Motion { density: 2.0, speed: 2.0 };
 const METRIC: LocalizeSettings = LocalizeSettings { metres_per_unit: Some(1.0), hold: false };
 
-/// T30.
 #[test]
 fn two_who_cross_keep_their_names() {
     let fps = 30.0;
@@ -50,7 +49,6 @@ fn two_who_cross_keep_their_names() {
     }
 }
 
-/// T31.
 #[test]
 fn sway_is_smoothed_without_lag() {
     let (fps, sd) = (60.0, 0.01);
@@ -75,7 +73,6 @@ fn sway_is_smoothed_without_lag() {
     assert!((part(f64::sin) / 150.0 / 0.3 - 1.0).abs() < 0.02);
 }
 
-/// T32, the short one.
 #[test]
 fn a_short_dropout_is_filled() {
     let fps = 60.0;
@@ -99,7 +96,6 @@ fn a_short_dropout_is_filled() {
     assert!(samples[60].cov[0] > 3.0 * seen.cov[0]);
 }
 
-/// T32, the long ones.
 #[test]
 fn a_long_dropout_is_flagged() {
     let fps = 20.0;

@@ -16,7 +16,6 @@ fn place(random: &mut Random) -> DVec3 {
     DVec3::new(random.uniform(-0.8, 0.8), random.uniform(-0.5, 0.5), random.uniform(2.2, 3.8))
 }
 
-/// T27.
 #[test]
 fn without_noise_the_place_is_exact() {
     let (rig, mut random) = (rig(5, 30.0, 1), Random::new(1));
@@ -30,7 +29,6 @@ fn without_noise_the_place_is_exact() {
     }
 }
 
-/// T28.
 #[test]
 fn the_covariance_is_that_of_the_errors() {
     const RUNS: usize = 500;
@@ -67,7 +65,6 @@ fn the_covariance_is_wider_where_cameras_disagree_by_more_than_they_claim() {
     assert!((0.5..1.5).contains(&ratio), "{ratio} times that of the true deviation");
 }
 
-/// T29.
 #[test]
 fn outliers_are_left_out() {
     let (rig, mut random) = (rig(8, 30.0, 1), Random::new(4));

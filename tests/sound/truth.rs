@@ -95,7 +95,6 @@ fn images(size: DVec3, source: DVec3) -> Vec<(DVec3, f64)> {
     found.into_iter().map(|(_, place, amplitude)| (place, amplitude)).collect()
 }
 
-/// Adds a response that is heard `late` samples after 0, between samples.
 fn add(table: &DelayTable, to: &mut [f64], response: &[f32], late: f64, amplitude: f64) {
     let (first, n) = ((late - 16.0).max(0.0) as usize, response.len() + 32);
     for (i, value) in to.iter_mut().enumerate().skip(first).take(n) {

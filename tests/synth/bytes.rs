@@ -34,7 +34,6 @@ fn another_seed_gives_another_capture() {
     assert_eq!(same, ["capture.toml"], "these do not depend on the seed");
 }
 
-/// FNV-1a.
 fn hash(mut state: u64, bytes: &[u8]) -> u64 {
     for byte in bytes {
         state = (state ^ u64::from(*byte)).wrapping_mul(0x100_0000_01b3);

@@ -9,7 +9,6 @@ use glam::{DMat3, DVec2, DVec3};
 use super::model::{Camera, read_model};
 use super::{bodies, exr, json, options, rgb, shared};
 
-/// Calls `each` with (camera, frame, pixel centre, world point, body, flow) of every pixel.
 fn for_each_pixel(mut each: impl FnMut(&Camera, usize, DVec2, DVec3, usize, DVec2)) {
     for camera in &read_model(shared()).0 {
         for frame in 0..options().frames as usize {

@@ -24,25 +24,21 @@ fn options() -> Options {
     Options { cameras: 4, test_cameras: 1, width: 48, height: 36, frames: 6, samples: 2, points: 150, ..tiny }
 }
 
-/// A folder for captures that the next run of the tests replaces.
 fn folder(name: &str) -> PathBuf {
     Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("synth-{name}"))
 }
 
-/// Writes a capture anew.
 fn make(name: &str, options: &Options, threads: usize) -> PathBuf {
     let folder = folder(name);
     write_capture(&folder, options, threads, &mut |_, _| {}).unwrap();
     folder
 }
 
-/// The capture of [`options`], made once.
 fn shared() -> &'static Path {
     static FOLDER: OnceLock<PathBuf> = OnceLock::new();
     FOLDER.get_or_init(|| make("shared", &options(), 2))
 }
 
-/// Every file below a folder, by its path from there.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut found = BTreeMap::new();
     let mut left = vec![folder.to_owned()];
@@ -59,12 +55,10 @@ fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     found
 }
 
-/// The pixels of an 8-bit PNG.
 fn rgb(path: &Path) -> image::RgbImage {
     image::open(path).unwrap().into_rgb8()
 }
 
-/// The f32 channels of an OpenEXR image.
 pub fn exr(path: &Path) -> BTreeMap<String, Vec<f32>> {
     use exr::prelude::{FlatSamples, read_first_flat_layer_from_file};
     let image = read_first_flat_layer_from_file(path).unwrap();
@@ -80,7 +74,6 @@ fn numbers(value: &Value) -> Vec<f64> {
     value.as_array().unwrap().iter().map(|v| v.as_f64().unwrap()).collect()
 }
 
-/// A body as truth.json tells of it.
 pub struct Body {
     name: String,
     pub dynamic: bool,
@@ -103,7 +96,6 @@ impl Body {
         pose.0.inverse() * (world - pose.1)
     }
 
-    /// Distance of a point of the body's frame from its surface.
     pub fn distance(&self, local: DVec3) -> f64 {
         let number = |key: &str| self.shape[key].as_f64().unwrap();
         match self.shape["kind"].as_str().unwrap() {

@@ -7,16 +7,13 @@ use glam::{DMat3, DQuat, DVec2, DVec3};
 
 use super::{options, rgb, shared};
 
-/// A camera with its one image.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {
     pub name: String,
     pub size: [u64; 2],
-    /// fx, fy, cx, cy.
     pub intrinsics: [f64; 4],
     pub quaternion: [f64; 4],
     pub translation: [f64; 3],
-    /// (x, y, point).
     pub observations: Vec<(f64, f64, u64)>,
 }
 
@@ -36,7 +33,6 @@ impl Camera {
         (DVec2::new(fx * at.x / at.z + cx, fy * at.y / at.z + cy), at.z)
     }
 
-    /// The world point at a pixel with a depth.
     pub fn unproject(&self, pixel: DVec2, depth: f64) -> DVec3 {
         let [fx, fy, cx, cy] = self.intrinsics;
         let at = DVec3::new((pixel.x - cx) / fx, (pixel.y - cy) / fy, 1.0) * depth;
@@ -52,7 +48,6 @@ impl Camera {
     }
 }
 
-/// Reads the model; a camera's name is its image's folder.
 pub fn read_model(capture: &Path) -> (Vec<Camera>, Vec<Point>) {
     let rows = |name: &str| -> Vec<Vec<String>> {
         let text = fs::read_to_string(capture.join("sparse/0").join(name)).unwrap();

@@ -21,7 +21,6 @@ fn center(view: &View) -> DVec3 {
     view.pose.center()
 }
 
-/// Place in the picture, and depth.
 fn project(view: &View, world: DVec3) -> (DVec2, f64) {
     let at = rotation(view) * (world - center(view));
     (
@@ -42,7 +41,6 @@ fn unproject(view: &View, pixel: DVec2, depth: f64) -> DVec3 {
     rotation(view).transpose() * at + center(view)
 }
 
-/// The middle of pixel `i` of a picture.
 fn pixel(view: &View, i: usize) -> DVec2 {
     let width = view.intrinsics.width as usize;
     DVec2::new((i % width) as f64 + 0.5, (i / width) as f64 + 0.5)

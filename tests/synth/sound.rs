@@ -18,7 +18,6 @@ fn wav(path: &Path) -> Vec<f64> {
     bytes[44..].as_chunks().0.iter().map(|b| f64::from(i16::from_le_bytes(*b)) / 32_767.0).collect()
 }
 
-/// Where the mouth is at each frame.
 fn mouths() -> Vec<DVec3> {
     let truth = json(&shared().join("truth.json"));
     truth["source"]["position"].as_array().unwrap().iter().map(|p| DVec3::from_slice(&numbers(p))).collect()

@@ -9,9 +9,8 @@ use ivv::internals::scene::capture::Capture;
 use ivv::internals::scene::{Splats, View};
 use ivv::internals::stage::{Outputs, Renderer};
 use ivv::internals::synth::{Options, Preset, Rig};
-use ivv::internals::train::{Config, Event, Kind, Log, Run, Session, SessionOptions, Setup, initialise};
+use ivv::internals::train::{Config, Event, Kind, Log, Priors, Run, Session, SessionOptions, Setup, initialise};
 
-/// Gives every image of the capture another form.
 fn change(tiny: &Tiny, to: impl Fn(RgbImage) -> DynamicImage) {
     for shot in tiny.capture.cameras.iter().flat_map(|camera| &camera.shots) {
         let image = image::open(&shot.image).unwrap().to_rgb8();
@@ -134,17 +133,28 @@ fn a_scene_before_backgrounds_that_vary_lets_less_of_them_through() {
 }
 
 #[test]
-fn a_backdrop_fills_what_no_training_camera_sees_and_leaves_the_rest_as_it_is() {
+fn a_backdrop_fills_what_no_training_camera_sees_leaves_the_rest_as_it_is_and_is_left_out_where_it_is_too_much() {
     let tiny = outward("backdrop");
     let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
-    let of = |backdrop: u32| {
-        let config = Config { backdrop, ..Config::default() };
-        let first = initialise(&capture, &config, &mut |_, _| {}).unwrap().splats;
-        train(&capture, &config, &first, 60).0
+    let first = initialise(&capture, &Config::default(), &mut |_, _| {}).unwrap().splats;
+    let _device = gpu();
+    let session = |backdrop: u32, max_gaussians: usize| {
+        let config = Config { backdrop, max_gaussians, steps: 60, ..Config::default() };
+        let options = SessionOptions { first: Some(first.clone()), priors: Some(Priors::default()), ..as_it_is() };
+        Session::begin(gpu().clone(), &capture, config, options).unwrap()
     };
-    let (with, without) = (of(1000), of(0));
+    let told = |session: &mut Session| {
+        let of = |event: Event| if let Event::Backdrop { n, is_added } = event { Some((n, is_added)) } else { None };
+        session.take_events().into_iter().filter_map(of).collect::<Vec<_>>()
+    };
+    let [(scene, with, told_with), (_, without, told_without)] = [1000, 0].map(|backdrop| {
+        let mut session = session(backdrop, 500_000);
+        while session.step().unwrap() {}
+        (session.scene().unwrap(), session.finish().unwrap(), told(&mut session))
+    });
     let n = with.len() - without.len();
     assert!(n > 100 && with.n_static == without.n_static + n, "{n} were added");
+    assert_eq!((told_with, told_without), (vec![(n, true)], vec![]));
     assert_eq!((&with.position[n..], &with.motion), (&without.position[..], &without.motion));
     let [seen, unseen] = [false, true].map(|are_test| {
         let views = views(&capture, are_test);
@@ -152,30 +162,9 @@ fn a_backdrop_fills_what_no_training_camera_sees_and_leaves_the_rest_as_it_is() 
     });
     println!("background: {seen:.4?} where cameras look, {unseen:.4?} beside");
     assert!(unseen[0] < 0.2 * unseen[1] && seen[1] - seen[0] < 0.05);
-}
 
-#[test]
-fn a_backdrop_that_would_be_too_much_is_left_out_and_told_of() {
-    let _device = gpu();
-    let tiny = outward("much");
-    let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
-    let first = initialise(&capture, &Config::default(), &mut |_, _| {}).unwrap().splats;
-    let session = |max_gaussians: usize| {
-        let config = Config { max_gaussians, steps: 60, ..Config::default() };
-        let options = SessionOptions { first: Some(first.clone()), ..as_it_is() };
-        Session::begin(gpu().clone(), &capture, config, options).unwrap()
-    };
-    let told = |session: &mut Session| {
-        let of = |event: Event| if let Event::Backdrop { n, is_added } = event { Some((n, is_added)) } else { None };
-        session.take_events().into_iter().filter_map(of).collect::<Vec<_>>()
-    };
-    let mut trained = session(500_000);
-    while trained.step().unwrap() {}
-    let (scene, finished) = (trained.scene().unwrap(), trained.finish().unwrap());
-    let n = finished.len() - scene.len();
-    assert!(n > 100 && told(&mut trained) == [(n, true)], "{n}");
-    let (mut enough, mut less) = (session(finished.len()), session(finished.len() - 1));
-    assert_eq!((enough.finish_with(scene.clone()).unwrap(), told(&mut enough)), (finished, vec![(n, true)]));
+    let (mut enough, mut less) = (session(1000, with.len()), session(1000, with.len() - 1));
+    assert_eq!((enough.finish_with(scene.clone()).unwrap(), told(&mut enough)), (with, vec![(n, true)]));
     assert_eq!((less.finish_with(scene.clone()).unwrap(), told(&mut less)), (scene, vec![(n, false)]));
 }
 

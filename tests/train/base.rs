@@ -1,7 +1,6 @@
 //! Runs on top of another: what rests and what was learnt of the cameras is taken over.
 
 use super::Tiny;
-use crate::common::device::gpu;
 use crate::common::program::{fails, ivv, json, text, works};
 use ivv::internals::formats::read_ply;
 use ivv::internals::scene::Splats;
@@ -27,7 +26,6 @@ fn at_rest(scene: &Splats) -> Vec<Vec<u32>> {
 
 #[test]
 fn a_part_of_a_clip_is_trained_on_top_of_a_run_over_the_clip() {
-    let _device = gpu();
     let tiny = Tiny::new("base");
     let (capture, base, part) = (text(&tiny.folder), tiny.folder.join("over"), tiny.folder.join("part"));
     let still = ["--set", "init_static_tau=0", "--steps", "40"];
@@ -107,7 +105,6 @@ fn a_calibration_corrects_poses_and_times() {
 #[test]
 #[ignore = "slow: two trainings of 520 steps"]
 fn maps_follow_the_light_of_a_part() {
-    let _device = gpu();
     let tiny = Tiny::new("base-light");
     let (capture, base, part) = (text(&tiny.folder), tiny.folder.join("over"), tiny.folder.join("part"));
     works(

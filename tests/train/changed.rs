@@ -13,7 +13,6 @@ fn told(arguments: &[&str]) -> String {
     told
 }
 
-/// Copies the pictures of a camera over those of another.
 fn show(folder: &Path, [from, to]: [&str; 2]) {
     for entry in std::fs::read_dir(folder.join("images").join(from)).unwrap() {
         let file = entry.unwrap().path();

@@ -12,7 +12,6 @@ fn warned(scores: &[(u64, f64)], config: &Config) -> Vec<u64> {
     told.map(|fall| fall.step).collect()
 }
 
-/// Scores at these thousands of steps.
 fn at(scores: &[(f64, f64)]) -> Vec<(u64, f64)> {
     scores.iter().map(|(thousands, psnr)| ((1000.0 * thousands) as u64, *psnr)).collect()
 }

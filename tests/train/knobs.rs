@@ -32,7 +32,7 @@ fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_co
     let short = begin.motion.iter_mut().step_by(3).zip([-3.0, -5.0].into_iter().cycle());
     short.for_each(|(motion, t_scale)| motion.t_scale = t_scale);
     assert!(begin.motion.len() > 100, "{} move", begin.motion.len());
-    let [(fast, ..), (plain, ..)] = [exact, reference].map(|config| train(&tiny.capture, &config, &begin, 60));
+    let [(fast, ..), (plain, ..)] = [exact, reference].map(|config| train(&tiny.capture, &config, &begin, 40));
     assert!(fast.len() > begin.len(), "density control adds Gaussians");
     assert_same_splats("without culls", &plain, &fast);
     let [fast, plain] = [fast, plain].map(|splats| {
@@ -51,7 +51,7 @@ fn every_preset_learns_and_is_another_run() {
     let begin = from_points(&tiny.capture.points, &tiny.capture, &preset("exact"));
     let mut all: Vec<Splats> = Vec::new();
     for name in ["exact", "balanced", "fast", "small"] {
-        let (end, first, last) = train(&tiny.capture, &preset(name), &begin, 60);
+        let (end, first, last) = train(&tiny.capture, &preset(name), &begin, 40);
         assert!(last < first, "{name}: loss {first:.3} at first, {last:.3} at last");
         all.push(end);
     }

@@ -1,28 +1,11 @@
 //! Nothing of a test camera reaches training: a capture without them, their files deleted, trains to the same bits.
 
 use super::Tiny;
+use crate::common::folder::copy;
 use crate::common::program::{json, text, works};
 use crate::common::same::assert_same;
 use std::fs;
 use std::path::Path;
-
-/// Copies `from` to `to` without the cameras `left_out`: none of their files, nor of their lines in the calibration.
-fn copy_without(from: &Path, to: &Path, left_out: &[&str]) {
-    fs::create_dir_all(to).unwrap();
-    for entry in fs::read_dir(from).unwrap().map(Result::unwrap) {
-        let (path, name) = (entry.path(), entry.file_name().into_string().unwrap());
-        let stem = name.split('.').next().unwrap();
-        if left_out.contains(&stem) || ["truth", "truth.json", "synth.json"].contains(&name.as_str()) {
-            continue;
-        }
-        let copy = to.join(&name);
-        if path.is_dir() {
-            copy_without(&path, &copy, left_out);
-        } else {
-            fs::copy(&path, &copy).unwrap();
-        }
-    }
-}
 
 /// Removes the pair of lines of every image of the cameras `left_out`, and their own in cameras.txt.
 fn strike(sparse: &Path, left_out: &[&str]) {
@@ -51,19 +34,23 @@ fn a_capture_without_its_test_cameras_trains_to_the_same_bits() {
     let tests: Vec<&str> = tiny.capture.cameras.iter().filter(|c| c.is_test).map(|c| c.name.as_str()).collect();
     assert!(tests.len() > 1);
     let bare = tiny.folder.with_file_name(format!("ivv-train-leak-bare-{}", std::process::id()));
-    copy_without(&tiny.folder, &bare, &tests);
+    // None of their files, nor of their lines in the calibration.
+    let not_theirs = ["truth", "truth.json", "synth.json"];
+    copy(&tiny.folder, &bare, &|name| {
+        tests.iter().any(|test| name.split('.').next() == Some(*test)) || not_theirs.contains(&name)
+    });
     strike(&bare.join("sparse/0"), &tests);
     let toml = fs::read_to_string(bare.join("capture.toml")).unwrap();
     let line = |line: &str| if line.starts_with("test_cameras") { "test_cameras = []" } else { line }.to_owned();
     fs::write(bare.join("capture.toml"), toml.lines().map(line).collect::<Vec<_>>().join("\n")).unwrap();
 
-    let scene = |capture: &Path, init: &str, number: usize| {
+    let trained = |capture: &Path, number: usize| {
         let run = tiny.folder.with_file_name(format!("ivv-train-leak-run-{}-{number}", std::process::id()));
-        // Gaussians grow and go, clocks, grids and reviews among it. What begins otherwise is trained as the first is.
-        let (steps, init) = (if init == "flow" { "40" } else { "12" }, format!("init={init}"));
-        let train = ["train", text(capture), "-o", text(&run), "--steps", steps, "--sh-degree", "1"];
-        let settings = ["--eval-every", "0", "--set", &init, "--set", "init_points=400"];
-        works(&[&train[..], &settings, &["--set", "required.reviews=2"]].concat());
+        // Gaussians grow and go, clocks, grids and reviews among it.
+        let train =
+            ["train", text(capture), "-o", text(&run), "--steps", "40", "--sh-degree", "1", "--eval-every", "0"];
+        let settings = ["--set", "init=flow", "--set", "init_points=400", "--set", "required.reviews=2"];
+        works(&[&train[..], &settings].concat());
         let scene = fs::read(run.join("scene.ply")).unwrap();
         let mut offsets = json(&run.join("offsets.json"));
         // The bare capture does not know it.
@@ -73,11 +60,22 @@ fn a_capture_without_its_test_cameras_trains_to_the_same_bits() {
         fs::remove_dir_all(run).unwrap();
         (scene, offsets)
     };
-    for init in ["flow", "concat", "points", "hull", "frustum", "random"] {
-        let (with, without) = (scene(&tiny.folder, init, 0), scene(&bare, init, 1));
-        assert!(with.0.len() > 5_000, "{init}: {} bytes", with.0.len());
-        assert_same(format_args!("init={init}: the Gaussians know of the test cameras"), &with.0, &without.0);
-        assert_eq!(with.1, without.1, "init={init}: clocks");
+    let (with, without) = (trained(&tiny.folder, 0), trained(&bare, 1));
+    assert!(with.0.len() > 5_000, "{} bytes", with.0.len());
+    assert_same("the Gaussians know of the test cameras", &with.0, &without.0);
+    assert_eq!(with.1, without.1, "clocks");
+    // What begins otherwise is trained as the first is.
+    for init in ["concat", "points", "hull", "frustum", "random"] {
+        let [with, without] = [&tiny.folder, &bare].map(|capture| {
+            let (file, init) = (capture.with_extension("first.ply"), format!("init={init}"));
+            let settings = ["--set", &init, "--set", "init_points=400"];
+            works(&[&["train", text(capture), "--only-init", text(&file)][..], &settings].concat());
+            let first = fs::read(&file).unwrap();
+            fs::remove_file(file).unwrap();
+            first
+        });
+        assert!(with.len() > 5_000, "{init}: {} bytes", with.len());
+        assert_same(format_args!("init={init}: the Gaussians know of the test cameras"), &with, &without);
     }
     fs::remove_dir_all(bare).unwrap();
 }

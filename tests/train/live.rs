@@ -10,14 +10,12 @@ use std::path::Path;
 use std::process::{Child, Stdio};
 use std::time::{Duration, Instant};
 
-/// A process that serves, ended with the test.
 struct Serving {
     child: Child,
     address: String,
 }
 
 impl Serving {
-    /// Begins it, and waits until it says where it is.
     fn new(arguments: &[&str]) -> Self {
         let mut child = command(arguments).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let (out, mut err) = (child.stdout.take().unwrap(), BufReader::new(child.stderr.take().unwrap()));
@@ -41,7 +39,6 @@ impl Serving {
         stream
     }
 
-    /// Status, head and body.
     fn get(&self, path: &str) -> (u16, String, Vec<u8>) {
         let request = format!("GET {path} HTTP/1.1\r\nHost: {}\r\nConnection: close\r\n\r\n", self.address);
         let mut answer = Vec::new();
@@ -51,7 +48,6 @@ impl Serving {
         (head[9..12].parse().unwrap(), head, answer[end + 4..].to_vec())
     }
 
-    /// What the run says until `is_enough`.
     fn says(&self, is_enough: impl Fn(&Value) -> bool) -> Value {
         let stream = self.send(&format!("GET /events HTTP/1.1\r\nHost: {}\r\n\r\n", self.address));
         let begun = Instant::now();
@@ -75,7 +71,6 @@ impl Drop for Serving {
     }
 }
 
-/// The scene of this name, as the page gets it.
 fn scene(serving: &Serving, name: &str) -> FourDgs {
     let (status, head, bytes) = serving.get(&format!("/at/{name}/scene.4dgs"));
     assert!(status == 200 && head.contains("etag") && head.contains("accept-ranges: bytes"), "{head}");
@@ -87,26 +82,10 @@ fn a_training_is_watched_as_it_goes_and_by_another_process() {
     let tiny = Tiny::new("live");
     let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let path = run.to_str().unwrap();
-    let training = Serving::new(&[
-        "train",
-        capture,
-        "-o",
-        path,
-        "--steps",
-        "100000",
-        "--sh-degree",
-        "1",
-        "--max-gaussians",
-        "400",
-        "--view",
-        "0",
-        "--eval-every",
-        "30",
-        "--checkpoint-every",
-        "20",
-        "--log-every",
-        "5",
-    ]);
+    let sizes =
+        ["--steps", "100000", "--sh-degree", "1", "--max-gaussians", "400", "--view", "0", "--eval-every", "30"];
+    let often = ["--checkpoint-every", "20", "--log-every", "5"];
+    let training = Serving::new(&[&["train", capture, "-o", path][..], &sizes, &often].concat());
     let (status, head, page) = training.get("/");
     assert!(status == 200 && head.contains("content-security-policy: default-src 'self'"), "{head}");
     for name in ["live.js", "live.css", "icon.svg"] {
@@ -151,7 +130,6 @@ fn a_training_is_watched_as_it_goes_and_by_another_process() {
     assert!(!scene(&serving, &step.to_string()).splats().unwrap().is_empty());
 }
 
-/// A run that goes on after its end is shown as such: with its new length, and at its new end with its new scene.
 #[test]
 fn a_run_that_goes_on_after_its_end_is_served_with_its_new_length_and_scene() {
     let tiny = Tiny::new("live-on");

@@ -18,7 +18,6 @@ fn short_run(tiny: &Tiny) -> std::path::PathBuf {
     run
 }
 
-/// Mean difference of two pictures, levels of 255.
 fn difference(a: &Path, b: &Path) -> f64 {
     let [a, b] = [a, b].map(|file| image::open(file).unwrap().to_rgb8());
     assert_eq!(a.dimensions(), b.dimensions());
@@ -26,7 +25,6 @@ fn difference(a: &Path, b: &Path) -> f64 {
     sum / a.as_raw().len() as f64
 }
 
-/// Names of the pictures in `folder`, sorted.
 fn pictures(folder: &Path) -> Vec<String> {
     let names = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name().into_string().unwrap());
     let mut names: Vec<String> = names.collect();

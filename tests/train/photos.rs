@@ -1,7 +1,6 @@
 //! Photographs teach what rests, and a run on top of another, which leaves that alone, does without them.
 
 use crate::capture::photos::clip;
-use crate::common::device::gpu;
 use crate::common::frames::render;
 use crate::common::program::{ivv, json, text, works};
 use ivv::internals::formats::read_ply;
@@ -11,7 +10,6 @@ use ivv::internals::train::{Config, Setup};
 
 #[test]
 fn a_photograph_shows_and_teaches_what_rests_alone() {
-    let _device = gpu();
     let clip = clip("train-photos");
     let (capture, base, part) = (text(&clip.0), clip.0.join("base"), clip.0.join("part"));
     let short = ["--sh-degree", "1", "--set", "init_points=200", "--eval-every", "0", "--steps", "30"];

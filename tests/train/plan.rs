@@ -161,7 +161,6 @@ fn the_tightest_bound_is_named_and_holds() {
 
 #[test]
 fn a_plan_of_a_training_tells_what_its_files_and_steps_are() {
-    let _device = gpu();
     let tiny = Tiny::new("outline");
     let ivv = |args: &[&str]| {
         let train = ["train", text(&tiny.folder), "--quiet", "--json"];

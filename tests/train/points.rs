@@ -17,7 +17,6 @@ use std::sync::OnceLock;
 /// Points are noisy by 0.004 along each axis; outliers are farther from every surface, or rarely not.
 const NEAR: f64 = 0.025;
 
-/// A folder and the capture in it.
 struct Made {
     folder: PathBuf,
     capture: Capture,
@@ -25,7 +24,6 @@ struct Made {
     sparse: Capture,
 }
 
-/// Made once.
 fn made() -> &'static Made {
     static MADE: OnceLock<Made> = OnceLock::new();
     MADE.get_or_init(|| {
@@ -42,7 +40,6 @@ fn made() -> &'static Made {
     })
 }
 
-/// The first Gaussians in the capture's own frame.
 fn first(capture: &Capture, config: &Config) -> (Initial, Splats) {
     let world = capture.normalisation();
     let mut last = (0, 0);
@@ -60,10 +57,14 @@ fn config(init: Init) -> Config {
     Config { init, sh_degree: 0, init_static_tau: 0.0, ..Config::default() }
 }
 
-/// What is true of a point.
+/// What the capture begins with by its flow, and by default. Found once.
+fn found(init: Init) -> &'static (Initial, Splats) {
+    static FOUND: [OnceLock<(Initial, Splats)>; 2] = [const { OnceLock::new() }; 2];
+    FOUND[usize::from(init == Init::Auto)].get_or_init(|| first(&made().capture, &config(init)))
+}
+
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Truth {
-    /// Its body can move.
     is_dynamic: bool,
     /// It moves by more than SPEC 5's threshold in a view that saw it.
     moves: bool,
@@ -101,7 +102,7 @@ fn truth(bodies: &[Body], capture: &Capture, point: &FramePoint, frame: u32) -> 
 fn what_moves_is_told_from_what_stands_still_and_how_it_moves() {
     let Made { folder, capture, .. } = made();
     let bodies = bodies(folder);
-    let (initial, splats) = first(capture, &config(Init::Flow));
+    let (initial, splats) = found(Init::Flow);
     assert!(initial.from == Init::Flow && !initial.joined, "{initial}");
     let counts = initial.counts.unwrap();
     assert_eq!((counts.n_static, counts.n_dynamic), (splats.n_static, splats.motion.len()));
@@ -156,7 +157,7 @@ fn what_moves_is_told_from_what_stands_still_and_how_it_moves() {
     assert!(true_dynamic > 200 && precision > 0.8 && recall > 0.96);
     assert!(error < 0.1 * speed && without < true_dynamic / 5, "{error} {speed} {without}");
     // By default what moves is joined with hulls, and what stands still with the surfaces that the pictures show.
-    let (joined, all) = first(capture, &config(Init::Auto));
+    let (joined, all) = found(Init::Auto);
     assert!((joined.from, joined.counts) == (Init::Flow, Some(counts)) && joined.joined, "{joined}");
     assert!(joined.to_string().contains("surfaces on which the images agree (init=auto"), "{joined}");
     assert!(joined.n_hulls == 3 && joined.to_string().contains("hulls of 3 frames"), "{joined}");
@@ -183,7 +184,7 @@ fn hulls_are_joined_with_the_flow_only_where_most_cameras_look_inward() {
         let Pose { rotation, translation } = camera.world_to_camera;
         camera.world_to_camera = Pose { rotation: half_round * rotation, translation: half_round * translation };
     }
-    let (inward, outward) = (first(capture, &config(Init::Auto)).0, first(&outward, &config(Init::Auto)).0);
+    let (inward, outward) = (&found(Init::Auto).0, first(&outward, &config(Init::Auto)).0);
     assert_eq!((inward.from, inward.n_hulls), (Init::Flow, 3));
     assert_eq!((outward.from, outward.n_hulls), (Init::Flow, 0));
 }
@@ -341,10 +342,10 @@ fn few_points_are_joined_with_surfaces_unless_they_alone_are_asked_for() {
 #[test]
 fn by_the_papers_rule_one_view_of_many_is_enough() {
     let Made { capture, .. } = made();
-    let [two, any] = [Init::Flow, Init::AnyView].map(|init| first(capture, &config(init)).0);
+    let (two, any) = (&found(Init::Flow).0, first(capture, &config(Init::AnyView)).0);
     assert_eq!((any.from, Init::AnyView.name().as_str()), (Init::AnyView, "any_view"));
     assert_eq!(serde_json::from_str::<Init>("\"any_view\"").unwrap(), Init::AnyView);
-    let [two, any] = [two, any].map(|initial| initial.counts.unwrap());
+    let [two, any] = [two, &any].map(|initial| initial.counts.unwrap());
     println!("two views: {two}; any view: {any}");
     assert_eq!(any.before, two.before);
     assert!(any.n_dynamic > two.n_dynamic && any.n_static <= two.n_static, "{any:?} {two:?}");

@@ -33,7 +33,6 @@ pub fn assert_well_formed(html: &str) {
     assert_eq!(open, Vec::<&str>::new());
 }
 
-/// Nothing is fetched and nothing runs.
 pub fn assert_self_contained(html: &str) {
     for forbidden in ["http:", "https:", "//cdn", "<script", "<link", "<iframe", "@import", "url(", "srcset", "href"] {
         assert!(!html.contains(forbidden), "{forbidden}");
@@ -41,7 +40,6 @@ pub fn assert_self_contained(html: &str) {
     assert!(html.split("src=\"").skip(1).all(|src| src.starts_with("data:image/png;base64,")));
 }
 
-/// The plot `id` of a report.
 pub fn plot<'a>(html: &'a str, id: &str) -> &'a str {
     let begin = html.find(&format!("<svg id=\"{id}\"")).unwrap_or_else(|| panic!("no plot {id}"));
     &html[begin..begin + html[begin..].find("</svg>").unwrap()]
@@ -91,7 +89,6 @@ fn scores() -> SceneScores {
     )
 }
 
-/// The report of `log`, `totals` and `scores` as text.
 fn html(name: &str, totals: &Value, log: &Log, scores: Option<&SceneScores>, examples: &[Example]) -> String {
     let file = std::env::temp_dir().join(format!("ivv-report-{name}-{}.html", std::process::id()));
     let (run, config) = (run(), Config { max_gaussians: 123_457, ..Config::default() });
@@ -168,7 +165,6 @@ fn a_run_of_which_little_is_known_has_a_report_too() {
     assert_eq!(plot(&html, "plot-psnr").matches("<circle").count(), 1);
 }
 
-/// RFC 4648.
 fn unbase64(text: &str) -> Vec<u8> {
     let value = |c: u8| match c {
         b'A'..=b'Z' => c - b'A',

@@ -289,7 +289,6 @@ fn what_was_dropped_brings_nothing_when_it_is_given_back() {
     assert!(without > 30.0 && with < without + 0.05);
 }
 
-/// Mean PSNR of the test views, dB.
 fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
     let mut renderer = Renderer::new(gpu().clone(), splats, Constants::default()).unwrap();
     let psnrs = capture.test_frames().into_iter().map(|(camera, frame)| {

@@ -8,7 +8,6 @@ use ivv::internals::scene::capture::{Camera, Capture, Shot};
 use ivv::internals::scene::{Intrinsics, Motion, Pose, SH_C0, Splats};
 use ivv::internals::train::{Config, Due, Required, Review, Setup, Trainer, review};
 
-/// Appends a Gaussian of degree 1.
 fn push(splats: &mut Splats, place: [f64; 3], deviation: f32, sh: [[f32; 3]; 4], motion: Option<Motion>) {
     splats.source_row.push(splats.len() as u32);
     splats.position.push(place.map(|x| x as f32));

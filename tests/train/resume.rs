@@ -35,7 +35,6 @@ impl Case {
         [&train[..], more].concat()
     }
 
-    /// Nothing but the run folder is named.
     fn resume<'a>(&'a self, more: &[&'a str]) -> Vec<&'a str> {
         [&["train", "--resume", "-o", self.path(), "--eval-every", "0"][..], more].concat()
     }

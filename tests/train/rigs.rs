@@ -6,7 +6,6 @@ use ivv::internals::scene::capture::{Capture, TRAINING_RADIUS};
 use ivv::internals::synth::{Options, Preset, Rig, write_capture};
 use ivv::internals::train::{Config, Setup, from_points, initialise};
 
-/// The capture of a rig, as it is written to a folder of the test's own.
 fn capture(test: &str, rig: Rig) -> Capture {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("train-rigs-{test}-{rig:?}"));
     let options = Options { rig, frames: 2, samples: 1, ..Preset::Small.options(5) };

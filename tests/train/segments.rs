@@ -1,7 +1,6 @@
 //! A clip in segments: planned, trained job by job, joined, and scored as one scene.
 
 use super::Tiny;
-use crate::common::device::gpu;
 use crate::common::program::{fails, ivv, json, text, works};
 #[cfg(unix)]
 use crate::common::running::Running;
@@ -33,7 +32,6 @@ fn assert_faded(joined: &Splats, n: usize) {
 
 #[test]
 fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
-    let _device = gpu();
     let tiny = Tiny::of_frames("segments", 8);
     let plan = tiny.folder.join("plan");
     let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--frames", "5", "--overlap", "2"];
@@ -116,7 +114,6 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
 #[cfg(unix)]
 #[test]
 fn segments_that_are_asked_to_end_pass_it_on_and_begin_nothing_more() {
-    let _device = gpu();
     let tiny = Tiny::of_frames("segments-stop", 8);
     let plan = tiny.folder.join("plan");
     let planned = ["segments", "plan", text(&tiny.folder), "-o", text(&plan), "--frames", "5", "--overlap", "2"];
@@ -135,7 +132,6 @@ fn segments_that_are_asked_to_end_pass_it_on_and_begin_nothing_more() {
 
 #[test]
 fn a_plan_is_scored_with_what_its_jobs_were_trained_with() {
-    let _device = gpu();
     let tiny = Tiny::of_frames("segments-white", 8);
     for camera in &tiny.capture.cameras {
         for shot in &camera.shots {
@@ -190,7 +186,6 @@ fn a_plan_is_scored_with_what_its_jobs_were_trained_with() {
 
 #[test]
 fn segments_are_as_long_as_memory_allows() {
-    let _device = gpu();
     let tiny = Tiny::of_frames("segments-memory", 8);
     let fitted = |memory: u64, to: &str| {
         let (to, memory) = (tiny.folder.join(to), memory.to_string());

@@ -17,7 +17,6 @@ fn patch(name: &str, text: &str) -> Value {
     name.rsplit('.').fold(serde_json::from_str(text).unwrap(), |inner, key| json!({ key: inner }))
 }
 
-/// The defaults with one setting changed.
 fn with(name: &str, text: &str) -> Value {
     let mut all = defaults();
     merge(&mut all, &patch(name, text));

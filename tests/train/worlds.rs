@@ -10,7 +10,6 @@ use ivv::internals::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS};
 use ivv::internals::scene::{Frame, Pose, Similarity, Splats};
 use ivv::internals::train::{Config, Setup, Trainer, from_points};
 
-/// Least PSNR against the same thing in its own units at the origin, dB.
 const LEAST_PSNR: f64 = 80.0;
 
 /// What a short training gives, in the frame of training, with the way there.

@@ -33,7 +33,6 @@ fn ears(folder: &Path) {
     }
 }
 
-/// A click at 0.4 s, from a mouth two units ahead of the demo's middle.
 fn click(folder: &Path) {
     let mut sound = vec![[0.0_f32; 1]; 48_000];
     sound[19_200][0] = 0.9;
@@ -165,7 +164,6 @@ fn a_name_with_a_colon_is_a_name() {
     }
 }
 
-/// A scene of two Gaussians that stand still.
 fn still_scene(folder: &Folder) -> String {
     let splats = ivv::internals::scene::Splats {
         position: vec![[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]],

@@ -12,13 +12,12 @@ use crate::capture::Folder;
 
 const FPS: f64 = 30.0;
 const SIZE: (u32, u32) = (32, 18);
-/// The frame of the flash, of [`N_FRAMES`].
 const FLASH: usize = 17;
 const N_FRAMES: usize = 40;
 
 #[track_caller]
 fn has_ffmpeg() -> bool {
-    crate::common::notes::has_program("ffmpeg", "-version")
+    crate::common::notes::has_program("ffmpeg")
 }
 
 fn frame(color: [f32; 3]) -> Frame {
@@ -35,7 +34,6 @@ fn write(path: &Path, sound: Option<&Path>, from: f64) -> Made {
     video.finish().unwrap()
 }
 
-/// What ffmpeg decodes of a file.
 fn decoded(path: &Path, arguments: &[&str]) -> Vec<u8> {
     let output =
         Command::new("ffmpeg").args(["-v", "error", "-i"]).arg(path).args(arguments).arg("pipe:1").output().unwrap();

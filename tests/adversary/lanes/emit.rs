@@ -19,14 +19,12 @@ impl Emulation {
         self.code.push(Instruction::new(op, Some(of), Some(result), operands));
     }
 
-    /// Emits an instruction and returns its result.
     pub(super) fn emit(&mut self, op: Op, of: Word, operands: &[Word]) -> Word {
         let result = self.b.id();
         self.define(op, of, result, operands);
         result
     }
 
-    /// Emits an instruction on words.
     pub(super) fn word(&mut self, op: Op, a: Word, b: Word) -> Word {
         self.emit(op, self.uint, &[a, b])
     }
@@ -45,7 +43,6 @@ impl Emulation {
         self.code.push(Instruction::new(Op::Store, None, None, vec![Operand::IdRef(pointer), Operand::IdRef(value)]));
     }
 
-    /// Emits an atomic of the workgroup on a word.
     pub(super) fn atomic(&mut self, op: Op, array: Word, index: Word, value: Word) {
         let pointer = self.at(array, index);
         let [scope, semantics] = [Scope::Workgroup as u32, 0].map(|value| self.constant(value));
@@ -53,7 +50,6 @@ impl Emulation {
         self.emit(op, self.uint, &operands);
     }
 
-    /// Ends the turn.
     pub(super) fn turn(&mut self) {
         let scope = self.constant(Scope::Workgroup as u32);
         let semantics = self.constant(SEMANTICS);

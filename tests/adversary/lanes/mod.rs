@@ -20,9 +20,7 @@ use rspirv::spirv::{BuiltIn, Capability, Decoration, ExecutionMode, LoopControl,
 use rspirv::spirv::{Scope, StorageClass, Word};
 use std::collections::{HashMap, HashSet};
 
-/// Subgroups of 32.
 pub const LANES_32: Rewrite = Rewrite { subgroup_size: Some(32), spirv: |kernel| emulated(kernel.spirv, 32) };
-/// Subgroups of 64.
 pub const LANES_64: Rewrite = Rewrite { subgroup_size: Some(64), spirv: |kernel| emulated(kernel.spirv, 64) };
 
 /// Most words of a thread that one exchange hands around.
@@ -41,9 +39,7 @@ pub fn emulated(spirv: &[u8], width: u32) -> Vec<u8> {
 
 /// Values that the operations need, computed at the beginning of the kernel.
 struct Thread {
-    /// Index in the workgroup.
     index: Word,
-    /// Index in the subgroup.
     lane: Word,
     subgroup: Word,
     /// Index of the subgroup's first thread.
@@ -73,11 +69,9 @@ struct Shared {
 struct Emulation {
     b: Builder,
     width: u32,
-    /// Threads of a workgroup.
     local: u32,
     uint: Word,
     boolean: Word,
-    /// To a word of shared memory.
     pointer: Word,
     shared: Shared,
     built_ins: HashMap<Word, BuiltIn>,
@@ -86,9 +80,7 @@ struct Emulation {
     constants: HashMap<u32, Word>,
     rendezvous: Word,
     thread: Thread,
-    /// Words of the largest batch.
     batch: u32,
-    /// What is emitted.
     code: Vec<Instruction>,
 }
 
@@ -300,7 +292,6 @@ impl Emulation {
         }
     }
 
-    /// Type and number of the words of a value.
     fn shape(&self, of: Word) -> (Word, u32) {
         let made = &self.types[&of];
         match made.class.opcode {
@@ -382,7 +373,6 @@ struct Batch {
     later: HashSet<Word>,
 }
 
-/// What ends a block.
 const ENDS: [Op; 7] =
     [Op::SelectionMerge, Op::LoopMerge, Op::Branch, Op::BranchConditional, Op::Switch, Op::Return, Op::Unreachable];
 

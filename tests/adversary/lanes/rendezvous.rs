@@ -9,7 +9,6 @@ use rspirv::spirv::{FunctionControl, LoopControl, Op, Word};
 const TURNS: u32 = 16;
 
 impl Emulation {
-    /// Waits for all threads of the workgroup.
     pub(super) fn meet(&mut self) {
         let nothing = self.b.type_void();
         self.emit(Op::FunctionCall, nothing, &[self.rendezvous]);

@@ -5,7 +5,6 @@ use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{GroupOperation, Op, Word};
 
 impl Emulation {
-    /// Both words of a ballot.
     pub(super) fn vote(&mut self, yes: Word) -> [Word; 2] {
         let zero = self.constant(0);
         let bit = self.emit(Op::Select, self.uint, &[yes, self.thread.bit, zero]);
