@@ -2,18 +2,12 @@
 
 use super::edit::{Edit, id_of};
 use super::numeric::REWRITE;
-use crate::common::device::{gpu, rewritten};
-use crate::common::notes::skip;
-use crate::common::random::{Random, scene, view};
-use crate::common::same::assert_same;
+use crate::common::device::rewritten;
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
 use crate::common::stages::Fixture;
-use ivv::Constants;
 use ivv::internals::gpu::generated::gather;
-use ivv::internals::gpu::{Grid, KernelInfo, Recording, Rewrite};
-use ivv::internals::reference::{Camera, Params, Rules, project, tiles_truth};
-use ivv::internals::scene::Splats;
-use ivv::internals::stage::{Purpose, SceneBuffers};
-use ivv::internals::vk::DeviceKind;
+use ivv::internals::reference::{project, tiles_truth};
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{Decoration, GlslStd450Op as GLOp, Op, Word};
 

@@ -6,12 +6,12 @@
 
 use super::edit::{Edit, id_of};
 use crate::common::device::{Watched, opened, options};
+use crate::common::prelude::*;
+use ivv::internals::gpu::Options;
 use ivv::internals::gpu::generated::{ALL, gather, probe_atomic};
-use ivv::internals::gpu::{Grid, KernelInfo, Options, Recording, Rewrite};
 use ivv::internals::reference::scattered_rows;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{Decoration, GlslStd450Op as GLOp, Op, Scope, StorageClass, Word};
-use std::collections::HashMap;
 
 pub const REWRITE: Rewrite = Rewrite { subgroup_size: None, spirv: |kernel| counting(kernel) };
 

@@ -1,9 +1,9 @@
 //! SPIR-V of a kernel, taken apart to be changed: types and constants on demand, instructions put before others.
 
 use super::module::{assembled, load};
+use crate::common::prelude::*;
 use rspirv::dr::{Block, Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, GlslStd450Op as GLOp, Op, StorageClass, Word};
-use std::collections::HashMap;
 
 pub struct Edit {
     pub module: Module,

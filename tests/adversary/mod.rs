@@ -10,7 +10,7 @@ mod order;
 mod replaced;
 mod uniform;
 
-use ivv::internals::gpu::Rewrite;
+use crate::common::prelude::*;
 pub use numeric::{rounds_otherwise, slack};
 
 /// The change of this lane, none by default.

@@ -6,14 +6,9 @@
 //! 2^-126 is one by infinity or zero.
 
 use super::edit::{Edit, glsl_of, hash, id_of, mixed};
-use crate::common::device::gpu;
-use crate::common::notes::skip;
-use ivv::internals::gpu::{KernelInfo, Rewrite};
-use ivv::internals::vk::DeviceKind;
+use crate::common::prelude::*;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{GlslStd450Op as GLOp, Op, Word};
-use std::collections::HashMap;
-use std::sync::OnceLock;
 
 pub const REWRITE: Rewrite = Rewrite { subgroup_size: None, spirv: |kernel| rewritten(kernel) };
 

@@ -3,20 +3,13 @@
 
 use super::edit::{Edit, hash, id_of};
 use crate::common::device::{Watched, opened, options};
-use crate::common::folder::Folder;
-use crate::common::notes::skip;
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::same::{assert_same_frame, assert_same_gradients, assert_same_splats};
-use ivv::Constants;
 use ivv::internals::gpu::generated::gather;
 use ivv::internals::gpu::kernel::{Access, BindingInfo};
-use ivv::internals::gpu::{Buf, Grid, KernelInfo, Options, Recording, Rewrite};
-use ivv::internals::scene::Frame;
-use ivv::internals::scene::Similarity;
-use ivv::internals::scene::capture::Capture;
-use ivv::internals::stage::{Gradients, Outputs, Renderer, Sums};
-use ivv::internals::synth::{Options as Synthesis, Preset, write_capture};
-use ivv::internals::train::{Config, Priors, Session, SessionOptions};
+use ivv::internals::gpu::{Buf, Options};
+use ivv::internals::synth::Options as Synthesis;
+use ivv::internals::train::Priors;
 use ivv_conformance::adjoint::cotangents;
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{BuiltIn, Op, StorageClass, Word};

@@ -1,9 +1,7 @@
 //! Kernels out of a folder in the place of the committed ones: `tools/mutants.sh` compiles a fault and runs the tests on it, which
 //! were built once.
 
-use ivv::internals::gpu::{KernelInfo, Rewrite};
-use std::path::PathBuf;
-
+use crate::common::prelude::*;
 pub const REWRITE: Rewrite = Rewrite { subgroup_size: None, spirv };
 
 /// `IVV_TEST_KERNELS/NAME.spv`, or the committed SPIR-V where there is no such file.

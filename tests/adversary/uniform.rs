@@ -1,9 +1,10 @@
 //! Whether the lanes of a subgroup stay together: a loop with subgroup operations must be left by all of them at once.
 
 use super::module::{built_ins, id, ids};
+use crate::common::prelude::*;
 use rspirv::dr::{Block, Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, GroupOperation, Op, StorageClass, Word};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 /// Values of a kernel that may differ between the active lanes of a subgroup.
 pub struct Uniform<'a> {

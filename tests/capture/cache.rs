@@ -1,9 +1,8 @@
 //! The decode-ahead cache.
 
-use ivv::internals::scene::capture::{Asked, Capture, FrameCache, PriorPlan};
-
 use super::{Folder, dynamic, png};
-use crate::common::random::Random;
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::{Asked, FrameCache};
 
 /// Bytes of a decoded image of the captures here; one that is being decoded counts twice.
 const IMAGE: u64 = 6 * 4 * 4;

@@ -1,11 +1,8 @@
 //! Captures as strangers have them, beside the checkout: each is read, or refused with the step that works.
 
-use std::path::Path;
-
-use ivv::internals::scene::capture::{CaptureSettings, Report, check_capture};
-
 use super::told;
-use crate::common::notes::shared;
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::Report;
 
 /// What a case should be: so many cameras, and what its notes say; or what its fault says.
 enum Right {

@@ -1,9 +1,8 @@
 //! Plain COLMAP projects.
 
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Point, check_capture};
-
-use super::model::{Model, STEMS, binary, sample, text, write, write_images};
+use super::model::{Model, STEMS, binary, sample, text, write, write_images, write_text};
 use super::{Case, Folder, assert_told, told};
+use crate::common::prelude::*;
 use crate::common::program;
 
 #[test]
@@ -45,10 +44,8 @@ fn text_and_binary_models_are_equal_in_every_place_a_model_may_stand() {
     let expected = folder.open();
     assert_eq!(expected.cameras.len(), 3);
     std::fs::remove_dir_all(folder.0.join("sparse/0")).unwrap();
-    for place in ["", "sparse/", "sparse/0/"] {
-        for (stem, text) in STEMS.iter().zip(text(&sample())) {
-            folder.write(&format!("{place}{stem}.txt"), text);
-        }
+    for place in [".", "sparse", "sparse/0"] {
+        write_text(&folder, place, &sample());
         assert_eq!(folder.open(), expected, "{place}");
     }
 }
@@ -109,9 +106,7 @@ fn every_fault_of_the_values_is_told_in_both_formats() {
         assert_eq!(report.format, "COLMAP");
         assert!(Capture::open(&folder.0).unwrap_err().exit_code() == 3);
         std::fs::remove_dir_all(folder.0.join("sparse/0")).unwrap();
-        for (stem, text) in STEMS.iter().zip(text(&model)) {
-            folder.write(&format!("sparse/0/{stem}.txt"), text);
-        }
+        write_text(&folder, "sparse/0", &model);
         assert_told(&folder.check(), &[says]);
     }
 }

@@ -1,12 +1,10 @@
 //! `transforms.json` as different programs write it.
 
-use std::fs;
-
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
-use serde_json::{Value, json};
-
 use super::transforms::{document, write};
 use super::{Folder, assert_told, png, told};
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::Report;
+use serde_json::json;
 
 fn noted(report: &Report, says: &str) {
     assert!(report.notes.iter().any(|note| note.contains(says)), "no note says {says:?}: {:?}", report.notes);

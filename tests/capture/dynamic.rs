@@ -1,11 +1,8 @@
 //! Dynamic3DGaussians' layout.
 
-use image::ExtendedColorType;
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames, Point, check_capture};
-use serde_json::{Value, json};
-
 use super::{Case, Folder, assert_told, encode, png};
-use crate::common::zip;
+use crate::common::prelude::*;
+use serde_json::json;
 
 const IDENTITY: [[f64; 4]; 4] =
     [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 4.0], [0.0, 0.0, 0.0, 1.0]];

@@ -1,10 +1,8 @@
 //! The project's own capture folder.
 
-use image::ExtendedColorType;
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Manifest};
-
 use super::model::{Model, binary};
 use super::{Case, Folder, assert_told, encode, png};
+use crate::common::prelude::*;
 
 fn manifest() -> Manifest {
     Manifest {

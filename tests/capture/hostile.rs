@@ -1,19 +1,10 @@
 //! What a hostile or careless author may write: files that are no files, cameras that no camera has, clips without end.
 
-use std::path::PathBuf;
-use std::process::Command;
-use std::sync::mpsc;
-use std::time::Duration;
-
-use ivv::internals::formats::read_scene;
-use ivv::internals::scene::capture::{Capture, Manifest};
-use ivv::internals::scene::prior::read_depth;
-use ivv::internals::scene::read_views;
-use ivv::internals::sound::wav;
-use ivv::internals::train::Checkpoint;
-
 use super::model::{Model, binary, sample, write, write_images};
 use super::{Folder, assert_told, png, told};
+use crate::common::prelude::*;
+use ivv::internals::sound::wav;
+use std::sync::mpsc;
 
 /// A named pipe, which nobody writes to.
 pub fn pipe(folder: &Folder, name: &str) -> PathBuf {

@@ -18,8 +18,10 @@ mod real;
 mod settings;
 pub mod transforms;
 
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
+use crate::common::prelude::*;
+use image::ImageEncoder;
+use image::codecs::png::PngEncoder;
+use ivv::internals::scene::capture::Report;
 
 pub use crate::common::folder::Folder;
 

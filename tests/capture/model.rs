@@ -84,10 +84,22 @@ pub fn text(model: &Model) -> [String; 3] {
 
 pub const STEMS: [&str; 3] = ["cameras", "images", "points3D"];
 
-/// Writes the model as binary files to `sparse/0` and an image for each name.
+/// Writes the model as binary files to `sparse/0`.
 pub fn write(folder: &Folder, model: &Model) {
+    write_to(folder, "sparse/0", model);
+}
+
+/// Writes the model as binary files to the folder `to`.
+pub fn write_to(folder: &Folder, to: &str, model: &Model) {
     for (stem, bytes) in STEMS.iter().zip(binary(model)) {
-        folder.write(&format!("sparse/0/{stem}.bin"), bytes);
+        folder.write(&format!("{to}/{stem}.bin"), bytes);
+    }
+}
+
+/// As [`write_to`], as text.
+pub fn write_text(folder: &Folder, to: &str, model: &Model) {
+    for (stem, text) in STEMS.iter().zip(text(model)) {
+        folder.write(&format!("{to}/{stem}.txt"), text);
     }
 }
 

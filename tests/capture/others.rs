@@ -1,13 +1,11 @@
 //! Photographs with the poses of LLFF and of OpenSfM, and calibrations that are named because they are not read.
 
-use std::fs;
-
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
-use serde_json::json;
-
 use super::model::{sample, write};
 use super::{Folder, assert_told, png, told};
 use crate::common::npy_rows;
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::Report;
+use serde_json::json;
 
 fn noted(report: &Report, says: &str) {
     assert!(report.notes.iter().any(|note| note.contains(says)), "no note says {says:?}: {:?}", report.notes);

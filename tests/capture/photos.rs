@@ -1,9 +1,8 @@
 //! Photographs of what rests, inside the folder of a clip.
 
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames, Manifest, check_capture};
-use ivv::internals::synth::{Options, Preset, write_capture};
-
 use super::{Folder, told};
+use crate::common::prelude::*;
+use ivv::internals::synth::Options;
 
 /// A clip of four cameras, one of them for testing, and three photographs of its room.
 pub fn clip(name: &str) -> Folder {

@@ -1,11 +1,9 @@
 //! Pictures as cameras and programs write them: turned, of other kinds, of codings that are not read.
 
-use image::ExtendedColorType;
-use image::codecs::jpeg::JpegEncoder;
-use ivv::internals::scene::capture::{Capture, CaptureSettings, check_capture};
-
 use super::model::{sample, write, write_images};
 use super::{Folder, assert_told, png, told};
+use crate::common::prelude::*;
+use image::codecs::jpeg::JpegEncoder;
 
 /// A JPEG whose upper left quarter is white, the rest black; with an EXIF orientation where it is not 0.
 fn jpeg(width: u32, height: u32, orientation: u8) -> Vec<u8> {

@@ -1,14 +1,12 @@
 //! Where images are: names of other machines, folders beside, endings and cases that differ, and what is said of those that are
 //! nowhere.
 
-use std::fs;
-
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
-use serde_json::{Value, json};
-
-use super::model::{Model, STEMS, sample, text, write};
+use super::model::{Model, STEMS, sample, text, write, write_text, write_to};
 use super::transforms::document;
 use super::{Folder, assert_told, png, told};
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::Report;
+use serde_json::json;
 
 fn noted(report: &Report, says: &str) {
     let n = report.notes.iter().filter(|note| note.contains(says)).count();
@@ -177,9 +175,7 @@ fn captures_below_a_folder_are_read_or_named() {
 fn images_may_lie_beside_the_folder_in_which_colmap_worked() {
     let folder = Folder::new("places-colmap");
     super::model::write_images(&folder);
-    for (stem, bytes) in STEMS.iter().zip(super::model::binary(&sample())) {
-        folder.write(&format!("colmap/sparse/0/{stem}.bin"), bytes);
-    }
+    write_to(&folder, "colmap/sparse/0", &sample());
     let report = folder.check();
     assert_eq!((told(&report).as_str(), report.n_cameras, report.n_points), ("", 3, 2));
     assert!(folder.open().cameras[0].shots[0].image.starts_with(folder.0.join("images")));
@@ -201,9 +197,7 @@ fn an_undistorted_copy_inside_is_read_where_the_images_are_gone() {
     let radial = |id| (id, 2, "SIMPLE_RADIAL", 6, 4, vec![5.0, 3.0, 2.0, 0.1]);
     write(&folder, &Model { cameras: vec![radial(3), radial(9)], ..sample() });
     let dense = Folder(folder.0.join("dense/0"));
-    for (stem, text) in STEMS.iter().zip(text(&sample())) {
-        dense.write(&format!("sparse/{stem}.txt"), text);
-    }
+    write_text(&dense, "sparse", &sample());
     super::model::write_images(&dense);
     let report = folder.check();
     assert_eq!((told(&report).as_str(), report.n_cameras), ("", 3));

@@ -1,19 +1,16 @@
 //! Flow, depth and points of the frames: every format arrives, and every fault is told.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use exr::prelude::{
-    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
-};
-use image::{ExtendedColorType, ImageEncoder, codecs::png::PngEncoder};
-use ivv::internals::scene::Similarity;
-use ivv::internals::scene::capture::{Capture, CaptureSettings, FramePoint, Manifest, check_capture};
-use ivv::internals::scene::prior::{read_depth, read_flow, write_depth_halves};
-
 use super::model::{Model, binary};
 use super::{Folder, assert_told, png};
 use crate::common::npy;
+use crate::common::prelude::*;
+use exr::prelude::{
+    AnyChannel, AnyChannels, Encoding, FlatSamples, Image, Layer, LayerAttributes, SmallVec, WritableImage,
+};
+use image::ImageEncoder;
+use image::codecs::png::PngEncoder;
+use ivv::internals::scene::capture::FramePoint;
+use ivv::internals::scene::prior::write_depth_halves;
 
 pub const WIDTH: u32 = 3;
 pub const HEIGHT: u32 = 2;

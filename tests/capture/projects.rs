@@ -1,22 +1,10 @@
 //! COLMAP projects as people have them: several models, odd names, poses in other conventions, masks beside the images.
 
-use std::fs;
-
-use glam::DVec3;
-use image::ExtendedColorType;
-use ivv::internals::scene::Pose;
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Report, check_capture};
-
-use super::model::{Model, STEMS, binary, sample, text, write, write_images};
+use super::model::{Model, STEMS, binary, sample, text, write, write_images, write_text, write_to};
 use super::{Folder, assert_told, encode, png, told};
-use crate::common::program::{self, works};
-
-/// The model in a folder of `sparse`, as binary files.
-fn write_to(folder: &Folder, sparse: &str, model: &Model) {
-    for (stem, bytes) in STEMS.iter().zip(binary(model)) {
-        folder.write(&format!("{sparse}/{stem}.bin"), bytes);
-    }
-}
+use crate::common::prelude::*;
+use crate::common::program;
+use ivv::internals::scene::capture::Report;
 
 /// The sample with its last image alone.
 fn small() -> Model {
@@ -41,9 +29,7 @@ fn the_largest_of_several_models_is_read_or_the_one_that_is_asked_for() {
     noted(&report, "sparse has 2 models: 0 with 1 images, 1 with 3 images; taken: 1");
     // As text, too.
     fs::remove_dir_all(folder.0.join("sparse/0")).unwrap();
-    for (stem, text) in STEMS.iter().zip(text(&small())) {
-        folder.write(&format!("sparse/0/{stem}.txt"), text);
-    }
+    write_text(&folder, "sparse/0", &small());
     noted(&folder.check(), "taken: 1");
     let asked = |model| CaptureSettings { model: Some(model), test_every: 0, ..CaptureSettings::default() };
     let report = check_capture(&folder.0, &asked(0));
@@ -97,18 +83,18 @@ fn names_of_several_words_keep_every_image_with_or_without_blank_lines() {
         image.5.clear();
         folder.write(&format!("images/{name}"), png(6, 4, 0));
     }
-    let write_text = |images: &str| {
+    let with_images = |images: &str| {
         let [cameras, _, points] = text(&model);
         for (stem, text) in STEMS.iter().zip([&cameras, images, &points]) {
             folder.write(&format!("sparse/0/{stem}.txt"), text);
         }
     };
     let [_, images, _] = text(&model);
-    write_text(&images);
+    with_images(&images);
     let expected = folder.open();
     assert_eq!(expected.cameras.len(), 3);
     let lines: Vec<&str> = images.lines().filter(|line| !line.is_empty()).collect();
-    write_text(&lines.join("\n"));
+    with_images(&lines.join("\n"));
     let report = folder.check();
     assert_eq!((told(&report).as_str(), report.n_cameras), ("", 3));
     noted(&report, "images without a line of observations behind them, not even a blank one: 2");
@@ -274,9 +260,7 @@ fn lenses_of_colmap_4_are_read_and_panoramas_are_told() {
         write(&folder, &model);
         assert_told(&folder.check(), &[says]);
         fs::remove_dir_all(folder.0.join("sparse")).unwrap();
-        for (stem, text) in STEMS.iter().zip(text(&model)) {
-            folder.write(&format!("sparse/0/{stem}.txt"), text);
-        }
+        write_text(&folder, "sparse/0", &model);
         assert_told(&folder.check(), &[says]);
         fs::remove_dir_all(folder.0.join("sparse")).unwrap();
     }

@@ -1,10 +1,8 @@
 //! Captures made by others.
 
-use ivv::internals::scene::capture::{Capture, CaptureSettings, FrameCache, PriorPlan, check_capture};
-
 use super::{Folder, assert_told, dynamic};
-use crate::common::notes::shared;
-use crate::common::same::assert_same;
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::FrameCache;
 
 #[test]
 fn the_fox_has_its_published_test_views() {

@@ -1,13 +1,10 @@
 //! How a capture is read: folders of smaller images, sizes, alpha, and what a report says of many faults of one kind.
 
-use std::process::Output;
-
-use image::ExtendedColorType;
-use ivv::internals::scene::capture::{Alpha, Capture, CaptureSettings, check_capture};
-
 use super::model::{sample, write, write_images};
 use super::{Folder, assert_told, encode, png, told};
+use crate::common::prelude::*;
 use crate::common::program;
+use ivv::internals::scene::capture::Alpha;
 
 /// A project whose images are in `folders`, of 6 x 4 pixels divided by a number.
 fn project(folder: &Folder, folders: &[(&str, u32)]) {

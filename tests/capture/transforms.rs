@@ -1,10 +1,8 @@
 //! `transforms.json`.
 
-use image::ExtendedColorType;
-use ivv::internals::scene::capture::{Capture, CaptureSettings};
-use serde_json::{Value, json};
-
 use super::{Case, Folder, assert_told, encode, png};
+use crate::common::prelude::*;
+use serde_json::json;
 
 /// A camera at (x, 0, 5) that looks along -z of the world with y up, as OpenGL has it.
 fn frame(name: &str, x: f64) -> Value {

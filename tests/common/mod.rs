@@ -5,6 +5,7 @@ pub mod folder;
 pub mod frames;
 pub mod golden;
 pub mod notes;
+pub mod prelude;
 pub mod program;
 pub mod references;
 pub mod running;

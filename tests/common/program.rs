@@ -34,6 +34,12 @@ pub fn works(arguments: &[&str]) -> String {
     done(&mut command(arguments))
 }
 
+/// The standard error of a run, which must succeed.
+#[track_caller]
+pub fn tells(arguments: &[&str]) -> String {
+    fails(arguments, 0)
+}
+
 /// As [`works`], of a command.
 #[track_caller]
 pub fn done(command: &mut Command) -> String {

@@ -2,7 +2,7 @@
 
 use crate::adversary::rounds_otherwise;
 use crate::common::device::bench;
-use crate::common::notes::skip;
+use crate::common::prelude::*;
 use ivv_conformance::ROWS;
 
 /// Rows that no test runs, and why.

@@ -7,10 +7,9 @@ mod built;
 mod runs;
 mod sweep;
 
-use crate::common::folder::Folder;
+use crate::common::prelude::*;
 use crate::common::program::{command, told};
 use runs::{Bed, Ended, Verb};
-use std::collections::BTreeMap;
 
 /// Results of a sweep, by call: how many faults, and how the runs ended.
 #[derive(Default)]

@@ -1,16 +1,9 @@
 //! Runs of `ivv` under the layer.
 
-use crate::common::folder::Folder;
-use ivv::internals::scene::capture::Capture;
-use ivv::internals::scene::write_views;
-use ivv::internals::synth::{Options, Preset, write_capture};
-use ivv::internals::train::Checkpoint;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use crate::common::prelude::*;
+use ivv::internals::synth::Options;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, Weak};
-use std::time::{Duration, Instant};
+use std::sync::{PoisonError, Weak};
 
 pub const STEPS: u64 = 8;
 pub const EVERY: u64 = 3;

@@ -2,8 +2,7 @@
 
 use super::Figures;
 use super::runs::{Bed, EVERY, Ended, Verb};
-use std::collections::BTreeMap;
-use std::sync::Mutex;
+use crate::common::prelude::*;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// Calls of an entry point that the wide sweep lets fail, at most.

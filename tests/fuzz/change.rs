@@ -1,7 +1,6 @@
 //! Changes to the bytes of a part: of any, of the words of a text, of the values of JSON.
 
-use serde_json::Value;
-
+use crate::common::prelude::*;
 /// Kind, where, from where, with what; all are taken modulo what there is.
 pub type Change = (u8, u32, u32, u64);
 

@@ -4,16 +4,14 @@
 //! for long or allocate much.
 
 use super::change::{Change, changed};
+use crate::common::prelude::*;
 use proptest::collection::vec;
 use proptest::prelude::any;
 use proptest::strategy::Strategy;
 use proptest::test_runner::{Config, RngAlgorithm, TestCaseError, TestError, TestRng, TestRunner};
 use std::cell::RefCell;
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::sync::Once;
 use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Arc, Mutex, Once};
-use std::time::{Duration, Instant};
 
 /// Longest work on one case, seconds. A reader needs milliseconds; the machine may have much else to do.
 const LONGEST_S: f64 = 20.0;

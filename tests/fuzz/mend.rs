@@ -1,9 +1,7 @@
 //! Makes files of changed parts so that a reader gets past what guards them: compression, checksums, hashes.
 
 use super::engine::Files;
-use crate::common::zip;
-use serde_json::Value;
-use std::collections::BTreeMap;
+use crate::common::prelude::*;
 use std::io::Write;
 
 /// The parts as files; the checksums of PNG are made right.

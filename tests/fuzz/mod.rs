@@ -13,9 +13,8 @@ mod sounds;
 mod sources;
 mod trainings;
 
-use crate::common::folder::Folder;
+use crate::common::prelude::*;
 use engine::{Files, fuzz};
-use std::path::Path;
 
 /// Formats: name of the test, cases in the default suite, seeds.
 macro_rules! formats {

@@ -3,16 +3,12 @@
 use super::engine::Seed;
 use super::{file, mend};
 use crate::capture::priors;
+use crate::common::prelude::*;
 use crate::common::random;
-use crate::scene::{Folder, formats};
+use crate::scene::formats;
 use ivv::internals::files::{read_tensors, write_tensors};
-use ivv::internals::formats::{
-    Clock, FourDgs, FourDgsParts, Own, PlyParts, SpzVersion, read_scene, write_ftgs, write_parts, write_ply,
-    write_splat, write_spz,
-};
-use ivv::internals::scene::prior::{read_depth, read_flow};
-use ivv::internals::scene::{Part, Parts, Splats, View, read_views, write_views};
-use std::path::Path;
+use ivv::internals::formats::{FourDgsParts, Own, PlyParts, write_ftgs, write_parts, write_splat};
+use ivv::internals::scene::{Part, Parts};
 
 fn scene(sh_degree: u32) -> Splats {
     random::scene(3, 6, sh_degree)

@@ -2,7 +2,7 @@
 //! and an object for each variable. Checksums are 0: the reader passes over them.
 
 use super::engine::{Files, Seed};
-use ivv::internals::sound::hrtf::HrtfSet;
+use crate::common::prelude::*;
 
 const NOWHERE: [u8; 8] = [0xff; 8];
 /// Where the superblock says how long the file is.

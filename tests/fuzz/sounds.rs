@@ -2,16 +2,11 @@
 
 use super::engine::Seed;
 use super::{file, files_of};
-use crate::capture::Folder;
+use crate::common::prelude::*;
 use crate::sound::{keypoints as detections, path as ways, scene, track};
-use glam::DVec3;
-use ivv::internals::sound::hrtf::HrtfSet;
 use ivv::internals::sound::keypoints::keypoints_of;
 use ivv::internals::sound::path::{Convention, read_path};
-use ivv::internals::sound::scene_file::SoundScene;
-use ivv::internals::sound::source_track::SourceTrack;
 use ivv::internals::sound::wav::{self, Channel, Depth};
-use std::path::Path;
 
 pub fn keypoints() -> Vec<Seed> {
     let folder = Folder::new("fuzz-keypoints");

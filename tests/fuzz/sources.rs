@@ -2,17 +2,14 @@
 
 use super::engine::{Files, Seed};
 use super::{files_of, mend};
-use crate::capture::{Folder, dynamic, model, png, told, transforms as documents};
+use crate::capture::{dynamic, model, png, told, transforms as documents};
 use crate::common::npy_rows;
-use glam::DVec2;
-use image::ExtendedColorType;
+use crate::common::prelude::*;
 use image::codecs::jpeg::JpegEncoder;
-use ivv::internals::prepare::{PrepareSettings, Triangulate, prepare};
-use ivv::internals::scene::capture::{Capture, CaptureSettings, check_capture};
+use ivv::internals::prepare::prepare;
 use ivv::internals::sound::rig::Rig;
-use ivv::internals::synth::{Options, Preset, write_capture};
+use ivv::internals::synth::Options;
 use std::fmt::Write;
-use std::path::Path;
 
 /// Checks and opens a capture and reads what it is trained with.
 fn capture(folder: &Path) -> bool {
@@ -52,9 +49,7 @@ fn pictures(folder: &Folder) {
 
 pub fn colmap_text() -> Vec<Seed> {
     let folder = Folder::new("fuzz-colmap-text");
-    for (stem, text) in model::STEMS.iter().zip(model::text(&model::sample())) {
-        folder.write(&format!("sparse/0/{stem}.txt"), text);
-    }
+    model::write_text(&folder, "sparse/0", &model::sample());
     pictures(&folder);
     vec![Seed { only: vec!["sparse"], ..Seed::of(files_of(&folder.0), capture) }]
 }

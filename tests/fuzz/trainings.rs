@@ -2,16 +2,10 @@
 
 use super::engine::Seed;
 use super::{file, mend};
-use crate::capture::Folder;
-use crate::common::{device::gpu, random};
-use ivv::Constants;
+use crate::common::prelude::*;
+use crate::common::random;
 use ivv::internals::profile::{read_dispatch, write_dispatch};
-use ivv::internals::scene::Similarity;
-use ivv::internals::scene::capture::Capture;
-use ivv::internals::train::{
-    Average, CameraState, Checkpoint, Config, DueEvents, Kind, Log, PRESETS, Preset, Run, StepRoom,
-};
-use std::path::Path;
+use ivv::internals::train::{Average, CameraState, DueEvents, Kind, Log, PRESETS, Preset, StepRoom};
 
 pub fn config() -> Vec<Seed> {
     let config = serde_json::to_string_pretty(&Config::default()).unwrap();

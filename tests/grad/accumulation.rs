@@ -3,16 +3,14 @@
 use super::adjoint::layers;
 use super::check::{cotangents, dot, flat, smooth_cotangents};
 use crate::adversary::slack;
-use crate::common::device::gpu;
-use crate::common::one::{One, at_pixel, ball, camera, scene_of, with};
+use crate::common::one::{at_pixel, with};
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
 use crate::common::references::tested;
-use crate::common::same::assert_same_gradients;
-use ivv::Constants;
-use ivv::internals::reference::{pull, render_f64};
-use ivv::internals::scene::{Frame, SH_C0, Splats, View};
-use ivv::internals::stage::{Accumulation, FrameReport, Gradients, Outputs, Purpose, Renderer, Room, Sums};
-use ivv::internals::vk::{Caps, DeviceKind};
+use ivv::internals::reference::pull;
+use ivv::internals::scene::SH_C0;
+use ivv::internals::stage::{Accumulation, Room};
+use ivv::internals::vk::Caps;
 use ivv_conformance::adjoint::group_error;
 use ivv_conformance::fixtures::adam::{Scene, Step};
 

@@ -2,16 +2,10 @@
 
 use super::check::{check_adjoint, is_finite, smooth_cotangents, vjp};
 use crate::adversary::slack;
-use crate::common::device::gpu;
-use crate::common::one::{One, ball, camera, scene_of, with};
-use crate::common::random::{Random, scene, view};
+use crate::common::one::with;
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
 use crate::common::references::tested;
-use crate::common::same::assert_same_gradients;
-use ivv::Constants;
-use ivv::internals::reference::Camera;
-use ivv::internals::scene::{Intrinsics, Motion, Pose, Splats, View};
-use ivv::internals::stage::Renderer;
-use ivv::internals::vk::DeviceKind;
 use ivv_conformance::adjoint::{GROUPS, flat};
 
 tested! {

@@ -1,11 +1,9 @@
 //! Gradients of the camera's pose and of the background against differences of the truth.
 
 use super::check::{smooth_cotangents, vjp};
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
 use crate::common::references::tested;
-use ivv::Constants;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::{Frame, Pose, Splats, View};
 
 tested! {
     "project/camera_sum.comp" by render_f64 in pose_and_background_gradients_are_the_differences_of_the_truth;

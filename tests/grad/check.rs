@@ -1,10 +1,7 @@
 //! The adjoint test on the device of this lane.
 
-use crate::common::device::{bench, gpu};
-use ivv::Constants;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::{Frame, Splats, View};
-use ivv::internals::stage::{FrameReport, Gradients, Renderer};
+use crate::common::device::bench;
+use crate::common::prelude::*;
 use ivv_conformance::adjoint;
 pub use ivv_conformance::adjoint::{cotangents, dot, flat, is_finite};
 

@@ -5,16 +5,11 @@ use super::check::{flat, smooth_cotangents};
 use crate::adversary::{rounds_otherwise, slack};
 use crate::common::device::as_gpu;
 use crate::common::frames::{Tolerance, compare, pixels};
-use crate::common::one::camera;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use crate::common::same::assert_same_gradients;
+use ivv::Knobs;
 use ivv::internals::gpu::generated::constants::chunk::CHUNK;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::{Frame, Splats};
-use ivv::internals::stage::{FrameReport, Outputs, Renderer, Sums};
-use ivv::{Constants, Knobs};
 use ivv_conformance::adjoint::group_error;
-use std::collections::BTreeSet;
 
 tested! {
     "blend/chunk_list.comp" by render_f64 in pictures_of_long_lists_are_those_of_float64;

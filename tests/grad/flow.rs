@@ -2,15 +2,9 @@
 
 use super::check::{check_adjoint, cotangents, flat, smooth_cotangents, vjp};
 use crate::adversary::slack;
-use crate::common::device::gpu;
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use ivv::Constants;
-use ivv::internals::gpu::Recording;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::{FlowModel, Frame, Pose, View};
-use ivv::internals::stage::{
-    Outputs, Purpose, Renderer, Room, SceneBuffers, Size, Strip, Sums, Target, Workspace, view_params,
-};
+use ivv::internals::stage::{Room, Size, Target, Workspace};
 
 /// [`view`], and a frame on turned by 0.05 about its y axis and shifted.
 fn moving_view() -> View {

@@ -1,10 +1,7 @@
 //! Gradients against the independent float64 implementation.
 
-use crate::common::device::gpu;
 use crate::common::golden::{CASES, Golden, load};
-use ivv::Constants;
-use ivv::internals::scene::Frame;
-use ivv::internals::stage::{Gradients, Renderer, Sums};
+use crate::common::prelude::*;
 
 fn cotangents(golden: &Golden) -> Frame {
     let flat = |name: &str| golden.cotangents[name].iter().map(|x| *x as f32).collect::<Vec<f32>>();

@@ -1,14 +1,12 @@
 //! Adam on the device against its reference in double precision. Gradients of any size: row N24 of `tests/conformance`.
 
 use crate::adversary::{rounds_otherwise, slack};
-use crate::common::device::gpu;
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
 use crate::common::references::tested;
 use crate::kernel::assert_same_scene;
-use ivv::Constants;
-use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
-use ivv::internals::stage::{AdamMode, Rates, StepSettings, Strip, Sums, adam_params, lazy_sums, view_params};
+use ivv::internals::stage::{Rates, StepSettings, adam_params, lazy_sums};
 use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, gradients, half_seen, numbers, rates};
 
 tested! {

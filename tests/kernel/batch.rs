@@ -2,18 +2,13 @@
 //! size: row N24 of `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
-use crate::common::device::gpu;
-use crate::common::random::{Random, scene, view};
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
 use crate::common::references::tested;
 use crate::kernel::assert_same_scene;
-use ivv::Constants;
-use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::reference::{batch_gradient, batch_place, batch_pulls, batch_sum};
-use ivv::internals::scene::{Splats, View};
-use ivv::internals::stage::{
-    Batch, Cull, Planes, Purpose, Rates, Rows, SceneBuffers, StepSettings, Strip, adam_params, view_params,
-};
+use ivv::internals::stage::{Batch, Cull, Planes, Rates, Rows, StepSettings, adam_params};
 use ivv_conformance::fixtures::adam::{Step, cotangents, gradients, half_seen, numbers, rates};
 
 tested! {

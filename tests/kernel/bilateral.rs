@@ -1,10 +1,8 @@
 //! Bilateral grids on the device against their reference and dual numbers. No cotangent, and colours of any kind: the rows N20
 //! and N23 of `tests/conformance`.
 
-use crate::common::device::gpu;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use crate::common::same::assert_same;
 use ivv::internals::reference::{Adam, BilateralGrid, Dual, centred, pooled};
 use ivv::internals::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 use ivv_conformance::fixtures::grids::{Case, Found, random_grid, step};

@@ -1,16 +1,11 @@
 //! Whole frames against the float64 truth, at sizes around a tile and in strips.
 
 use crate::adversary::slack;
-use crate::common::frames::{Tolerance, compare, pixels, render, render_with};
-use crate::common::one::camera;
-use crate::common::random::{scene, view, wild_scene};
+use crate::common::frames::{Tolerance, compare, pixels, render_with};
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
 use crate::common::references::tested;
-use crate::common::same::assert_same;
 use crate::common::stages::Fixture;
-use ivv::Constants;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::{Intrinsics, View};
-use ivv::internals::stage::Strip;
 
 tested! {
     "blend/blend_fwd.comp" by render_f64 in frames_of_random_scenes_are_those_of_float64;

@@ -1,15 +1,12 @@
 //! Space before lenses, kept clear of Gaussians.
 
 use super::density::scene;
-use crate::common::device::gpu;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use crate::common::same::assert_same;
-use ivv::Constants;
-use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::reference::cleared;
-use ivv::internals::scene::{Clearing, Splats};
-use ivv::internals::stage::{Clearings, SceneBuffers};
+use ivv::internals::scene::Clearing;
+use ivv::internals::stage::Clearings;
 
 tested! {
     "density/clear.comp" by cleared in who_is_before_a_lens_goes_behind_it_as_in_the_reference;

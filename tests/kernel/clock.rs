@@ -1,12 +1,9 @@
 //! The cameras' time offsets on the device, against their reference. Their gauge and bound: row N27 of `tests/conformance`.
 
-use crate::common::device::gpu;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use ivv::Constants;
-use ivv::internals::gpu::Recording;
-use ivv::internals::reference::{Camera, Clock, ClockRule, clock_step};
-use ivv::internals::stage::{OFFSET_BOUND, Strip, TimeOffsets, view_params};
+use ivv::internals::reference::{Clock, ClockRule, clock_step};
+use ivv::internals::stage::{OFFSET_BOUND, TimeOffsets};
 use ivv_conformance::fixtures::clocks::on_device;
 
 tested! {

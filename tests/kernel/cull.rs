@@ -1,17 +1,12 @@
 //! Culling and compaction against the truth and against a model of bits.
 
-use crate::common::device::gpu;
-use crate::common::one::{One, ball, camera, scene_of};
-use crate::common::random::{Random, view, wild_scene};
+use crate::common::prelude::*;
+use crate::common::random::view;
 use crate::common::references::tested;
-use crate::common::same::assert_same;
 use crate::common::stages::Fixture;
-use ivv::Constants;
 use ivv::internals::gpu::generated::compact;
-use ivv::internals::gpu::{Grid, Recording};
-use ivv::internals::reference::{Camera, Params, Rules, exclusive_scan, project, tiles_truth, visible};
-use ivv::internals::scene::{Motion, View};
-use ivv::internals::stage::{Among, Purpose, SceneBuffers};
+use ivv::internals::reference::{exclusive_scan, project, tiles_truth, visible};
+use ivv::internals::stage::Among;
 
 tested! {
     "cull/bound.comp" by tiles_truth in no_gaussian_that_contributes_to_a_pixel_is_culled;
@@ -233,9 +228,12 @@ fn half_width(one: &One) -> f64 {
 fn blocks_are_listed_that_have_someone_alive_and_no_others() {
     let lasting = |t_scale: f32, t_center: f32| Motion { velocity: [0.5, 0.0, 0.0], t_center, t_scale };
     let mut random = Random::new(11);
-    for n in [1usize, 127, 128, 129, 1000, 20_000] {
+    let lasts = [f32::INFINITY, 0.01f32.ln(), f32::NAN, 80.0];
+    for (n, lasts) in
+        [(1usize, &lasts[..]), (127, &lasts), (128, &lasts), (129, &lasts), (1000, &lasts), (20_000, &lasts[..1])]
+    {
         // In order of time; whatever the last one is.
-        for last in [0.01f32.ln(), f32::INFINITY, f32::NAN, 80.0] {
+        for &last in lasts {
             let moving = |i: usize| {
                 let t_scale = if i + 1 == n { last } else { random.uniform(-6.0, -4.5) as f32 };
                 let at = random.vector::<2>(-0.5, 0.5);

@@ -2,16 +2,14 @@
 //! groups of any length.
 
 use crate::adversary::rounds_otherwise;
-use crate::common::device::{Watched, gpu};
-use crate::common::one::{One, ball, logit, scene_of};
-use crate::common::random::Random;
+use crate::common::device::Watched;
+use crate::common::one::logit;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use crate::common::same::assert_same;
-use ivv::Constants;
 use ivv::internals::gpu::Buf;
 use ivv::internals::reference::{Density, Descent, Kind};
-use ivv::internals::scene::{Cone, Motion, Splats};
-use ivv::internals::stage::{Choice, Counts, DensityRound, Grown, Moments, PruneLimits, SceneBuffers};
+use ivv::internals::scene::Cone;
+use ivv::internals::stage::{Choice, Counts, DensityRound, Grown, Moments, PruneLimits};
 
 tested! {
     "density/density_classify.comp" by Density in the_dead_are_relocated_as_in_the_reference_and_a_round_adds_five_in_a_hundred;

@@ -1,12 +1,10 @@
 //! What pictures say of the parts of Gaussians: against the gradients, and against pictures without the part.
 
-use crate::common::device::gpu;
-use crate::common::random::{Random, scene, view};
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
 use crate::common::references::tested;
-use ivv::Constants;
 use ivv::internals::reference::responses;
-use ivv::internals::scene::{Frame, Splats, View};
-use ivv::internals::stage::{Census, Outputs, Renderer, Response};
+use ivv::internals::stage::{Census, Response};
 
 tested! {
     "fisher/fisher.comp" by responses in sums_over_views_are_those_of_the_gradients;

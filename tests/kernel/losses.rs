@@ -1,10 +1,8 @@
 //! The photometric loss and its cotangent on the device, against dual numbers. Equal and flat pictures: the rows N20 and
 //! N21 of `tests/conformance`.
 
-use crate::common::device::gpu;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::stage::{MOST_TERMS, Report, SSIM_WEIGHT, record_report};
 use ivv_conformance::fixtures::photometric::Pair;

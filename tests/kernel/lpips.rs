@@ -2,17 +2,13 @@
 //! pictures and dead features: the rows N20 and N22 of `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
-use crate::common::device::gpu;
-use crate::common::notes::shared;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use crate::scene::{Folder, fault};
+use crate::scene::fault;
 use ivv::Error;
-use ivv::internals::gpu::{Gpu, Recording};
+use ivv::internals::gpu::Gpu;
 use ivv::internals::stage::{Compared, Cotangent, Lpips, Shown, Trunk, record_totals};
 use ivv_conformance::fixtures::lpips::{self as fixtures, Pair, TRUNKS, Weights, narrow};
-use std::path::{Path, PathBuf};
-use std::process::Command;
 
 tested! {
     "lpips/lpips_input.comp" by lpips in lpips_and_cotangent_of_noise_are_those_of_dual_numbers;

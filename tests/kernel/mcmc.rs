@@ -1,16 +1,12 @@
 //! What 3DGS-MCMC needs of density control: copies that share their opacity, draws by opacity, noise.
 
 use super::density::{Case, DRAWN, scene};
-use crate::common::device::gpu;
-use crate::common::one::{ball, camera, logit, scene_of};
+use crate::common::one::logit;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use crate::common::same::assert_same;
-use ivv::Constants;
-use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::reference::{normals, shared_opacity};
-use ivv::internals::scene::Splats;
-use ivv::internals::stage::{DensityRound, Outputs, Renderer, SceneBuffers, record_mcmc_noise};
+use ivv::internals::stage::{DensityRound, record_mcmc_noise};
 
 tested! {
     "density/mcmc_noise.comp" by normals in noise_moves_the_faint_along_their_covariance_and_nothing_when_the_step_failed;

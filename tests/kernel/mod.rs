@@ -22,8 +22,8 @@ mod show;
 mod sort;
 mod tiles;
 
+use crate::common::prelude::*;
 use crate::common::references::Tested;
-use crate::common::same::{assert_same, assert_same_splats};
 use ivv_conformance::fixtures::adam::Scene;
 use std::fmt::Display;
 

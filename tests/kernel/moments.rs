@@ -2,20 +2,14 @@
 //! `tests/conformance`.
 
 use crate::adversary::rounds_otherwise;
-use crate::common::device::gpu;
-use crate::common::random::{Random, scene, view};
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
 use crate::common::references::tested;
-use crate::common::same::{assert_same, assert_same_splats};
 use crate::kernel::assert_same_scene;
 use crate::kernel::batch::{borrowed, two};
-use ivv::Constants;
-use ivv::internals::gpu::Recording;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::reference::{random_bits, rounded_moment};
-use ivv::internals::scene::Splats;
-use ivv::internals::stage::{
-    AdamMode, Purpose, Rates, SceneBuffers, StepSettings, adam_params, lazy_sums, moment_word, moments_of,
-};
+use ivv::internals::stage::{Rates, StepSettings, adam_params, lazy_sums, moment_word, moments_of};
 use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 use std::fmt::Display;
 

@@ -1,16 +1,12 @@
 //! The cameras' poses on the device, against their reference.
 
-use crate::common::device::gpu;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use glam::{DMat3, DQuat, DVec3, Vec3};
-use ivv::Constants;
-use ivv::internals::gpu::Recording;
+use glam::Vec3;
 use ivv::internals::gpu::generated::constants::pose::POSE_MOST_TURN;
 use ivv::internals::gpu::generated::{Status, ViewParams};
 use ivv::internals::reference::{PoseMoments, PoseRule, PoseState, corrected, pose_step};
-use ivv::internals::scene::{Pose, View};
-use ivv::internals::stage::{PoseRows, PoseStep, Poses, Strip, view_params};
+use ivv::internals::stage::{PoseRows, PoseStep, Poses};
 
 tested! {
     "pose/pose_apply.comp" by corrected in a_view_is_turned_and_shifted_as_its_pose_is;

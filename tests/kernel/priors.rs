@@ -1,8 +1,7 @@
 //! The losses against priors of depth and flow on the device, against dual numbers. No error at all: row N20 of
 //! `tests/conformance`.
 
-use crate::common::device::gpu;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
 use ivv::internals::stage::DepthSpace;
 use ivv_conformance::fixtures::priors::Case;

@@ -1,6 +1,6 @@
 //! The probes leave what their references say: what they time is the work that they count.
 
-use crate::common::device::gpu;
+use crate::common::prelude::*;
 use crate::common::references::tested;
 use ivv::internals::profile::{Peaks, Prepared, Probe, dispatch_ns, dispatches};
 use ivv::internals::reference::{exp2_solution, fma_sum, scattered_rows, turned_lane};

@@ -1,13 +1,11 @@
 //! Projected records of the device against the float64 projection.
 
 use crate::adversary::slack;
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
 use crate::common::references::tested;
 use crate::common::stages::{Active, Fixture};
-use glam::DMat3;
-use ivv::Constants;
-use ivv::internals::reference::{Camera, Params, Projected, Rules, basis, power, project, tiles_truth};
-use ivv::internals::scene::{Pose, Splats, View};
+use ivv::internals::reference::{basis, power, project, tiles_truth};
 
 tested! {
     "project/project.comp" by project in records_of_every_degree_and_population_are_those_of_float64;

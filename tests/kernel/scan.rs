@@ -1,11 +1,8 @@
 //! Prefix sums of the device against the reference.
 
-use crate::common::device::gpu;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use crate::common::same::assert_same;
 use ivv::internals::gpu::generated::Status;
-use ivv::internals::gpu::{Grid, Recording};
 use ivv::internals::reference::exclusive_scan;
 use ivv::internals::stage::{PairGrids, Scan};
 

@@ -1,12 +1,9 @@
 //! Outputs as a window shows them, against the reference and against the PNG of the same picture.
 
 use crate::adversary::slack;
-use crate::common::device::gpu;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use ivv::internals::gpu::Recording;
 use ivv::internals::reference::{laid_over, shown};
-use ivv::internals::scene::Frame;
 use ivv::internals::stage::{Layer, Screen};
 
 tested! {

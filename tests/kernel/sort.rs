@@ -1,10 +1,7 @@
 //! Radix sort of the device against the reference.
 
-use crate::common::device::gpu;
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use crate::common::references::tested;
-use crate::common::same::assert_same;
-use ivv::internals::gpu::{Grid, Recording};
 use ivv::internals::reference::radix_sort;
 use ivv::internals::stage::{Carried, Sort, Unsorted};
 

@@ -1,11 +1,10 @@
 //! Tile lists of the device against every pixel.
 
-use crate::common::random::{scene, view, wild_scene};
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
 use crate::common::references::tested;
 use crate::common::stages::Fixture;
-use ivv::Constants;
-use ivv::internals::reference::{Camera, Params, Rules, exclusive_scan, project, ranges, tiles_truth};
-use ivv::internals::scene::{Intrinsics, Splats, View};
+use ivv::internals::reference::{exclusive_scan, project, ranges, tiles_truth};
 
 tested! {
     "tiles/gather.comp" by exclusive_scan in the_lists_hold_every_needed_pair_and_few_others_in_depth_order;

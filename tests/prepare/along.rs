@@ -1,19 +1,14 @@
 //! What comes along with a source's pictures: priors, points of frames, the cameras' clocks, sound and keypoints.
 
-use std::path::Path;
-
-use image::ExtendedColorType;
-use ivv::internals::prepare::PrepareSettings;
-use ivv::internals::scene::capture::{Capture, FramePoint, Frames, Manifest};
-use ivv::internals::scene::prior::{read_depth, read_flow, write_depth, write_flow};
-use ivv::internals::scene::{SeenPoint, write_points};
-use serde_json::json;
-
 use super::sources::{IDENTITY, sequence};
 use super::{done, every, open, rate, run, settings};
 use crate::capture::model::{Model, binary};
-use crate::capture::{Folder, assert_told, dynamic, encode, png};
+use crate::capture::{assert_told, dynamic, encode, png};
 use crate::common::npy_rows;
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::FramePoint;
+use ivv::internals::scene::prior::{write_depth, write_flow};
+use serde_json::json;
 
 /// The project's own folder whose lens distorts: what was estimated from the pictures is undistorted with them.
 #[test]

@@ -1,12 +1,6 @@
 //! `tools/board_clocks.py`, run as a program: clocks and poses of cameras that see one board.
 
-use std::path::Path;
-use std::process::Command;
-
-use glam::{DMat3, DQuat, DVec3};
-
-use crate::capture::Folder;
-
+use crate::common::prelude::*;
 const FOCAL: f64 = 600.0;
 const RADIAL: f64 = -0.2;
 /// When the cameras' frames are taken, frames after they count as taken; the mean is 0.

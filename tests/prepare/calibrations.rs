@@ -1,12 +1,11 @@
 //! Calibrations of others: which row, section or matrix is which camera's, and where the file lies.
 
-use ivv::internals::prepare::{PrepareSettings, recognise};
-use ivv::internals::scene::capture::Capture;
-
 use super::sources::sequence;
 use super::{done, rate, run, settings};
-use crate::capture::{Folder, assert_told};
+use crate::capture::assert_told;
 use crate::common::npy_rows;
+use crate::common::prelude::*;
+use ivv::internals::prepare::recognise;
 
 fn row(x: f64) -> Vec<f64> {
     let (down, right, back) = ([0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]);

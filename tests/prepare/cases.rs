@@ -1,10 +1,7 @@
 //! The small inputs beside the checkout, `../shared/cases`, as someone new would try them. Each has a README that says what is right.
 
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
-use crate::capture::Folder;
-use crate::common::notes::{needs, shared};
+use crate::common::notes::needs;
+use crate::common::prelude::*;
 
 struct Told {
     text: String,

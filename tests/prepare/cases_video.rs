@@ -1,11 +1,7 @@
 //! Small recordings beside the checkout, each of a kind that once went wrong: videos.
 
-use std::process::Command;
-
-use ivv::internals::scene::capture::Capture;
-
-use crate::capture::Folder;
-use crate::common::notes::{has_program, shared};
+use crate::common::notes::has_program;
+use crate::common::prelude::*;
 
 /// What `ivv prepare` says of a case, and the capture that it made; nothing where cases or ffmpeg are absent.
 #[track_caller]

@@ -1,15 +1,8 @@
 //! Videos whose pictures tell their own number, so that what a capture shows can be read back.
 
-use std::collections::BTreeMap;
+use crate::common::prelude::*;
 use std::fmt::Write as _;
 use std::io::Write as _;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::sync::Mutex;
-
-use ivv::internals::scene::capture::Capture;
-
-use crate::capture::Folder;
 
 /// Sides of a picture, and of a block of it that is a bit of its number.
 const SIZE: [u32; 2] = [64, 48];

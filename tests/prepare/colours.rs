@@ -1,15 +1,9 @@
 //! Videos of high dynamic range, of wide gamuts and of fields become what the others are.
 
-use std::path::Path;
-
-use ivv::internals::prepare::PrepareSettings;
-use ivv::internals::scene::capture::Capture;
-
 use super::coded::{ffmpeg, rig};
 use super::{done, settings};
-use crate::capture::Folder;
 use crate::common::notes::needs;
-use crate::common::same::assert_same;
+use crate::common::prelude::*;
 
 /// Colours of every hue and lightness, smooth, so that codecs change little.
 const PICTURE: &str = "nullsrc=s=64x48:r=10:d=1,format=gbrp,geq=r='X*4':g='Y*5':b='(X+Y)*2'";

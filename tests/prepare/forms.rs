@@ -1,16 +1,12 @@
 //! Photos without cameras in other forms than PNG and JPEG of 8 bits, and what is said where COLMAP places nothing.
 
-use std::path::Path;
-use std::process::Command;
-
-use ivv::internals::prepare::{PrepareSettings, forecast, recognise};
-use ivv::internals::random::Keyed;
-use ivv::internals::scene::capture::Capture;
-
-use super::pictures::{models, prepare_with, stub};
-use super::{run, settings, video};
-use crate::capture::{Folder, encode, png};
+use super::pictures::{models, stub};
+use super::{calls, ivv_prepare, run, settings, video};
+use crate::capture::{encode, png};
 use crate::common::notes::{has_program, needs};
+use crate::common::prelude::*;
+use ivv::internals::prepare::{forecast, recognise};
+use ivv::internals::random::Keyed;
 
 fn converted(folder: &Folder, from: &str, to: &str) {
     let [from, to] = [from, to].map(|name| folder.0.join(name));
@@ -37,9 +33,9 @@ fn photos_in_other_forms_are_converted_and_none_is_dropped_in_silence() {
     folder.write("source/f.HEIC", "no picture");
     folder.write("source/g.nef", "raw");
     models(&folder, ["a.png", "b.png", "d.png"]);
-    let path = stub(&folder);
-    let (source, out) = (folder.0.join("source"), folder.0.join("out"));
-    let output = prepare_with(&path, &source, &out);
+    stub(&folder);
+    let out = folder.0.join("out");
+    let output = ivv_prepare(&folder, &[]);
     let told = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();
     assert!(output.status.success(), "{told}");
     assert!(told.contains("COLMAP places 4 pictures"), "{told}");
@@ -62,7 +58,7 @@ fn photos_in_other_forms_are_converted_and_none_is_dropped_in_silence() {
     }
     assert_eq!((given("d.png").color(), given("d.png").into_rgb8().as_raw()[7]), (image::ColorType::Rgb8, 7));
     assert_eq!(Capture::open(&out).unwrap().cameras.len(), 3);
-    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    let calls = calls(&folder);
     assert!(calls.contains("out/reconstruction/images"), "{calls}");
 }
 

@@ -1,14 +1,9 @@
 //! Names, files and calibrations that are not what they should be; programs that are not there.
 
-use std::path::Path;
-use std::process::{Command, Output};
-
-use ivv::internals::prepare::{PrepareSettings, Triangulate};
-use ivv::internals::scene::capture::CaptureSettings;
-
 use super::{done, rate, run, settings, video};
-use crate::capture::{Folder, assert_told, png};
+use crate::capture::{assert_told, png};
 use crate::common::notes::needs;
+use crate::common::prelude::*;
 
 /// caliscope's calibration of two cameras, the numbers of the first as they are given.
 fn caliscope(folder: &Folder, matrix: &str, distortions: &str) {

@@ -1,14 +1,10 @@
 //! Cameras that began apart are put in step by what they hear.
 
-use std::path::Path;
-
-use ivv::internals::prepare::{PrepareSettings, ShiftBy};
-use ivv::internals::scene::capture::Capture;
-
 use super::coded::{coded, ffmpeg, numbers, rig};
 use super::{done, run, settings};
-use crate::capture::Folder;
 use crate::common::notes::needs;
+use crate::common::prelude::*;
+use ivv::internals::prepare::ShiftBy;
 
 /// The part from `from` seconds on of a video of ten seconds of noise, louder by `gain`, with hiss of its own.
 fn recorded(path: &Path, from: f64, gain: f64, hiss: f64, seed: u32) {

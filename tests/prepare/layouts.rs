@@ -1,16 +1,12 @@
 //! Where footage lies and in what form: a folder for each camera, chapters of a take, sequences of pictures that ffmpeg reads, masks.
 
-use std::path::Path;
-use std::process::Command;
-
-use ivv::internals::prepare::{PrepareSettings, recognise};
-use ivv::internals::scene::capture::{Capture, CaptureSettings, check_capture};
-
 use super::sources::{IDENTITY, sequence};
 use super::{done, run, settings, video};
 use crate::capture::model::{Model, STEMS, binary};
-use crate::capture::{Folder, assert_told, encode, png};
+use crate::capture::{assert_told, encode, png};
 use crate::common::notes::needs;
+use crate::common::prelude::*;
+use ivv::internals::prepare::recognise;
 
 /// A calibration of cameras of 64 x 48 in COLMAP's files, without points.
 fn rig(folder: &Folder, names: &[&'static str]) {

@@ -22,13 +22,9 @@ mod tracking;
 mod undistort;
 mod videos;
 
-use std::path::Path;
-use std::sync::Mutex;
-
-use ivv::internals::prepare::{PrepareSettings, Prepared, Triangulate, prepare};
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames};
-
-use crate::capture::Folder;
+use crate::common::prelude::*;
+use ivv::internals::prepare::{Prepared, prepare};
+use std::os::unix::fs::PermissionsExt;
 
 /// Settings from a source to a new folder `out` in it, without programs of others.
 fn settings(folder: &Folder) -> PrepareSettings {
@@ -84,4 +80,47 @@ fn encoded(path: &Path, source: &str, options: &[&str]) {
         let own = ["-f", "lavfi", "-i", source, "-c:v", "mpeg4", "-q:v", "2"];
         coded::ffmpeg(&[&own[..], options, &[path.to_str().unwrap()]].concat());
     });
+}
+
+/// Puts a program of this name into `bin/` of the folder.
+fn program(folder: &Folder, name: &str, script: &str) {
+    let program = folder.write(&format!("bin/{name}"), script);
+    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+}
+
+/// In the place of COLMAP: its mapper finds `model/`, and it deletes images by taking the model of that name.
+const COLMAP: &str = r#"#!/bin/sh
+here=$(dirname "$0")/..
+echo "$@" >>"$here/calls"
+verb=$1
+while [ $# -gt 0 ]; do case $1 in
+--output_path) out=$2 ;;
+--image_list_path) list=$2 ;;
+--image_names_path) names=$2 ;;
+esac; shift; done
+case $verb in
+feature_extractor) [ -z "$list" ] || cat "$list" >>"$here/listed" ;;
+mapper) mkdir -p "$out/0"; cp "$here"/model/* "$out/0" ;;
+image_deleter) cat "$names" >>"$here/deleted"; cp "$here/$(basename "$out")"/* "$out" ;;
+esac
+"#;
+
+/// `ivv` with the programs in `bin/` of the folder before others.
+fn ivv_in(folder: &Folder) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
+    let path = format!("{}:{}", folder.0.join("bin").display(), std::env::var("PATH").unwrap());
+    command.env("PATH", path);
+    command
+}
+
+/// `ivv prepare` of `source/` to `out/` as [`ivv_in`].
+fn ivv_prepare(folder: &Folder, options: &[&str]) -> Output {
+    let mut command = ivv_in(folder);
+    command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(folder.0.join("out"));
+    command.args(options).output().unwrap()
+}
+
+/// What programs in `bin/` wrote about their calls.
+fn calls(folder: &Folder) -> String {
+    std::fs::read_to_string(folder.0.join("calls")).unwrap()
 }

@@ -1,18 +1,10 @@
 //! A moving rig in a room with textures, where balls move too, followed by COLMAP itself; the true poses are known.
 
-use std::io::Write;
-use std::path::Path;
-use std::process::{Command, Stdio};
-use std::time::Instant;
-
-use glam::{DMat3, DVec3, DVec4};
-use ivv::internals::prepare::PrepareSettings;
-use ivv::internals::scene::Pose;
-use ivv::internals::scene::capture::{Capture, Frames};
-
 use super::{done, settings};
-use crate::capture::Folder;
 use crate::common::notes::needs;
+use crate::common::prelude::*;
+use glam::DVec4;
+use std::io::Write;
 
 const SIZE: (u32, u32) = (320, 240);
 const N_CAMERAS: u32 = 6;

@@ -1,31 +1,13 @@
 //! `ivv prepare --static`: photographs of the place of a clip.
 
-use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
-use std::process::{Command, Output};
-
-use image::ExtendedColorType;
-use ivv::internals::prepare::{PrepareSettings, prepare};
-use ivv::internals::scene::capture::{Alpha, Capture, CaptureSettings};
-
-use super::{done, run, settings, video};
-use crate::capture::model::{Model, binary};
+use super::{COLMAP, done, ivv_prepare, program, run, settings, video};
+use crate::capture::model::{Model, write_to};
 use crate::capture::photos::clip;
-use crate::capture::{Folder, assert_told, encode, png};
+use crate::capture::{assert_told, encode, png};
 use crate::common::notes::needs;
-
-/// A program in the place of COLMAP: its mapper finds `model/`, and it deletes images by taking the model of that name.
-fn stub(folder: &Folder) -> String {
-    let script = "#!/bin/sh\nhere=$(dirname \"$0\")/..\necho \"$@\" >>\"$here/calls\"\nverb=$1\n\
-        while [ $# -gt 0 ]; do case $1 in --output_path) out=$2;; --image_list_path) list=$2;; \
-        --image_names_path) names=$2;; esac; shift; done\n\
-        case $verb in\nfeature_extractor) cat \"$list\" >>\"$here/listed\";;\n\
-        mapper) mkdir -p \"$out/0\"; cp \"$here\"/model/* \"$out/0\";;\n\
-        image_deleter) cat \"$names\" >>\"$here/deleted\"; cp \"$here/$(basename \"$out\")\"/* \"$out\";;\nesac\n";
-    let program = folder.write("bin/colmap", script);
-    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
-    format!("{}:{}", folder.0.join("bin").display(), std::env::var("PATH").unwrap())
-}
+use crate::common::prelude::*;
+use ivv::internals::prepare::prepare;
+use ivv::internals::scene::capture::Alpha;
 
 /// A model of these images, each a camera of its own, in a folder.
 fn model(folder: &Folder, name: &str, images: &[&'static str]) {
@@ -41,15 +23,7 @@ fn model(folder: &Folder, name: &str, images: &[&'static str]) {
         (*id, 2, "SIMPLE_RADIAL", u64::from(width), u64::from(height), params)
     };
     let model = Model { cameras: images.iter().map(camera).collect(), images, points: vec![] };
-    for (stem, bytes) in ["cameras", "images", "points3D"].iter().zip(binary(&model)) {
-        folder.write(&format!("{name}/{stem}.bin"), bytes);
-    }
-}
-
-fn prepare_with(path: &str, folder: &Folder, options: &[&str]) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(folder.0.join("out")).env("PATH", path);
-    command.arg("--static").arg(folder.0.join("walk")).args(options).output().unwrap()
+    write_to(folder, name, &model);
 }
 
 #[test]
@@ -66,9 +40,10 @@ fn videos_and_photographs_are_placed_together_and_become_one_capture() {
     model(&folder, "model", &["left.jpg", "middle.jpg", "right.jpg", "photos/a.png", "photos/b.png"]);
     model(&folder, "of-cameras", &cameras);
     model(&folder, "of-photos", &["photos/a.png", "photos/b.png"]);
-    let path = stub(&folder);
-    let options = ["--triangulate", "none", "--frames", "2"];
-    let output = prepare_with(&path, &folder, &options);
+    program(&folder, "colmap", COLMAP);
+    let walk = folder.path("walk");
+    let options = ["--static", &walk, "--triangulate", "none", "--frames", "2"];
+    let output = ivv_prepare(&folder, &options);
     let told = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(output.status.success(), "{told}");
     assert!(told.contains("COLMAP places 5 pictures, matching 10 pairs"), "{told}");
@@ -90,7 +65,7 @@ fn videos_and_photographs_are_placed_together_and_become_one_capture() {
     let [r, ..] = capture.picture(4, 0).unwrap().pixels[0].to_le_bytes();
     assert!((90..120).contains(&r), "{r}");
     // A second run asks COLMAP for nothing.
-    assert!(prepare_with(&path, &folder, &options).status.success());
+    assert!(ivv_prepare(&folder, &options).status.success());
     assert_eq!(read("calls"), calls);
 }
 

@@ -1,30 +1,23 @@
 //! Pictures without cameras: photos, a video, a folder of videos; and what a source is taken for.
 
-use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
-use std::process::{Command, Output};
-
-use ivv::internals::prepare::{PrepareSettings, Triangulate, forecast, prepare, recognise};
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Manifest};
-
 use super::sources::{IDENTITY, transforms};
-use super::{done, run, settings, video};
-use crate::capture::model::{Model, STEMS, binary};
-use crate::capture::{Folder, assert_told, png, told};
-use crate::common::notes::{has_program, needs, shared};
+use super::{calls, done, ivv_in, ivv_prepare, program, run, settings, video};
+use crate::capture::model::{Model, write_to};
+use crate::capture::{assert_told, png, told};
+use crate::common::notes::{has_program, needs};
+use crate::common::prelude::*;
+use ivv::internals::prepare::{forecast, prepare, recognise};
 
 /// A program in the place of COLMAP that writes what it is called with, tells progress as COLMAP does, and has the mapper find
 /// the model in `model/`.
-pub(super) fn stub(folder: &Folder) -> String {
+pub(super) fn stub(folder: &Folder) {
     let script = "#!/bin/sh\nhere=$(dirname \"$0\")/..\necho \"$@\" >>\"$here/calls\"\n\
         case $1 in\nfeature_extractor) echo 'Processed file [1/4]'; echo 'Processed file [4/4]';;\n\
         exhaustive_matcher) echo 'Matching block [1/1, 1/1] in 0.1s';;\n\
         mapper) while [ \"$1\" != --output_path ]; do shift; done\n\
         mkdir -p \"$2/0\" \"$2/1\"; cp \"$here\"/small/* \"$2/0\"; cp \"$here\"/model/* \"$2/1\"\n\
         echo 'Registering image #4 (4)';;\nesac\n";
-    let program = folder.write("bin/colmap", script);
-    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
-    format!("{}:{}", folder.0.join("bin").display(), std::env::var("PATH").unwrap())
+    program(folder, "colmap", script);
 }
 
 /// The models that the stub finds: one of three pictures of the four, and a smaller one.
@@ -38,9 +31,7 @@ pub(super) fn models(folder: &Folder, names: [&'static str; 3]) {
         let points = vec![(5, [0.5, 0.0, 4.0], [9, 8, 7], 0.1, vec![(1, 0), (2, 0)])];
         let camera = (1, 2, "SIMPLE_RADIAL", 64, 48, vec![60.0, 32.0, 24.0, -0.02]);
         let model = Model { cameras: vec![camera], images: images(n), points };
-        for (stem, bytes) in ["cameras", "images", "points3D"].iter().zip(binary(&model)) {
-            folder.write(&format!("{part}/{stem}.bin"), bytes);
-        }
+        write_to(folder, part, &model);
     }
 }
 
@@ -50,19 +41,14 @@ fn photos(folder: &Folder) {
     }
 }
 
-pub(super) fn prepare_with(path: &str, source: &Path, output: &Path) -> Output {
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.arg("prepare").arg(source).arg("-o").arg(output).env("PATH", path).output().unwrap()
-}
-
 #[test]
 fn photos_become_a_capture() {
     let folder = Folder::new("prepare-photos");
     photos(&folder);
     models(&folder, ["a.png", "b.png", "d.png"]);
-    let path = stub(&folder);
-    let (source, out) = (folder.0.join("source"), folder.0.join("out"));
-    let output = prepare_with(&path, &source, &out);
+    stub(&folder);
+    let out = folder.0.join("out");
+    let output = ivv_prepare(&folder, &[]);
     let (said, told) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
     assert!(output.status.success(), "{told}");
     // How long it will take comes first.
@@ -73,7 +59,7 @@ fn photos_become_a_capture() {
         said.contains("COLMAP placed 3 of 4 pictures") && said.contains("left out") && said.contains("c.png"),
         "{said}"
     );
-    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    let calls = calls(&folder);
     let verbs: Vec<&str> = calls.lines().filter_map(|line| line.split(' ').next()).collect();
     assert_eq!(verbs, ["feature_extractor", "exhaustive_matcher", "mapper"]);
     assert!(
@@ -89,8 +75,8 @@ fn photos_become_a_capture() {
     let [r, ..] = capture.picture(1, 0).unwrap().pixels[0].to_le_bytes();
     assert!((20..40).contains(&r), "{r}");
     // A second run asks COLMAP for nothing.
-    assert!(prepare_with(&path, &source, &out).status.success());
-    assert_eq!(std::fs::read_to_string(folder.0.join("calls")).unwrap(), calls);
+    assert!(ivv_prepare(&folder, &[]).status.success());
+    assert_eq!(self::calls(&folder), calls);
 }
 
 #[test]
@@ -98,13 +84,13 @@ fn photos_that_cannot_be_placed_are_told() {
     let folder = Folder::new("prepare-unplaced");
     photos(&folder);
     models(&folder, ["a.png", "b.png", "d.png"]);
-    let path = stub(&folder);
+    stub(&folder);
     for stem in ["cameras", "images", "points3D"] {
         std::fs::rename(folder.0.join(format!("small/{stem}.bin")), folder.0.join(format!("model/{stem}.bin")))
             .unwrap();
     }
     std::fs::write(folder.0.join("small/none"), "").unwrap();
-    let output = prepare_with(&path, &folder.0.join("source"), &folder.0.join("out"));
+    let output = ivv_prepare(&folder, &[]);
     let told = String::from_utf8(output.stderr).unwrap();
     assert_eq!(output.status.code(), Some(3), "{told}");
     assert!(told.contains("COLMAP cannot place") && told.contains("overlap"), "{told}");
@@ -118,13 +104,11 @@ fn videos_of_one_moment_become_a_capture_of_their_frames() {
         video(&folder.0.join(format!("source/{name}.mp4")), 3);
     }
     models(&folder, ["left.jpg", "middle.jpg", "right.jpg"]);
-    let path = stub(&folder);
+    stub(&folder);
     let out = folder.0.join("out");
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(&out).env("PATH", &path);
-    let output = command.args(["--triangulate", "none", "--frames", "2"]).output().unwrap();
+    let output = ivv_prepare(&folder, &["--triangulate", "none", "--frames", "2"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    let calls = calls(&folder);
     assert!(calls.contains("single_camera 0"), "{calls}");
     let capture = Capture::open(&out).unwrap();
     assert_eq!((capture.cameras.len(), capture.n_frames, capture.fps), (3, 2, 10.0));
@@ -141,15 +125,13 @@ fn a_video_of_what_stands_still_becomes_a_capture_of_one_moment() {
     let folder = Folder::new("prepare-walk");
     video(&folder.0.join("walk.mp4"), 4);
     models(&folder, ["00000.jpg", "00001.jpg", "00003.jpg"]);
-    let path = stub(&folder);
+    stub(&folder);
     // Names relative to the folder in which the command is given.
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.args(["prepare", "walk.mp4", "-o", "out"]).current_dir(&folder.0).env("PATH", &path);
-    let output = command.output().unwrap();
+    let output = ivv_in(&folder).args(["prepare", "walk.mp4", "-o", "out"]).current_dir(&folder.0).output().unwrap();
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(output.status.success(), "{told}");
     assert!(told.starts_with("a video without cameras: COLMAP places 4 pictures, matching 6 pairs"), "{told}");
-    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    let calls = calls(&folder);
     assert!(calls.lines().nth(1).unwrap().starts_with("sequential_matcher"), "{calls}");
     let capture = Capture::open(folder.0.join("out")).unwrap();
     let names: Vec<_> = capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -204,9 +186,7 @@ fn model(folder: &Folder, to: &str, names: &[&'static str]) {
     let image = |(id, name): (u32, &&'static str)| (id, IDENTITY, [f64::from(id), 0.0, 0.0], 1, *name, vec![]);
     let images = (1..).zip(names).map(image).collect();
     let cameras = vec![(1, 1, "PINHOLE", 64, 48, vec![60.0, 60.0, 32.0, 24.0])];
-    for (stem, bytes) in STEMS.iter().zip(binary(&Model { cameras, images, points: vec![] })) {
-        folder.write(&format!("{to}/{stem}.bin"), bytes);
-    }
+    write_to(folder, to, &Model { cameras, images, points: vec![] });
 }
 
 /// A plain COLMAP project of these images, and of others that were not placed.

@@ -1,17 +1,13 @@
 //! With the programs of others: ffmpeg, COLMAP and Python. Each test is skipped where its program is absent.
 
-use ivv::internals::prepare::{PrepareSettings, Prepared, Share, ShiftBy, Stage, Triangulate, estimate, prepare_share};
-use ivv::internals::scene::capture::{Camera, Capture, Frames, Manifest};
-use ivv::internals::scene::prior::read_flow;
-use ivv::internals::sound::wav;
-use ivv::internals::synth::{Options, Preset, write_capture};
-use std::path::Path;
-use std::process::Command;
-
-use super::{done, every, open, run, settings, video, video_with};
+use super::{done, every, ivv_prepare, open, program, run, settings, video, video_with};
+use crate::capture::assert_told;
 use crate::capture::model::{Model, binary};
-use crate::capture::{Folder, assert_told};
 use crate::common::notes::needs;
+use crate::common::prelude::*;
+use ivv::internals::prepare::{Prepared, Share, ShiftBy, Stage, estimate, prepare_share};
+use ivv::internals::sound::wav;
+use ivv::internals::synth::Options;
 
 /// ImViD's layout: cameras and images of COLMAP, a video of each camera; `left` distorts.
 fn imvid(folder: &Folder) {
@@ -258,13 +254,9 @@ fn a_program_that_sleeps_is_begun_again() {
     noise(&folder);
     // Its first call sleeps, and those after it are the real program's.
     let script = "#!/bin/sh\nmkdir \"$0.slept\" 2>/dev/null && exec sleep 600\nPATH=${PATH#*:} exec colmap \"$@\"\n";
-    let fake = folder.write("bin/colmap", script);
-    std::fs::set_permissions(&fake, std::os::unix::fs::PermissionsExt::from_mode(0o755)).unwrap();
-    let path = format!("{}:{}", folder.0.join("bin").display(), std::env::var("PATH").unwrap());
-    let began = std::time::Instant::now();
-    let mut command = std::process::Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(folder.0.join("out")).env("PATH", path);
-    let output = command.output().unwrap();
+    program(&folder, "colmap", script);
+    let began = Instant::now();
+    let output = ivv_prepare(&folder, &[]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     assert!(folder.0.join("bin/colmap.slept").is_dir() && began.elapsed().as_secs() >= 30);
     assert!(Manifest::read(&folder.0.join("out")).unwrap().points);

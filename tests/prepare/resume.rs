@@ -1,14 +1,10 @@
 //! A second run does nothing, a killed one is gone on with, and nothing is overwritten.
 
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
-use std::time::SystemTime;
-
-use ivv::internals::prepare::{ImageFormat, PrepareSettings, Share, Stage, prepare_share};
-use ivv::internals::scene::capture::{CaptureSettings, check_capture};
-
 use super::{done, every, rate, run, settings};
-use crate::capture::{Folder, assert_told, dynamic, png};
+use crate::capture::{assert_told, dynamic, png};
+use crate::common::prelude::*;
+use ivv::internals::prepare::{ImageFormat, Share, Stage, prepare_share};
+use std::time::SystemTime;
 
 fn tree(path: &Path) -> BTreeMap<PathBuf, (Vec<u8>, SystemTime)> {
     let mut found = BTreeMap::new();

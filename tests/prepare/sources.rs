@@ -1,14 +1,11 @@
 //! Every source arrives, and everything that is wrong with it is told.
 
-use image::ExtendedColorType;
-use ivv::internals::prepare::PrepareSettings;
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames, Manifest};
-use serde_json::json;
-
 use super::{done, every, open, rate, run, settings};
 use crate::capture::model::{Model, binary};
-use crate::capture::{Folder, assert_told, dynamic, encode, png};
+use crate::capture::{assert_told, dynamic, encode, png};
 use crate::common::npy_rows;
+use crate::common::prelude::*;
+use serde_json::json;
 
 pub(super) const IDENTITY: [f64; 4] = [1.0, 0.0, 0.0, 0.0];
 

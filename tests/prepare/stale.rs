@@ -1,35 +1,18 @@
 //! What has changed in the source is told, and made again with `--force`; flow that comes along stays as it is.
 
-use std::fs::File;
-use std::os::unix::fs::PermissionsExt;
-use std::path::Path;
-use std::process::Command;
-use std::time::{Duration, SystemTime};
-
-use ivv::internals::prepare::PrepareSettings;
-use ivv::internals::scene::capture::{Capture, Manifest};
-use ivv::internals::scene::prior::{read_depth, read_flow, write_depth, write_flow, write_flow_halves};
-use ivv::internals::scene::{SeenPoint, write_points};
-
 use super::sources::IDENTITY;
-use super::{done, open, run, settings, video};
-use crate::capture::model::{Model, STEMS, binary};
-use crate::capture::{Folder, png};
+use super::{COLMAP, calls, done, ivv_prepare, open, program, run, settings, video};
+use crate::capture::model::{Model, write_to};
+use crate::capture::png;
 use crate::common::notes::needs;
+use crate::common::prelude::*;
+use ivv::internals::scene::prior::{write_depth, write_flow, write_flow_halves};
+use ivv::internals::scene::prior::{write_depth, write_flow, write_flow_halves};
+use std::os::unix::fs::PermissionsExt;
+use std::time::SystemTime;
+use std::time::SystemTime;
 
 const N: usize = 64 * 48;
-
-/// In the place of COLMAP: its mapper finds `model/`, and it deletes images by taking the model of that name.
-const COLMAP: &str = r#"#!/bin/sh
-here=$(dirname "$0")/..
-echo "$1" >>"$here/calls"
-verb=$1
-while [ $# -gt 0 ]; do case $1 in --output_path) out=$2 ;; esac; shift; done
-case $verb in
-mapper) mkdir -p "$out/0"; cp "$here"/model/* "$out/0" ;;
-image_deleter) cp "$here/$(basename "$out")"/* "$out" ;;
-esac
-"#;
 
 /// In the place of Python with OpenCV: it gives the camera that it is called for the flow of `flow.npy`, where a frame has none.
 const PYTHON: &str = r#"#!/bin/sh
@@ -43,23 +26,11 @@ for frame in 00000 00001; do
 done
 "#;
 
-fn program(folder: &Folder, name: &str, script: &str) {
-    let program = folder.write(&format!("bin/{name}"), script);
-    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
-}
-
 /// Prepares with the programs of the folder; what is told where that fails.
 fn prepare(folder: &Folder, options: &[&str]) -> Result<(), String> {
-    let path = format!("{}:{}", folder.0.join("bin").display(), std::env::var("PATH").unwrap());
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(folder.0.join("out")).env("PATH", path);
-    let output = command.args(["--triangulate", "none"]).args(options).output().unwrap();
+    let output = ivv_prepare(folder, &[&["--triangulate", "none"], options].concat());
     let told = [output.stdout, output.stderr].map(|text| String::from_utf8_lossy(&text).into_owned()).concat();
     output.status.success().then_some(()).ok_or(told)
-}
-
-fn calls(folder: &Folder) -> Vec<String> {
-    std::fs::read_to_string(folder.0.join("calls")).unwrap().lines().map(str::to_owned).collect()
 }
 
 /// A model of images of one lens, with a point, in a folder.
@@ -72,9 +43,7 @@ fn model(folder: &Folder, name: &str, images: &[&'static str], x: f64) {
         images: ids.zip(images).map(image).collect(),
         points: vec![(5, [x, 0.5, 4.0], [9, 8, 7], 0.1, vec![(1, 0), (2, 0)])],
     };
-    for (stem, bytes) in STEMS.iter().zip(binary(&model)) {
-        folder.write(&format!("{name}/{stem}.bin"), bytes);
-    }
+    write_to(folder, name, &model);
 }
 
 /// A capture folder of two cameras and three frames with depth; those of `with_flow` have flow.
@@ -201,14 +170,14 @@ fn flow_is_estimated_beside_that_which_comes_along() {
     prepare(&folder, &["--flow", "dis"]).unwrap();
     assert!(is_whole());
     prepare(&folder, &["--flow", "dis", "--force"]).unwrap();
-    assert!(is_whole() && calls(&folder) == ["b"]);
+    assert!(is_whole() && calls(&folder) == "b\n");
     // As an earlier version that estimated it otherwise.
     let journal = String::from_utf8(read("out/prepare.json")).unwrap();
     folder.write("out/prepare.json", journal.replace("full resolution", "half resolution"));
     let told = prepare(&folder, &["--flow", "dis"]).unwrap_err();
     assert!(told.contains("flow/b: was made with other settings: method was"), "{told}");
     prepare(&folder, &["--flow", "dis", "--force"]).unwrap();
-    assert!(is_whole() && calls(&folder) == ["b", "b"]);
+    assert!(is_whole() && calls(&folder) == "b\nb\n");
 }
 
 #[test]
@@ -229,7 +198,7 @@ fn flow_that_comes_along_in_part_is_completed() {
         prepare(&folder, options).unwrap();
         assert!(read("out/flow/a/00000.npy") == read("source/flow/a/00000.npy"), "{options:?}");
         assert!(read("out/flow/a/00001.npy") == read("flow.npy"), "{options:?}");
-        assert_eq!(calls(&folder), ["a"], "{options:?}");
+        assert_eq!(calls(&folder), "a\n", "{options:?}");
     }
 }
 
@@ -237,7 +206,7 @@ fn flow_that_comes_along_in_part_is_completed() {
 fn placed_again(folder: &Folder, options: &[&str], what: &str, n: usize) {
     let told = prepare(folder, options).unwrap_err();
     assert!(told.contains(&format!("was made with other settings: {what} have changed")), "{told}");
-    let n_placed = || calls(folder).iter().filter(|call| *call == "mapper").count();
+    let n_placed = || calls(folder).lines().filter(|call| call.starts_with("mapper")).count();
     assert_eq!(n_placed(), n - 1);
     prepare(folder, &[options, &["--force"]].concat()).unwrap();
     prepare(folder, options).unwrap();

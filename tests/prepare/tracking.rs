@@ -1,15 +1,11 @@
 //! Rigs of cameras that move, followed by a program in the place of COLMAP.
 
-use std::os::unix::fs::PermissionsExt;
-use std::process::{Command, Output};
-
-use ivv::internals::prepare::{PrepareSettings, forecast};
-use ivv::internals::scene::capture::{Capture, Frames};
-
-use super::{settings, video};
-use crate::capture::model::{Model, binary};
-use crate::capture::{Folder, png};
+use super::{calls, ivv_prepare, program, settings, video};
+use crate::capture::model::{Model, write_to};
+use crate::capture::png;
 use crate::common::notes::needs;
+use crate::common::prelude::*;
+use ivv::internals::prepare::forecast;
 
 /// Finds the model in `model/` for pictures without cameras. Beside the images of a model that is given, it places those of its
 /// database: a unit further along x for each key frame, all but those in the file `lost`; where there is a file `fail` it fails at
@@ -64,20 +60,14 @@ fn rig(test: &str, lost: &str) -> Folder {
     };
     let points = vec![(5, [0.5, 0.0, 4.0], [9, 8, 7], 0.1, vec![(1, 0), (2, 0)])];
     let model = Model { cameras: (1..=4).map(camera).collect(), images: (1..=4).map(image).collect(), points };
-    for (stem, bytes) in ["cameras", "images", "points3D"].iter().zip(binary(&model)) {
-        folder.write(&format!("model/{stem}.bin"), bytes);
-    }
+    write_to(&folder, "model", &model);
     folder.write("lost", lost);
-    let program = folder.write("bin/colmap", COLMAP);
-    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    program(&folder, "colmap", COLMAP);
     folder
 }
 
 fn prepare(folder: &Folder, options: &[&str]) -> Output {
-    let path = format!("{}:{}", folder.0.join("bin").display(), std::env::var("PATH").unwrap());
-    let mut command = Command::new(env!("CARGO_BIN_EXE_ivv"));
-    command.arg("prepare").arg(folder.0.join("source")).arg("-o").arg(folder.0.join("out")).env("PATH", path);
-    command.args(["--triangulate", "none"]).args(options).output().unwrap()
+    ivv_prepare(folder, &[&["--triangulate", "none"], options].concat())
 }
 
 fn fails(folder: &Folder, options: &[&str]) -> String {
@@ -88,8 +78,7 @@ fn fails(folder: &Folder, options: &[&str]) -> String {
 }
 
 fn n_blocks(folder: &Folder) -> usize {
-    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
-    calls.lines().filter(|call| call.starts_with("mapper") && call.contains("fix_existing_images 1")).count()
+    calls(folder).lines().filter(|call| call.starts_with("mapper") && call.contains("fix_existing_images 1")).count()
 }
 
 #[test]
@@ -138,11 +127,10 @@ fn a_newer_colmap_is_given_the_names_that_it_knows() {
         *.fix_existing_images) case $word in --Feature*) ;; *)\n\
         echo \"E20251114 1 option_manager.cc:976] Failed to parse options - unrecognised option '$word'.\" >&2\n\
         exit 1;; esac;; esac; done\nexec \"$(dirname \"$0\")/older\" \"$@\"\n";
-    let program = folder.write("bin/colmap", newer);
-    std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+    program(&folder, "colmap", newer);
     let output = prepare(&folder, &["--moving", "2", "--frames", "1:6"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let calls = std::fs::read_to_string(folder.0.join("calls")).unwrap();
+    let calls = calls(&folder);
     let given =
         ["--FeatureExtraction.use_gpu 0", "--FeatureExtraction.max_image_size", "--FeatureMatching.num_threads"];
     let all = given.into_iter().chain(["--SiftExtraction.max_num_features", "--Mapper.fix_existing_frames 1"]);

@@ -1,11 +1,8 @@
 //! The lenses and their inverse, against round trips and against COLMAP's own pictures.
 
+use crate::common::prelude::*;
 use image::ImageReader;
-use ivv::internals::scene::Intrinsics;
-use ivv::internals::scene::capture::Capture;
-use ivv::internals::scene::undistort::{Distortion, Lens, Undistortion};
-
-use crate::common::notes::shared;
+use ivv::internals::scene::undistort::{Lens, Undistortion};
 
 const SIZE: (u32, u32) = (64, 48);
 

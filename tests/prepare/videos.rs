@@ -1,12 +1,11 @@
 //! Videos are paired by time: frames that were lost, rates that differ, late beginnings, trimmed clips.
 
-use ivv::internals::prepare::{PrepareSettings, Prepared};
-use ivv::internals::scene::capture::{Capture, Frames, Manifest};
-
 use super::coded::{coded, ffmpeg, numbers, rig};
 use super::{done, run, settings};
-use crate::capture::{Folder, assert_told};
+use crate::capture::assert_told;
 use crate::common::notes::needs;
+use crate::common::prelude::*;
+use ivv::internals::prepare::Prepared;
 
 /// Frames whose numbers a condition of ffmpeg's `select` names stay, each with its time.
 fn kept(condition: &str) -> [String; 4] {

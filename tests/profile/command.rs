@@ -1,9 +1,8 @@
 //! `ivv profile` as a command.
 
 use super::Folder;
-use crate::common::program::{ivv, works};
+use crate::common::prelude::*;
 use crate::common::random;
-use serde_json::Value;
 
 #[test]
 fn a_scene_is_profiled_into_tables_a_page_and_a_trace_and_its_kernels_are_dumped() {

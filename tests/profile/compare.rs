@@ -1,11 +1,9 @@
 //! Two profiles side by side.
 
-use crate::common::folder::Folder;
+use crate::common::prelude::*;
 use crate::common::program::json as read_json;
 use ivv::internals::profile::{Change, Comparison, Recorded};
-use serde_json::{Value, json};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Output};
+use serde_json::json;
 
 /// The profile that the project ships; it is older than the counts of samples by pass.
 fn shipped() -> Value {

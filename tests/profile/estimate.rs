@@ -1,14 +1,12 @@
 //! Estimates for cards that are not here.
 
-use crate::common::device::gpu;
 use crate::common::notes::stale;
+use crate::common::prelude::*;
 use ivv::internals::gpu::generated::gather;
-use ivv::internals::gpu::{Grid, Recording, shaders_hash};
+use ivv::internals::gpu::shaders_hash;
 use ivv::internals::profile::{Card, Figure};
 use ivv::internals::stage::Counters;
 use ivv_gpu_model::{Budgets, Estimate};
-use std::path::Path;
-use std::process::Command;
 
 const PAGE: &str = "assets/gpu/estimate.md";
 /// Makes the page's tables anew; the page says so.

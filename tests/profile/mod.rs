@@ -6,15 +6,13 @@ mod estimate;
 mod sweep;
 
 use crate::adversary::rounds_otherwise;
-use crate::common::device::gpu;
 pub use crate::common::folder::Folder;
+use crate::common::prelude::*;
 use crate::common::random;
-use ivv::internals::gpu::table::{Cost, Count, KERNELS};
+use ivv::Error;
+use ivv::internals::gpu::table::{Cost, Count};
 use ivv::internals::gpu::{Dispatch, PassTime, kernel_named};
 use ivv::internals::profile::{Bound, Difference, Lately, Moment, Peaks, Replay, read_dispatch, trace, write_dispatch};
-use ivv::internals::stage::{FrameReport, Outputs, Renderer};
-use ivv::{Constants, Error};
-use std::path::Path;
 
 #[test]
 fn of_the_last_frames_it_knows_the_rate_the_quantiles_and_the_slowest_passes() {

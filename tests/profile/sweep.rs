@@ -1,10 +1,7 @@
 //! How times grow, on tiny sizes.
 
-use crate::common::device::gpu;
-use crate::common::folder::Folder;
-use crate::common::program::{fails, text, works};
+use crate::common::prelude::*;
 use ivv::internals::profile::{Grows, Sweep, SweepOptions};
-use ivv::internals::stage::AdamMode;
 
 #[test]
 fn a_sweep_has_one_thing_grow_at_a_time_and_says_what_it_left_out() {

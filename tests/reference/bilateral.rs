@@ -1,6 +1,6 @@
 //! The reference's bilateral grid against tent functions over all cells, and its derivatives against finite differences.
 
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use ivv::internals::reference::{BilateralGrid, Dual};
 
 const N: usize = 12 * 16 * 16 * 8;

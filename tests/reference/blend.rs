@@ -1,11 +1,9 @@
 //! Blending against a direct sum, and its predicates at their exact thresholds.
 
-use ivv::Constants;
-use ivv::internals::reference::{Camera, Outputs, Params, Rules, project, render, render_f64};
-use ivv::internals::scene::Splats;
-
 use super::single;
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
+use ivv::internals::reference::{Outputs, project};
 
 fn together(splats: &[Splats]) -> Splats {
     let mut all = Splats { n_static: splats.len(), ..Splats::default() };

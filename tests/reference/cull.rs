@@ -1,10 +1,8 @@
 //! The conservative visibility bound against the pixels.
 
-use ivv::Constants;
-use ivv::internals::reference::{Camera, Params, Real, Rules, project, tiles_truth, visible};
-use ivv::internals::scene::{Motion, Splats, View};
-
-use crate::common::random::{Random, view};
+use crate::common::prelude::*;
+use crate::common::random::view;
+use ivv::internals::reference::{Real, project, tiles_truth, visible};
 
 /// Gaussians everywhere around the camera, of all sizes, brightnesses and times; needles among them.
 fn wild_scene(seed: u64, n: usize) -> Splats {

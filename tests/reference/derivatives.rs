@@ -1,11 +1,10 @@
 //! Dual numbers against central finite differences.
 
-use ivv::Constants;
-use ivv::internals::reference::{Camera, Dual, Params, Projected, Real, Rules, jvp, project, render};
-
 use super::{relative_l2, tensors, zero_like};
 use crate::common::golden::group;
-use crate::common::random::{Random, scene, view};
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
+use ivv::internals::reference::{Dual, Real, jvp, project};
 
 const GROUPS: [&str; 10] =
     ["position", "rotation", "scale", "opacity", "sh", "velocity", "t_center", "t_scale", "time_offset", "background"];

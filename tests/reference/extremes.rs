@@ -1,11 +1,9 @@
 //! Extremes of single parameters: which Gaussians are dropped and what the others give (N1, N2, N4, N5, N11, N12).
 
-use ivv::Constants;
-use ivv::internals::reference::{Camera, Dual, Gaussian, Params, Projected, Real, Rules, Temporal, project};
-use ivv::internals::scene::{Motion, Splats};
-
 use super::{single, with_motion, zero_like};
+use crate::common::prelude::*;
 use crate::common::random::view;
+use ivv::internals::reference::{Dual, Gaussian, Real, Temporal, project};
 
 fn projected<R: Real>(splats: &Splats, time: f64) -> Option<Projected<R>> {
     let view = view();

@@ -1,11 +1,9 @@
 //! The reference against the independent float64 implementation. Measured: outputs within 2e-15, derivatives within 2e-14.
 
-use ivv::Constants;
-use ivv::internals::reference::{Rules, jvp_of, render, render_f64};
-
 use super::{relative_l2, tensors, zero_like};
 use crate::common::golden::{CASES, Tensors, group, load};
-use crate::common::random::Random;
+use crate::common::prelude::*;
+use ivv::internals::reference::jvp_of;
 
 /// The golden program's constants: the decimals of SPEC 3 in double precision, not rounded to f32.
 const RULES: Rules<f64> = Rules { alpha_min: 1.0 / 255.0, alpha_max: 0.99, t_min: 1e-4, blur: 0.3, near: 0.01 };

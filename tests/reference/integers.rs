@@ -1,8 +1,7 @@
 //! Scan, sort, keys and ranges against the standard library.
 
+use crate::common::prelude::*;
 use ivv::internals::reference::{DIGITS, block_histograms, exclusive_scan, float_key, radix_sort, ranges};
-
-use crate::common::random::Random;
 
 const SIZES: [usize; 9] = [0, 1, 2, 255, 256, 257, 1023, 1024, 3001];
 

@@ -13,8 +13,8 @@ mod precision;
 mod ssim;
 mod tiles;
 
-use ivv::internals::reference::{Outputs, Params};
-use ivv::internals::scene::{Motion, Splats};
+use crate::common::prelude::*;
+use ivv::internals::reference::Outputs;
 
 /// The float tensors of `outputs`, flat, by their names in SPEC 9.
 pub fn tensors(outputs: &Outputs<f64>) -> [(&'static str, Vec<f64>); 5] {

@@ -1,8 +1,7 @@
 //! The factored covariance in f32: needles and extreme scales, rows n03 and n02 of `ivv-conformance`.
 
+use crate::common::prelude::*;
 use ivv::internals::reference::{Footprint, footprint, power};
-
-use crate::common::random::Random;
 
 const BLUR: f32 = 0.3;
 /// Exponent at which opacity 1 falls to 1/255: beyond it nothing is drawn.

@@ -1,14 +1,10 @@
 //! The same formulas in f32 and f64, and identities that hold bit for bit.
 
-use glam::{DMat3, DVec3};
-use ivv::Constants;
-use ivv::internals::reference::{Outputs, Params, Real, Rules, render};
-use ivv::internals::scene::{Motion, Splats, View};
-
 use super::{relative_l2, tensors, with_motion};
 use crate::common::golden::{CASES, load};
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::same::assert_same;
+use ivv::internals::reference::{Outputs, Real};
 
 fn render_as<R: Real>(splats: &Splats, view: &View) -> Outputs<R> {
     render(&Params::new(splats, view), view, &Rules::new(&Constants::default()))

@@ -1,6 +1,6 @@
 //! The reference's photometric loss against a published SSIM, the formula at one place, and finite differences.
 
-use crate::common::random::Random;
+use crate::common::prelude::*;
 use ivv::internals::reference::{Dual, photometric, ssim_map};
 
 fn grey(path: &str) -> (Vec<f64>, [usize; 2]) {

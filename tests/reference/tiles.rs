@@ -1,9 +1,7 @@
 //! Tiles by scan line against every pixel.
 
-use ivv::Constants;
-use ivv::internals::reference::{Projected, Real, Rules, columns, footprint, row_span, tiles, tiles_truth};
-
-use crate::common::random::Random;
+use crate::common::prelude::*;
+use ivv::internals::reference::{Real, columns, footprint, row_span, tiles, tiles_truth};
 
 /// Pixels; neither side is a multiple of 16.
 const SIZE: [u32; 2] = [105, 75];

@@ -1,13 +1,10 @@
 //! Clips of which only a window is on the device, pictures that follow one another without a wait.
 
-use crate::common::device::gpu;
 use crate::common::one::with;
-use crate::common::random::{self, Random, view};
-use crate::common::same::{assert_same, assert_same_frame, assert_same_splats};
-use ivv::internals::scene::{Frame, Motion, Splats, View};
-use ivv::internals::settings::{Constants, Culls, Knobs};
-use ivv::internals::stage::{Destination, FrameReport, Outputs, Renderer};
-use std::sync::Arc;
+use crate::common::prelude::*;
+use crate::common::random::{self, view};
+use ivv::internals::settings::{Culls, Knobs};
+use ivv::internals::stage::Destination;
 
 /// `n` dynamic Gaussians before [`view`] with lives of about `tau` all over the clip, behind 500 static ones.
 pub fn clip(n: usize, tau: f64) -> Splats {
@@ -180,8 +177,9 @@ fn pictures_that_follow_one_another_are_those_that_are_waited_for() {
 #[test]
 fn gaussians_are_there_from_when_up_to_when_their_span_says() {
     let _device = gpu();
-    // Few, so that nothing but the spans asks for windows.
-    for n in [300, 20_000] {
+    let (all, few) = ([0.25, 0.2499, 0.26, 0.5, 0.9, -0.5, 0.25], [0.5, 0.25, 0.9]);
+    // Of 300 nothing but the spans asks for windows.
+    for (n, times) in [(300, &all[..]), (20_000, &few)] {
         let mut splats = clip(n, 0.3);
         let mut random = Random::new(9);
         // Some borders are times of pictures.
@@ -195,7 +193,7 @@ fn gaussians_are_there_from_when_up_to_when_their_span_says() {
         for knobs in [Knobs::default(), unculled()] {
             let constants = Constants { knobs, ..Constants::default() };
             let mut spans = Renderer::new(gpu().clone(), &splats, constants).unwrap();
-            for time in [0.25, 0.2499, 0.26, 0.5, 0.9, -0.5, 0.25] {
+            for &time in times {
                 let there: Vec<usize> = (0..splats.len()).filter(|&i| splats.is_there(i, time)).collect();
                 let alone = Splats { span: Vec::new(), ..splats.in_order(&there) };
                 assert!(there.len() < splats.len());

@@ -1,11 +1,7 @@
 //! Frames of the device against the independent float64 implementation.
 
-use crate::common::device::gpu;
 use crate::common::golden::{CASES, load};
-use ivv::Constants;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::Frame;
-use ivv::internals::stage::{Outputs, Renderer};
+use crate::common::prelude::*;
 
 /// Tensors of a frame, flat and row-major, with their channels per pixel.
 fn tensors(frame: &Frame) -> [(&'static str, usize, Vec<f64>); 5] {

@@ -1,14 +1,9 @@
 //! What a frame does not depend on, to the last bit.
 
 use crate::adversary::rounds_otherwise;
-use crate::common::device::gpu;
-use crate::common::frames::render;
 use crate::common::one::with;
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::same::{assert_same, assert_same_frame};
-use ivv::Constants;
-use ivv::internals::scene::Frame;
-use ivv::internals::stage::{Outputs, Renderer};
 
 fn assert_busy(frame: &Frame) {
     let n = frame.alpha.iter().filter(|alpha| **alpha > 0.1).count();

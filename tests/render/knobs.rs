@@ -1,15 +1,11 @@
 //! What may be traded for time: exact knobs change no bit, the others what they say and no more.
 
-use crate::common::device::{as_gpu, gpu};
-use crate::common::frames::{pixels, render, render_with};
-use crate::common::one::{ball, camera, scene_of};
-use crate::common::random::{scene, view, wild_scene};
-use crate::common::same::assert_same_frame;
-use ivv::internals::reference::render_f64;
-use ivv::internals::scene::{Frame, Splats, View};
-use ivv::internals::settings::{Constants, Culls, Knobs, TileBound};
-use ivv::internals::stage::{Outputs, Renderer, constants_on};
-use ivv::internals::vk::DeviceKind;
+use crate::common::device::as_gpu;
+use crate::common::frames::{pixels, render_with};
+use crate::common::prelude::*;
+use crate::common::random::{scene, view};
+use ivv::internals::settings::{Culls, Knobs, TileBound};
+use ivv::internals::stage::constants_on;
 
 fn turned(splats: &Splats, view: &View, knobs: Knobs) -> (Frame, ivv::internals::stage::FrameReport) {
     render_with(splats, view, knobs.on(Constants::default()))

@@ -1,10 +1,7 @@
 //! Scenes and pictures at the size of the paper's; in the slow lane.
 
-use crate::common::device::gpu;
-use crate::common::random::{Random, view};
-use ivv::Constants;
-use ivv::internals::scene::{Intrinsics, Splats, View};
-use ivv::internals::stage::{Outputs, Renderer};
+use crate::common::prelude::*;
+use crate::common::random::view;
 
 /// `n` small Gaussians of degree 3 in a box before [`large`].
 fn crowd(n: usize) -> Splats {

@@ -1,20 +1,14 @@
 //! Clips of which one part at a time is in memory: pictures, files, and what a damaged file says.
 
 use super::clip::{at, clip};
-use crate::common::device::gpu;
+use crate::common::prelude::*;
 use crate::common::program::{command, done};
-use crate::common::same::assert_same_frame;
-use crate::scene::{Folder, fault};
-use ivv::internals::formats::{
-    Clock, Contents, Encoded, FourDgs, FourDgsParts, Grades, Own, PlyParts, Sounds, read_ply, read_scene, write_parts,
-};
-use ivv::internals::scene::{Mapped, Part, Parts, Splats};
-use ivv::internals::stage::{Outputs, Renderer};
-use ivv::{Constants, Result};
-use std::collections::BTreeMap;
-use std::path::Path;
+use crate::scene::fault;
+use ivv::Result;
+use ivv::internals::formats::{Contents, FourDgsParts, Own, PlyParts, Sounds, write_parts};
+use ivv::internals::scene::{Mapped, Part, Parts};
+use std::sync::LazyLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::sync::{Arc, LazyLock};
 
 /// Frames per part, and parts.
 const CLOCK: Clock = Clock { fps: 10.0, frames: 50 };

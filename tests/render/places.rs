@@ -1,15 +1,8 @@
 //! Where a camera is, and what is in front of what.
 
-use crate::common::device::gpu;
-use crate::common::frames::{psnr, render};
-use crate::common::notes::shared;
-use crate::common::one::{One, ball, scene_of};
+use crate::common::frames::psnr;
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use glam::{DMat3, DQuat, DVec3};
-use ivv::Constants;
-use ivv::internals::formats::read_scene;
-use ivv::internals::scene::{Motion, Pose, View, read_views};
-use ivv::internals::stage::{Outputs, Renderer};
 
 #[test]
 fn a_camera_is_where_its_numbers_put_it_however_far_away_the_world_begins() {

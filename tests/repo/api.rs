@@ -1,7 +1,7 @@
 //! The size of the public API: names that engine/lib.rs exports, and methods of those types.
 
 use super::{files, text};
-use std::collections::BTreeMap;
+use crate::common::prelude::*;
 
 const MOST: usize = 250;
 

@@ -1,7 +1,7 @@
 //! Who may use whom: the table of `engine/ARCHITECTURE.md` against every `crate::` path of the engine.
 
 use super::{files, quoted, table, text, without_comments, words};
-use std::collections::{BTreeMap, BTreeSet};
+use crate::common::prelude::*;
 
 const DOCUMENT: &str = "engine/ARCHITECTURE.md";
 

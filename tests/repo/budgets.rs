@@ -2,8 +2,8 @@
 
 use super::{root, text};
 use crate::common::notes;
+use crate::common::prelude::*;
 use ivv_gpu_model::Budgets;
-use std::path::Path;
 
 const TABLE: &str = "assets/gpu/budgets.tsv";
 

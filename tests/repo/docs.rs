@@ -1,12 +1,9 @@
 //! What documents tabulate is generated or compared.
 
 use super::{files, marked, quoted, root, table, text};
-use crate::common::device::gpu;
-use crate::common::folder::Folder;
+use crate::common::prelude::*;
 use crate::common::random;
-use ivv::Constants;
-use ivv::internals::gpu::table::{FAMILIES, KERNELS};
-use ivv::internals::stage::{Outputs, Renderer};
+use ivv::internals::gpu::table::FAMILIES;
 
 const KERNEL_TABLE: &str = "shaders-glsl/README.md";
 

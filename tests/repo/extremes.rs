@@ -1,10 +1,9 @@
 //! The list of mutants and the shipped reports against the table of numerical extremes.
 
 use super::{files, text};
+use crate::common::prelude::*;
 use crate::extreme::ELSEWHERE;
 use ivv_conformance::ROWS;
-use std::collections::BTreeSet;
-use std::process::Command;
 
 /// The mutants of `tools/mutants.sh`: name, file, sed expression, the row or the tests that must notice.
 fn mutants() -> Vec<[String; 4]> {

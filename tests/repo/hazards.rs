@@ -1,12 +1,11 @@
 //! The rule that places barriers against a model that remembers every byte, and proof that the validation layer speaks.
 
-use crate::common::device::{gpu, options};
-use crate::common::random::Random;
+use crate::common::device::options;
+use crate::common::prelude::*;
 use ivv::internals::gpu::generated::gather;
 use ivv::internals::gpu::kernel::{Access, BindingInfo, KernelInfo};
-use ivv::internals::gpu::{Buf, Grid, Kernel, Recording, Slice};
+use ivv::internals::gpu::{Buf, Kernel, Slice};
 use ivv::internals::vk::{Binding, BindingKind, Buffer, Commands, Device, Groups, Location, Pipeline, PipelineDesc};
-use std::sync::Arc;
 
 const BYTES: usize = 32;
 const N_BUFFERS: usize = 3;

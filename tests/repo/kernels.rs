@@ -1,12 +1,11 @@
 //! The table of kernels against the shaders, the references and the committed SPIR-V, and the rules of the dialect.
 
 use super::{files, text, without_comments, words};
+use crate::common::prelude::*;
 use crate::common::references::Tested;
 use ivv::internals::gpu::spirv_hashes;
-use ivv::internals::gpu::table::{KERNELS, Spec};
+use ivv::internals::gpu::table::Spec;
 use rspirv::spirv::Capability;
-use std::collections::BTreeSet;
-use std::process::Command;
 
 fn shaders() -> BTreeSet<String> {
     let below = |file: String| file.strip_prefix("shaders-glsl/").map(str::to_owned);

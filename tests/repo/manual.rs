@@ -2,10 +2,8 @@
 //! `tools/test.sh --manual` runs the commands.
 
 use super::{below_root, exists, files, marked, root, text};
-use serde_json::Value;
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::{Component, Path, PathBuf};
-use std::process::Command;
+use crate::common::prelude::*;
+use std::path::Component;
 
 /// Documents beside the code. The book includes most of them.
 const DOCUMENTS: [&str; 6] = [

@@ -11,8 +11,7 @@ mod manual;
 mod screen;
 mod supply;
 
-use std::path::{Path, PathBuf};
-
+use crate::common::prelude::*;
 fn root() -> &'static Path {
     Path::new(env!("CARGO_MANIFEST_DIR"))
 }

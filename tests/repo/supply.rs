@@ -1,12 +1,8 @@
 //! What the engine is built of: licences, sources and duplicates of its dependencies, as far as they can be checked without the
 //! network. `.ci/deny.toml` holds the policy, and `cargo deny` checks it in CI with the advisories.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::process::Command;
-
-use serde_json::Value;
-
 use super::{root, text};
+use crate::common::prelude::*;
 
 fn policy() -> toml::Table {
     text(".ci/deny.toml").parse().unwrap()

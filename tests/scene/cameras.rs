@@ -1,8 +1,6 @@
 //! The numbers of a camera and where it is.
 
-use glam::{DMat3, DQuat, DVec2, DVec3};
-use ivv::internals::scene::{Intrinsics, Pose};
-
+use crate::common::prelude::*;
 const INTRINSICS: Intrinsics = Intrinsics { width: 320, height: 240, fx: 300.0, fy: 310.0, cx: 150.0, cy: 130.0 };
 
 #[test]

@@ -2,10 +2,11 @@
 
 use super::four_dgs::there_and_back;
 use super::{Folder, fault, sample};
+use crate::common::prelude::*;
 use crate::common::random;
-use ivv::internals::formats::{Clock, Grades, World, read_scene, write_ftgs, write_glb, write_ply, write_splatv};
-use ivv::internals::scene::{ALWAYS, Motion, Splats, demo};
-use serde_json::{Value, json};
+use ivv::internals::formats::{World, write_ftgs, write_glb, write_splatv};
+use ivv::internals::scene::ALWAYS;
+use serde_json::json;
 
 const CLOCK: Clock = Clock { fps: 30.0, frames: 13 };
 

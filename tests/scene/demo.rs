@@ -1,11 +1,7 @@
 //! The scene that the project ships.
 
-use std::fs;
-
-use ivv::internals::formats::{read_ply, write_ply};
-use ivv::internals::scene::{demo, read_views, write_views};
-
 use super::Folder;
+use crate::common::prelude::*;
 
 fn hash(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |h, &b| (h ^ u64::from(b)).wrapping_mul(0x100_0000_01b3))

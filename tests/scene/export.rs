@@ -1,18 +1,10 @@
 //! Exported scenes: what is written is read back within the errors that the writers state.
 
 use super::{Folder, fault, sample};
-use crate::common::device::gpu;
+use crate::common::prelude::*;
 use crate::common::program::{command, done};
 use crate::common::random;
-use ivv::Constants;
-use ivv::internals::formats::{
-    Clip, Clock, Contents, Encoded, Grades, Scene, Sound, Sounds, SpzVersion, WriteOptions, read, read_ply, read_scene,
-    write, write_ply, write_splat, write_spz,
-};
-use ivv::internals::scene::{Motion, Splats, demo};
-use ivv::internals::stage::{Outputs, Renderer};
-use serde_json::Value;
-use std::path::Path;
+use ivv::internals::formats::{Clip, Contents, Scene, Sound, Sounds, WriteOptions, read, write, write_splat};
 
 /// Static Gaussians of degree `sh_degree` with harmonics that SPZ can hold, rows in another order than the arrays.
 fn exportable(sh_degree: u32, n: usize) -> Splats {

@@ -1,18 +1,11 @@
 //! Gaussians in the files of other programs: what is read, what is said, what is refused.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::process::Command;
-
-use ivv::internals::formats::{FourDgs, Own, Scene, ply_own, read, read_scene, write_ply, write_ply_with};
-use serde_json::Value;
-
-use crate::common::same::assert_same;
-use crate::sound::clip::run_of_some_frames;
-
 use super::formats::{compressed, gzip, raw_spz};
 use super::ply::{NAMES, by_hand};
 use super::{Folder, fault, sample, sog};
+use crate::common::prelude::*;
+use crate::sound::clip::run_of_some_frames;
+use ivv::internals::formats::{Own, Scene, ply_own, read, write_ply_with};
 
 /// The near plane of scenes that do not say theirs, as single precision has it.
 const USUAL: f64 = 0.009_999_999_776_482_582;

@@ -1,14 +1,11 @@
 //! Formats of other projects: compressed PLY, SPZ, `.splat`.
 
-use std::fs;
-use std::io::Write;
-use std::path::Path;
-
-use ivv::internals::formats::{SpzVersion, World, read_ply, read_scene, write_spz};
-use ivv::internals::scene::Splats;
-
 use super::{Folder, fault};
-use crate::common::notes::shared;
+use crate::common::prelude::*;
+use ivv::internals::formats::World;
+use ivv::internals::formats::{World, read_splat, read_spz};
+use std::io::Write;
+use std::io::Write;
 
 /// What the quantisation of both formats can tell apart on the model they share.
 #[derive(Debug, Default)]

@@ -1,14 +1,9 @@
 //! `.4dgs`: the format's own fixtures, and scenes of ours there and back.
 
 use super::{Folder, fault};
-use crate::common::notes::shared;
-use crate::common::program::{fails, text, works};
+use crate::common::prelude::*;
 use crate::common::random;
-use ivv::internals::formats::{Clock, Contents, Encoded, FourDgs, Grades, Sounds, World, read_scene};
-use ivv::internals::scene::Splats;
-use serde_json::Value;
-use std::collections::BTreeMap;
-use std::path::Path;
+use ivv::internals::formats::{Contents, Sounds, World};
 use std::sync::LazyLock;
 
 static SILENT: LazyLock<Sounds> = LazyLock::new(Sounds::default);

@@ -2,13 +2,11 @@
 
 use super::four_dgs::{contents, there_and_back};
 use super::{Folder, fault};
-use crate::common::device::gpu;
 use crate::common::frames::psnr;
+use crate::common::prelude::*;
 use crate::common::random;
-use ivv::Constants;
-use ivv::internals::formats::{Clock, Contents, Encoded, FourDgs, Grades};
-use ivv::internals::scene::{Frame, Intrinsics, Motion, Pose, Splats, View, demo};
-use ivv::internals::stage::{Goal, Outputs, Renderer, Subject, compact};
+use ivv::internals::formats::Contents;
+use ivv::internals::stage::{Goal, Subject, compact};
 
 /// The demo's scene with Gaussians that live shortly all over a long clip, so that there are many chunks.
 fn long_scene() -> (Splats, Clock) {

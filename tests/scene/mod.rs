@@ -17,10 +17,8 @@ pub mod sog;
 mod summary;
 mod views;
 
-use std::path::Path;
-
+use crate::common::prelude::*;
 use ivv::Error;
-use ivv::internals::scene::{Motion, Splats};
 
 pub(crate) use crate::common::folder::Folder;
 

@@ -1,9 +1,7 @@
 //! A camera that a person moves, views in windows of other shapes, and the time of a clip that plays.
 
-use std::time::{Duration, Instant};
-
-use glam::{DMat3, DVec2, DVec3};
-use ivv::internals::scene::{Intrinsics, Navigator, Playhead, Push, Splats, View, demo, upright};
+use crate::common::prelude::*;
+use ivv::internals::scene::{Navigator, Playhead, Push, upright};
 
 const SIZE: [u32; 2] = [320, 240];
 

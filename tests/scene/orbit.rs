@@ -1,8 +1,7 @@
 //! The circle about what views look at.
 
-use glam::DVec3;
-use ivv::internals::scene::{FlowModel, Intrinsics, Orbit, View};
-use ivv::internals::sound::pose::HeadPose;
+use crate::common::prelude::*;
+use ivv::internals::scene::Orbit;
 
 /// A view from `lens` towards `at` with its top towards `up`.
 fn view(lens: DVec3, at: DVec3, up: DVec3) -> View {

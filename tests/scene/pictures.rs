@@ -1,15 +1,10 @@
 //! Frames as PNG, OpenEXR and safetensors, and tensors.
 
-use std::collections::BTreeMap;
-use std::fs;
-
-use exr::prelude::read_first_flat_layer_from_file;
-use ivv::internals::files::{Tensor, read_tensors, write_tensors};
-use ivv::internals::scene::Frame;
-
 use super::{Folder, fault};
 use crate::common::golden::{self, CASES};
-use crate::common::same::assert_same;
+use crate::common::prelude::*;
+use exr::prelude::read_first_flat_layer_from_file;
+use ivv::internals::files::{Tensor, read_tensors, write_tensors};
 
 fn frame() -> Frame {
     let (width, height) = (7, 5);

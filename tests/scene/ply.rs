@@ -1,14 +1,8 @@
 //! 3DGS PLY files.
 
-use std::fs;
-use std::path::Path;
-
-use ivv::internals::formats::{read_ply, read_scene, write_ply};
-use ivv::internals::scene::Splats;
-
 use super::{Folder, fault, sample};
 use crate::common::golden::{self, CASES};
-use crate::common::same::assert_same;
+use crate::common::prelude::*;
 
 /// A plain PLY in the given encoding, written property by property independently of the project's writer.
 pub fn by_hand(encoding: &str, names: &[&str], types: &[&str], rows: &[Vec<f64>]) -> Vec<u8> {

@@ -1,12 +1,7 @@
 //! `tools/points_to_ply.py`, run as a program.
 
-use std::path::Path;
-use std::process::{Command, Output};
-
-use ivv::internals::formats::read_ply;
-use ivv::internals::scene::read_views;
-
 use super::Folder;
+use crate::common::prelude::*;
 
 /// Writes an .npz of 60 points as numpy would, without numpy.
 const MAKE: &str = r#"

@@ -1,14 +1,10 @@
 //! PlayCanvas' SOG.
 
-use std::path::PathBuf;
-
-use image::{ExtendedColorType, codecs::webp::WebPEncoder};
-use ivv::internals::formats::read_scene;
-
-use crate::common::zip;
-
 use super::{Folder, fault};
-use crate::common::notes::shared;
+use crate::common::prelude::*;
+use image::codecs::webp::WebPEncoder;
+use image::codecs::webp::WebPEncoder;
+use ivv::internals::formats::read_sog;
 
 #[test]
 fn the_levels_of_a_real_scene_agree() {

@@ -1,9 +1,7 @@
 //! What a scene holds, in numbers.
 
-use ivv::internals::formats::write_ply;
-use ivv::internals::scene::Splats;
-
 use super::{Folder, sample};
+use crate::common::prelude::*;
 
 #[test]
 fn a_summary_counts_populations_bytes_and_faults() {

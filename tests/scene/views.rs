@@ -1,10 +1,8 @@
 //! Camera files.
 
-use glam::DVec3;
-use ivv::internals::scene::{FlowModel, Intrinsics, Pose, View, read_views, write_views};
-
 use super::{Folder, fault};
 use crate::common::golden;
+use crate::common::prelude::*;
 
 fn view(name: &str) -> View {
     View {

@@ -1,8 +1,8 @@
 //! The device that a verb works on: the width of its subgroups, the bits of its depth keys, and where its pipelines are kept.
 
 use super::{Folder, ivv};
+use crate::common::prelude::*;
 use crate::common::program::done;
-use std::path::PathBuf;
 
 /// The pipelines in a folder of caches, in the order of their names.
 fn pipelines(cache: &str) -> Vec<PathBuf> {

@@ -1,11 +1,9 @@
 //! Output that cannot be written ends no work, and never with a panic.
 
 use super::{Folder, ivv};
+use crate::common::prelude::*;
 use crate::common::running::Running;
-use serde_json::Value;
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
-use std::process::{Output, Stdio};
 
 fn closed_pipe() -> Stdio {
     let (reader, writer) = std::io::pipe().unwrap();

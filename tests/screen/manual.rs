@@ -1,7 +1,7 @@
 //! Completions and manual pages know every command and its options.
 
 use super::{Folder, ivv};
-use crate::common::program::works;
+use crate::common::prelude::*;
 
 fn verbs() -> Vec<String> {
     let help = works(&["--help"]);

@@ -9,7 +9,7 @@ mod terminal;
 mod trace;
 mod width;
 
-use crate::common::folder::Folder;
+use crate::common::prelude::*;
 use crate::common::program::command as ivv;
 
 impl Folder {

@@ -1,11 +1,10 @@
 //! Progress on a terminal of some width.
 
 use super::{Folder, ivv};
+use crate::common::prelude::*;
 use rustix::pty::{OpenptFlags, grantpt, openpt, ptsname, unlockpt};
 use rustix::termios::{Winsize, tcsetwinsize};
-use std::fs::File;
 use std::io::Read;
-use std::process::{Command, Stdio};
 
 fn on_terminal(mut command: Command, columns: u16) -> String {
     let ours = openpt(OpenptFlags::RDWR | OpenptFlags::NOCTTY).unwrap();

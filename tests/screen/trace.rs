@@ -1,12 +1,9 @@
 //! `--trace`: spans of a command in Chrome's trace format.
 
 use super::{Folder, ivv};
+use crate::common::prelude::*;
 #[cfg(unix)]
 use crate::common::running::Running;
-use serde_json::Value;
-use std::collections::{BTreeMap, BTreeSet};
-use std::path::Path;
-use std::process::Stdio;
 
 /// The spans of a trace: each as the names from the outermost one of its thread to itself, with its arguments.
 fn spans(file: &Path) -> Vec<(Vec<String>, Value)> {

@@ -1,15 +1,10 @@
 //! `ivv serve`: the player and a scene over HTTP, nothing else, whatever is asked.
 
-use crate::common::program::ivv;
+use crate::common::prelude::*;
 use crate::common::random;
-use crate::scene::Folder;
-use ivv::internals::formats::{FourDgs, write_ply};
-use ivv::internals::scene::{demo, write_views};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
-use std::process::{Child, Command, Stdio};
-use std::time::Duration;
+use std::process::Child;
 
 const IVV: &str = env!("CARGO_BIN_EXE_ivv");
 

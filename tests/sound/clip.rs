@@ -1,27 +1,19 @@
 //! Sources of sound in a file with a clock: what a player that knows the law of distance makes of them is what is rendered here.
 
 use super::{head, horizon, noise, scene, track};
+use crate::common::prelude::*;
 use crate::common::program::{command, done};
 use crate::common::random;
-use crate::scene::Folder;
 use fourdgs::ReadOptions;
-use glam::DVec3;
-use ivv::Constants;
-use ivv::internals::formats::{Clock, Contents, Ears, Encoded, FourDgs, Grades, Sounds, World, write_ply};
-use ivv::internals::scene::capture::CaptureSettings;
-use ivv::internals::scene::{Similarity, View, demo, write_views};
+use ivv::internals::formats::{Contents, Ears, Sounds, World};
 use ivv::internals::sound::FS;
 use ivv::internals::sound::clip::{ears, sounds};
 use ivv::internals::sound::geometry::Mode;
-use ivv::internals::sound::hrtf::{HrtfSet, Lookup, degrees};
-use ivv::internals::sound::pose::{HeadPose, PoseTrack};
-use ivv::internals::sound::render::{RenderConfig, render};
-use ivv::internals::sound::scene_file::{SoundScene, Source};
-use ivv::internals::sound::sphere::Sphere;
+use ivv::internals::sound::hrtf::degrees;
+use ivv::internals::sound::render::render;
+use ivv::internals::sound::scene_file::Source;
 use ivv::internals::sound::wav::{Depth, read, write};
-use ivv::internals::train::{CaptureSummary, Config, Run};
-use std::collections::BTreeMap;
-use std::path::Path;
+use ivv::internals::train::CaptureSummary;
 
 /// The sources of a file of so many frames at 30 a second, and the law of distance that it states: the microphone's place, the
 /// least distance.

@@ -1,15 +1,10 @@
 //! The verbs, through the command line.
 
-use std::fs;
-use std::path::Path;
-
-use crate::common::folder::Folder;
-use crate::common::program::{ivv, json};
-use ivv::internals::sound::sphere::Sphere;
-use ivv::internals::sound::wav::{Depth, read, write};
-
 use super::simulate::{Motion, Simulated, simulate};
 use super::sphere;
+use crate::common::prelude::*;
+use crate::common::program::json;
+use ivv::internals::sound::wav::{Depth, read, write};
 
 fn run(args: &[&str]) -> (i32, String, String) {
     let output = ivv(args);

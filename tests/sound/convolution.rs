@@ -1,18 +1,15 @@
 //! Filtering against direct sums: T18, T19, T20, T21, T24.
 
-use std::rc::Rc;
-
-use glam::DVec3;
+use super::measure::{energy, residual_db};
+use super::{db, ear, head, horizon, noise, scene, sphere, track};
+use crate::common::prelude::*;
 use ivv::internals::sound::fir::{State, Voice};
 use ivv::internals::sound::geometry::Mode;
-use ivv::internals::sound::hrtf::{Filter, Lookup, degrees};
-use ivv::internals::sound::render::{RenderConfig, render_signals};
+use ivv::internals::sound::hrtf::{Filter, degrees};
 use ivv::internals::sound::sinc::DelayTable;
 use ivv::internals::sound::wola::{Baker, Wola};
 use realfft::RealFftPlanner;
-
-use super::measure::{energy, residual_db};
-use super::{db, ear, head, horizon, noise, scene, sphere, track};
+use std::rc::Rc;
 
 /// Decibels of what differs between two signals, relative to the second.
 fn off(a: &[f32], b: &[f32]) -> f64 {

@@ -1,13 +1,10 @@
 //! Levels: T8, T9, T10.
 
-use glam::DVec3;
-use ivv::internals::sound::geometry::Mode;
-use ivv::internals::sound::pose::PoseTrack;
-use ivv::internals::sound::render::{RenderConfig, Rendered, render_signals};
-use ivv::internals::sound::scene_file::SoundScene;
-
 use super::measure::level_db;
 use super::{head, noise, scene, sphere, track};
+use crate::common::prelude::*;
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::render::Rendered;
 
 const MODES: [Mode; 3] = [Mode::Paper2d, Mode::Paper3d, Mode::Physical];
 

@@ -1,10 +1,8 @@
 //! Directions and gains from places: T1, T2, T4, T5, T7.
 
-use glam::{DQuat, DVec2, DVec3};
-use ivv::internals::sound::geometry::{Mode, SoundPlane, bearing, gain, signed_angle};
-use ivv::internals::sound::pose::{HeadPose, PoseTrack};
-
 use super::{head, noise};
+use crate::common::prelude::*;
+use ivv::internals::sound::geometry::{Mode, SoundPlane, bearing, gain, signed_angle};
 
 fn plane() -> SoundPlane {
     SoundPlane::new(DVec3::Z, DVec3::Y).unwrap()

@@ -1,19 +1,13 @@
 //! Responses between the measured directions: T11, T12, T13.
 
-use std::path::Path;
-use std::sync::OnceLock;
-
-use glam::DVec3;
-use ivv::internals::sound::geometry::Mode;
-use ivv::internals::sound::hrtf::{HrtfSet, Lookup, degrees};
-use ivv::internals::sound::hull::Hull;
-use ivv::internals::sound::render::{RenderConfig, render_signals};
-use ivv::internals::sound::sphere::{SPEED_OF_SOUND, Sphere};
-use ivv::internals::sound::wola::Baker;
-
 use super::measure::{energy, itd, lsd_db};
 use super::{db, head, horizon, noise, sadie, scene, sphere, track};
-use crate::common::notes::shared;
+use crate::common::prelude::*;
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::degrees;
+use ivv::internals::sound::hull::Hull;
+use ivv::internals::sound::sphere::SPEED_OF_SOUND;
+use ivv::internals::sound::wola::Baker;
 
 fn directions(n: usize, seed: u64) -> Vec<DVec3> {
     noise(3 * n, seed).chunks(3).map(|v| DVec3::new(v[0].into(), v[1].into(), v[2].into()).normalize()).collect()

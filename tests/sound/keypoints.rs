@@ -1,13 +1,9 @@
 //! The JSON of detectors.
 
-use std::path::{Path, PathBuf};
-
-use ivv::internals::scene::Intrinsics;
-use ivv::internals::scene::undistort::{Distortion, Lens};
+use crate::common::prelude::*;
+use ivv::internals::scene::undistort::Lens;
 use ivv::internals::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
-use serde_json::{Value, json};
-
-use crate::capture::Folder;
+use serde_json::json;
 
 const LENS: Lens = Lens {
     intrinsics: Intrinsics { width: 640, height: 480, fx: 500.0, fy: 500.0, cx: 320.0, cy: 240.0 },

@@ -1,22 +1,13 @@
 //! Sound block by block, as a player mixes it, against the rendering of a way that is known.
 
-use std::path::Path;
-use std::time::{Duration, Instant};
-
-use glam::{DQuat, DVec3};
+use super::measure::energy;
+use super::{db, ear, noise, scene, sphere, track};
+use crate::common::prelude::*;
 use ivv::internals::formats::{Sound, Sounds};
 use ivv::internals::scene::Playhead;
 use ivv::internals::sound::geometry::Mode;
-use ivv::internals::sound::hrtf::HrtfSet;
 use ivv::internals::sound::live::{Chase, Live};
-use ivv::internals::sound::pose::{HeadPose, PoseTrack};
-use ivv::internals::sound::render::{RenderConfig, render_signals};
-use ivv::internals::sound::sphere::Sphere;
 use ivv::internals::sound::wav::{self, Depth};
-
-use super::measure::energy;
-use super::{db, ear, noise, scene, sphere, track};
-use crate::scene::Folder;
 
 const FS: f64 = 48_000.0;
 const BLOCK: usize = 512;

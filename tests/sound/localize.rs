@@ -1,16 +1,13 @@
 //! From keypoints to tracks as a whole.
 
-use glam::DVec3;
+use super::rigs::{mouths, rig};
+use crate::common::prelude::*;
+use crate::common::program::{json, told};
 use ivv::internals::sound::keypoints::{KeypointSettings, Mouths, keypoints_of};
 use ivv::internals::sound::localize::{LocalizeSettings, Localized, localize};
 use ivv::internals::sound::rig::{Rig, RigCamera};
-use ivv::internals::sound::scene_file::SoundScene;
 use ivv::internals::sound::source_track::Flag;
-use ivv::internals::synth::{Noise, Options, Preset, write_capture};
-
-use super::rigs::{mouths, rig};
-use crate::capture::Folder;
-use crate::common::program::{ivv, json, text, told};
+use ivv::internals::synth::{Noise, Options};
 
 /// Root mean square distance of a track from the truth at its frames, where it is seen.
 fn error(found: &Localized, track: usize, truth: impl Fn(f64) -> DVec3) -> f64 {

@@ -1,19 +1,15 @@
 //! Measures that need no listener: time and level between the ears, spectra, levels, and where a sound seems to come from.
 
-use std::f64::consts::PI;
-
-use realfft::num_complex::Complex64;
-
+use crate::common::prelude::*;
 use ivv::internals::report::statistics::mean;
 use ivv::internals::sound::FS;
 use ivv::internals::sound::align::peak;
 use ivv::internals::sound::geometry::degrees;
-use ivv::internals::sound::hrtf::{HrtfSet, Lookup};
-use ivv::internals::sound::pose::PoseTrack;
 use ivv::internals::sound::render::SPEED_OF_SOUND;
-use ivv::internals::sound::scene_file::SoundScene;
 use ivv::internals::sound::spectrum::{Spectra, good_length};
 use ivv::internals::sound::wola::Baker;
+use realfft::num_complex::Complex64;
+use std::f64::consts::PI;
 
 /// Up to this frequency the ear uses differences of time, hertz.
 const ITD_BAND: f64 = 1500.0;

@@ -24,16 +24,10 @@ mod triangulate;
 mod truth;
 mod whole;
 
-use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
-
-use crate::common::notes::shared;
-use glam::{DQuat, DVec3};
-use ivv::internals::sound::hrtf::{HrtfSet, degrees};
-use ivv::internals::sound::pose::{HeadPose, PoseTrack};
-use ivv::internals::sound::scene_file::{Mic, SoundScene, Source};
-use ivv::internals::sound::source_track::{Flag, SourceSample, SourceTrack};
-use ivv::internals::sound::sphere::Sphere;
+use crate::common::prelude::*;
+use ivv::internals::sound::hrtf::degrees;
+use ivv::internals::sound::scene_file::{Mic, Source};
+use ivv::internals::sound::source_track::Flag;
 use ivv::internals::sound::wav::Channel;
 
 /// The head as a sphere, coarse: 92 directions.

@@ -1,13 +1,10 @@
 //! What moves: T22, T23, T25, T26, and clicks at the edges of blocks.
 
-use glam::{DQuat, DVec3};
-use ivv::internals::sound::geometry::Mode;
-use ivv::internals::sound::hrtf::{HrtfSet, Lookup};
-use ivv::internals::sound::pose::{HeadPose, PoseTrack};
-use ivv::internals::sound::render::{RenderConfig, Rendered, render_signals};
-
 use super::measure::splatter_db;
 use super::{ear, head, horizon, horizon_of, scene, sphere, tone, track};
+use crate::common::prelude::*;
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::render::Rendered;
 
 /// A tone in front of a head that turns `speed` degrees a second.
 fn turning(speed: f64, seconds: f64, config: &RenderConfig) -> Rendered {

@@ -1,19 +1,13 @@
 //! What is written: T39, T40, T41.
 
-use std::fs;
-
-use glam::{DQuat, DVec3};
+use super::{head, noise, scene, sphere, tone, track};
+use crate::common::prelude::*;
 use ivv::Error;
 use ivv::internals::sound::geometry::{Mode, angles};
 use ivv::internals::sound::loudness::{PEAK_LIMIT_DB, gain_db, measure};
-use ivv::internals::sound::pose::{HeadPose, PoseTrack};
-use ivv::internals::sound::render::{RenderConfig, SPEED_OF_SOUND, render_ambix, render_signals};
-use ivv::internals::sound::scene_file::{SoundScene, Source};
+use ivv::internals::sound::render::{SPEED_OF_SOUND, render_ambix};
+use ivv::internals::sound::scene_file::Source;
 use ivv::internals::sound::wav::{Channel, Depth, integer, read, read_channel, write};
-
-use crate::common::folder::Folder;
-
-use super::{head, noise, scene, sphere, tone, track};
 
 #[test]
 fn t39_files_hold_the_rounded_samples() {

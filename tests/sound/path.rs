@@ -1,10 +1,7 @@
 //! Paths of heads in every kind of file.
 
-use glam::{DMat3, DQuat, DVec3};
+use crate::common::prelude::*;
 use ivv::internals::sound::path::{Convention, HeadPath, read_path};
-use ivv::internals::sound::pose::HeadPose;
-
-use crate::capture::Folder;
 
 fn heads() -> [HeadPose; 2] {
     let turn = |a: f64, b: f64| DQuat::from_rotation_z(a) * DQuat::from_rotation_x(b) * DQuat::from_rotation_y(0.3);

@@ -1,12 +1,9 @@
 //! Recorded speech through measured ears.
 
-use glam::DVec3;
-use ivv::internals::sound::render::{RenderConfig, render_signals};
-use ivv::internals::sound::wav::{Channel, read_channel};
-
 use super::measure::ear_course;
 use super::{head, sadie, scene, track};
-use crate::common::notes::shared;
+use crate::common::prelude::*;
+use ivv::internals::sound::wav::{Channel, read_channel};
 
 #[test]
 fn speech_on_a_circle_leads_in_the_ear_on_its_side_throughout() {

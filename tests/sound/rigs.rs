@@ -1,13 +1,10 @@
 //! Cameras, and what they see.
 
-use glam::{DMat3, DVec2, DVec3};
-use ivv::internals::scene::undistort::{Distortion, Lens};
-use ivv::internals::scene::{Intrinsics, Pose};
+use crate::common::prelude::*;
+use ivv::internals::scene::undistort::Lens;
 use ivv::internals::sound::keypoints::{Mouth, Mouths};
 use ivv::internals::sound::rig::{Rig, RigCamera};
 use ivv::internals::sound::triangulate::Sight;
-
-use crate::common::random::Random;
 
 pub fn normal(random: &mut Random) -> f64 {
     let (u, v) = (random.uniform(0.0, 1.0), random.uniform(0.0, std::f64::consts::TAU));

@@ -1,22 +1,15 @@
 //! Sets of responses: the sphere and its laws, files good and bad. T3, T14 to T17.
 
-use std::fs;
-use std::path::Path;
-
-use glam::DVec3;
-use ivv::Error;
-use ivv::internals::sound::geometry::Mode;
-use ivv::internals::sound::hrtf::{HrtfSet, Lookup, Measured, degrees};
-use ivv::internals::sound::render::{RenderConfig, render_signals};
-use ivv::internals::sound::sinc::Resampler;
-use ivv::internals::sound::sphere::{Sphere, icosphere};
-use ivv::internals::sound::wav::{Depth, write};
-use realfft::RealFftPlanner;
-
 use super::measure::{ild_db, itd, lsd_db};
 use super::{head, noise, scene, sphere, track};
-use crate::common::folder::Folder;
-use crate::common::notes::shared;
+use crate::common::prelude::*;
+use ivv::Error;
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::hrtf::{Measured, degrees};
+use ivv::internals::sound::sinc::Resampler;
+use ivv::internals::sound::sphere::icosphere;
+use ivv::internals::sound::wav::{Depth, write};
+use realfft::RealFftPlanner;
 
 /// A sphere with its ears at the sides and sources far away, as the closed formulas have it.
 fn far_sphere() -> Sphere {

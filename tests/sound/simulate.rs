@@ -1,16 +1,11 @@
 //! Sound scenes whose truth is known.
 
-use std::f64::consts::TAU;
-
-use glam::{DQuat, DVec3};
+use super::{scene, track};
+use crate::common::prelude::*;
 use ivv::internals::sound::FS;
 use ivv::internals::sound::emitter::Emitter;
-use ivv::internals::sound::hrtf::HrtfSet;
-use ivv::internals::sound::pose::{HeadPose, PoseTrack};
 use ivv::internals::sound::render::SPEED_OF_SOUND;
-use ivv::internals::sound::scene_file::SoundScene;
-
-use super::{scene, track};
+use std::f64::consts::TAU;
 
 /// A voice that is known at any time: tones from 150 Hz to 7 kHz, whose loudness comes and goes as syllables do.
 pub struct Speech {

@@ -1,11 +1,9 @@
 //! Sound and pictures in step.
 
-use glam::DVec3;
-use ivv::internals::sound::render::{RenderConfig, render};
-use ivv::internals::sound::wav::{self, Depth};
-
 use super::{ear, head, scene, sphere, track};
-use crate::capture::Folder;
+use crate::common::prelude::*;
+use ivv::internals::sound::render::render;
+use ivv::internals::sound::wav::{self, Depth};
 
 /// T38, the sound: what the microphone records at a frame is heard at that frame.
 #[test]

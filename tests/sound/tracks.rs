@@ -1,16 +1,12 @@
 //! Persons over time.
 
-use std::f64::consts::TAU;
-
-use glam::{DMat3, DVec3};
+use super::rigs::{mouths, normal, rig, sights};
+use crate::common::prelude::*;
 use ivv::internals::sound::localize::{LocalizeSettings, associate, localize};
 use ivv::internals::sound::smooth::{Motion, smooth};
-use ivv::internals::sound::source_track::{Flag, SourceSample, SourceTrack};
+use ivv::internals::sound::source_track::Flag;
 use ivv::internals::sound::triangulate::{Fix, triangulate_all};
-
-use super::rigs::{mouths, normal, rig, sights};
-use crate::capture::Folder;
-use crate::common::random::Random;
+use std::f64::consts::TAU;
 
 const MOTION: Motion = Motion { density: 2.0, speed: 2.0 };
 const METRIC: LocalizeSettings = LocalizeSettings { metres_per_unit: Some(1.0), hold: false };

@@ -1,16 +1,10 @@
 //! Places from pixels.
 
-use std::collections::BTreeMap;
-
-use glam::{DMat3, DVec2, DVec3};
-use ivv::internals::scene::undistort::{Distortion, Lens};
-use ivv::internals::scene::{Intrinsics, Pose};
+use super::rigs::{normal, pixel, rig, sights};
+use crate::common::prelude::*;
+use ivv::internals::scene::undistort::Lens;
 use ivv::internals::sound::rig::RigCamera;
 use ivv::internals::sound::triangulate::{Sight, triangulate, triangulate_all};
-
-use super::rigs::{normal, pixel, rig, sights};
-use crate::common::notes::shared;
-use crate::common::random::Random;
 
 fn place(random: &mut Random) -> DVec3 {
     DVec3::new(random.uniform(-0.8, 0.8), random.uniform(-0.5, 0.5), random.uniform(2.2, 3.8))

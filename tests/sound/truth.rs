@@ -1,16 +1,13 @@
 //! Renderings against simulated truth: T35, T37.
 
-use glam::DVec3;
-use ivv::internals::sound::emitter::Emitter;
-use ivv::internals::sound::geometry::Mode;
-use ivv::internals::sound::hrtf::Lookup;
-use ivv::internals::sound::render::{RenderConfig, render_signals};
-use ivv::internals::sound::sinc::{DelayTable, Resampler};
-use ivv::internals::sound::wola::Baker;
-
 use super::measure::{compare, energy, lateness, residual_db};
 use super::simulate::{Motion, Simulated, Speech, recording, simulate};
 use super::{db, ear, head, horizon, noise, scene, track};
+use crate::common::prelude::*;
+use ivv::internals::sound::emitter::Emitter;
+use ivv::internals::sound::geometry::Mode;
+use ivv::internals::sound::sinc::{DelayTable, Resampler};
+use ivv::internals::sound::wola::Baker;
 
 #[test]
 fn t35_at_rest_the_truth_is_met_but_for_the_delay() {

@@ -1,14 +1,11 @@
 //! From pixels to ears.
 
-use glam::DVec3;
-use ivv::internals::sound::localize::{LocalizeSettings, localize};
-use ivv::internals::sound::render::{RenderConfig, render_signals};
-use ivv::internals::sound::source_track::{SourceSample, SourceTrack};
-
 use super::horizon;
 use super::measure::{compare, lateness};
 use super::rigs::{mouths, rig};
 use super::simulate::{Motion, Simulated, simulate};
+use crate::common::prelude::*;
+use ivv::internals::sound::localize::{LocalizeSettings, localize};
 
 /// From the simulated world (z up) to that of the cameras (y down), the beginning of the walk in their middle; and back.
 const MIDDLE: DVec3 = DVec3::new(-0.9, 1.8, 0.0);

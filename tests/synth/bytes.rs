@@ -1,12 +1,9 @@
 //! Which bytes are written, and where.
 
-use std::fs;
-use std::path::Path;
-
-use ivv::Error;
-use ivv::internals::synth::{Options, Preset, write_capture};
-
 use super::{files, folder, make, options, rgb, shared};
+use crate::common::prelude::*;
+use ivv::Error;
+use ivv::internals::synth::Options;
 
 #[test]
 fn equal_options_give_equal_bytes_with_one_thread_and_with_two() {

@@ -1,13 +1,10 @@
 //! What the options disturb: clocks, colours, sensors, lens hoods.
 
-use glam::{DVec2, DVec3};
-use ivv::internals::synth::{Noise, Options};
-use std::collections::BTreeSet;
-use std::path::Path;
-
 use super::geometry::read_points;
 use super::model::read_model;
 use super::{bodies, exr, json, make, numbers, options, rgb};
+use crate::common::prelude::*;
+use ivv::internals::synth::{Noise, Options};
 
 fn few() -> Options {
     Options { frames: 2, samples: 1, noise: Noise::None, points: 20, ..options() }

@@ -1,13 +1,9 @@
 //! Exact depth, flow and masks against the poses of truth.json and COLMAP's cameras, and the points of the frames.
 
-use std::collections::{BTreeSet, HashSet};
-use std::fs;
-use std::path::Path;
-
-use glam::{DMat3, DVec2, DVec3};
-
 use super::model::{Camera, read_model};
 use super::{bodies, exr, json, options, rgb, shared};
+use crate::common::prelude::*;
+use std::collections::HashSet;
 
 fn for_each_pixel(mut each: impl FnMut(&Camera, usize, DVec2, DVec3, usize, DVec2)) {
     for camera in &read_model(shared()).0 {

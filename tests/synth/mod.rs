@@ -8,15 +8,9 @@ mod priors;
 mod rigs;
 mod sound;
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
-
+use crate::common::prelude::*;
 use crate::common::program::json;
-use glam::{DMat3, DVec3};
-use ivv::internals::synth::{Options, Preset, write_capture};
-use serde_json::Value;
+use ivv::internals::synth::Options;
 
 /// A small capture: two training cameras would see too little, more would take too long.
 fn options() -> Options {

@@ -1,11 +1,7 @@
 //! A reader of COLMAP's files of its own, and what it finds in a capture's.
 
-use std::fs;
-use std::path::Path;
-
-use glam::{DMat3, DQuat, DVec2, DVec3};
-
 use super::{options, rgb, shared};
+use crate::common::prelude::*;
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Camera {

@@ -1,8 +1,7 @@
 //! The estimates of flow and depth against the truth they are made from.
 
-use std::fs;
-
 use super::{exr, json, options, shared};
+use crate::common::prelude::*;
 
 fn floats(bytes: &[u8]) -> Vec<f64> {
     bytes.as_chunks().0.iter().map(|b| f64::from(f32::from_le_bytes(*b))).collect()

@@ -1,12 +1,8 @@
 //! Rigs that look outward, at rest and on their way.
 
-use glam::{DMat3, DVec2, DVec3};
-use ivv::internals::scene::View;
-use ivv::internals::scene::capture::Capture;
-use ivv::internals::synth::{Noise, Options, Rig};
-
 use super::{bodies, exr, json, make, numbers, options};
-use std::path::Path;
+use crate::common::prelude::*;
+use ivv::internals::synth::{Noise, Options, Rig};
 
 fn few(rig: Rig, cameras: u32, frames: u32) -> Options {
     Options { rig, cameras, frames, samples: 1, noise: Noise::None, points: 60, ..options() }

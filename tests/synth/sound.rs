@@ -1,12 +1,8 @@
 //! Recordings and keypoints against the place of the mouth.
 
-use std::fs;
-use std::path::Path;
-
-use glam::{DVec2, DVec3};
-
 use super::model::read_model;
 use super::{json, numbers, options, shared};
+use crate::common::prelude::*;
 
 const SPEED_OF_SOUND: f64 = 343.0;
 

@@ -1,15 +1,11 @@
 //! What lies behind a scene: a background that varies while it is trained, and a backdrop where no training camera looks.
 
 use super::{Tiny, as_it_is, train};
-use crate::common::device::gpu;
-use crate::common::program::{ivv, json, works};
+use crate::common::prelude::*;
+use crate::common::program::json;
 use image::{DynamicImage, Rgb, RgbImage};
-use ivv::Constants;
-use ivv::internals::scene::capture::Capture;
-use ivv::internals::scene::{Splats, View};
-use ivv::internals::stage::{Outputs, Renderer};
-use ivv::internals::synth::{Options, Preset, Rig};
-use ivv::internals::train::{Config, Event, Kind, Log, Priors, Run, Session, SessionOptions, Setup, initialise};
+use ivv::internals::synth::{Options, Rig};
+use ivv::internals::train::{Kind, Log, Priors};
 
 fn change(tiny: &Tiny, to: impl Fn(RgbImage) -> DynamicImage) {
     for shot in tiny.capture.cameras.iter().flat_map(|camera| &camera.shots) {
@@ -184,7 +180,6 @@ fn the_curve_of_a_run_is_of_scenes_without_a_backdrop() {
         String::from_utf8(std::fs::read(run.join("report.html")).unwrap()).unwrap().contains("without the backdrop")
     );
     // Nothing falls when the run goes on.
-    let output = ivv(&["train", "--resume", "-o", output, "--steps", "60", "--eval-every", "20"]);
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && !told.contains("fell"), "{told}");
+    let told = tells(&["train", "--resume", "-o", output, "--steps", "60", "--eval-every", "20"]);
+    assert!(!told.contains("fell"), "{told}");
 }

@@ -1,13 +1,10 @@
 //! Runs on top of another: what rests and what was learnt of the cameras is taken over.
 
 use super::Tiny;
-use crate::common::program::{fails, ivv, json, text, works};
-use ivv::internals::formats::read_ply;
-use ivv::internals::scene::Splats;
-use ivv::internals::scene::capture::{Calibration, Capture};
-use ivv::internals::train::{Base, Checkpoint, Config, Run};
-use std::collections::BTreeMap;
-use std::path::Path;
+use crate::common::prelude::*;
+use crate::common::program::json;
+use ivv::internals::scene::capture::Calibration;
+use ivv::internals::train::Base;
 
 const SHORT: [&str; 6] = ["--sh-degree", "1", "--set", "init_points=200", "--eval-every", "0"];
 
@@ -31,9 +28,8 @@ fn a_part_of_a_clip_is_trained_on_top_of_a_run_over_the_clip() {
     let still = ["--set", "init_static_tau=0", "--steps", "40"];
     works(&[&["train", capture, "-o", text(&base), "--frames", "::2"], &still[..], &SHORT[..]].concat());
     let of_part = ["train", capture, "-o", text(&part), "--frames", "1:3", "--base", text(&base), "--steps", "30"];
-    let ended = ivv(&[&of_part[..], &SHORT[2..]].concat());
-    let told = String::from_utf8_lossy(&ended.stderr).into_owned();
-    assert!(ended.status.success() && told.contains("of what moves, by the flow"), "{told}");
+    let told = tells(&[&of_part[..], &SHORT[2..]].concat());
+    assert!(told.contains("of what moves, by the flow"), "{told}");
 
     let scene = |run: &Path| read_ply(&run.join("scene.ply")).unwrap();
     let (whole, on_top) = (scene(&base), scene(&part));

@@ -1,9 +1,9 @@
 //! `ivv bench`: a study on captures, finished runs side by side, and a history of them.
 
 use super::Tiny;
-use crate::common::program::{fails, json, works};
+use crate::common::prelude::*;
+use crate::common::program::json;
 use ivv::internals::study::{Bench, RunResult};
-use std::path::Path;
 
 /// Two arms, one of them with a preset, and one seed.
 const STUDY: &str = r#"{

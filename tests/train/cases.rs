@@ -1,11 +1,7 @@
 //! The cases of `../shared/cases/numerics` that bring files; skipped where the folder is absent.
 
-use crate::common::frames::render;
-use crate::common::notes::shared;
-use crate::common::program::{json, works};
-use ivv::internals::formats::read_ply;
-use ivv::internals::scene::read_views;
-use std::path::Path;
+use crate::common::prelude::*;
+use crate::common::program::json;
 
 #[test]
 fn among_equals_those_that_rest_are_in_front() {

@@ -1,17 +1,8 @@
 //! What a run says of a capture that is not what it was, and of test images that it trains on.
 
 use super::Tiny;
-use crate::common::program::{fails, ivv, json, works};
-use serde_json::Value;
-use std::path::Path;
-
-/// What is told on standard error by a command that works.
-fn told(arguments: &[&str]) -> String {
-    let output = ivv(arguments);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success(), "{arguments:?}: {told}");
-    told
-}
+use crate::common::prelude::*;
+use crate::common::program::json;
 
 fn show(folder: &Path, [from, to]: [&str; 2]) {
     for entry in std::fs::read_dir(folder.join("images").join(from)).unwrap() {
@@ -26,17 +17,17 @@ fn another_calibration_and_other_pictures_are_told_before_a_run_is_scored_or_goe
     let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let path = run.to_str().unwrap();
     let train = ["train", capture, "-o", path, "--steps", "4", "--sh-degree", "0", "--eval-every", "0"];
-    assert!(!told(&train).contains("warning"));
+    assert!(!tells(&train).contains("warning"));
     let quiet = |told: String| assert!(!told.contains("warning"), "{told}");
-    quiet(told(&["eval", path]));
-    quiet(told(&["train", "--resume", "-o", path, "--steps", "5"]));
+    quiet(tells(&["eval", path]));
+    quiet(tells(&["train", "--resume", "-o", path, "--steps", "5"]));
     // Runs of before there were fingerprints are read as they were.
     let file = run.join("run.json");
     let new = json(&file);
     let mut old = new.clone();
     assert!(old.as_object_mut().unwrap().remove("fingerprints").is_some());
     std::fs::write(&file, old.to_string()).unwrap();
-    quiet(told(&["eval", path]));
+    quiet(tells(&["eval", path]));
     std::fs::write(&file, new.to_string()).unwrap();
     // The calibration of every camera, as a new reconstruction has it.
     let model = tiny.folder.join("sparse/0/images.txt");
@@ -50,13 +41,13 @@ fn another_calibration_and_other_pictures_are_told_before_a_run_is_scored_or_goe
     });
     std::fs::write(&model, moved.collect::<String>()).unwrap();
     let n = tiny.capture.cameras.len();
-    let warned = told(&["eval", path]);
+    let warned = tells(&["eval", path]);
     assert!(warned.contains(&format!("the calibration of {n} cameras")) && warned.contains("cam00"), "{warned}");
     assert!(!warned.contains("picture"), "{warned}");
     std::fs::write(&model, text).unwrap();
     // Pictures of one camera by those of another.
     show(&tiny.folder, ["cam02", "cam03"]);
-    let warned = told(&["train", "--resume", "-o", path, "--steps", "6"]);
+    let warned = tells(&["train", "--resume", "-o", path, "--steps", "6"]);
     assert!(warned.contains("2 pictures changed (cam03: 2)") && !warned.contains("calibration"), "{warned}");
     assert!(warned.contains("warning"), "{warned}");
 }
@@ -69,9 +60,9 @@ fn test_images_that_are_training_images_are_counted() {
     show(&tiny.folder, [&other.name, tests[0]]);
     let (capture, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let path = run.to_str().unwrap();
-    let warned = told(&["train", capture, "-o", path, "--steps", "2", "--sh-degree", "0", "--eval-every", "0"]);
+    let warned = tells(&["train", capture, "-o", path, "--steps", "2", "--sh-degree", "0", "--eval-every", "0"]);
     assert!(warned.contains("2 test images are images of another camera"), "{warned}");
-    assert!(told(&["eval", path]).contains("2 test images are images of another camera"));
+    assert!(tells(&["eval", path]).contains("2 test images are images of another camera"));
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Errors of learnt clocks, against true ones.
 
-use crate::common::program::{json, works};
-use std::path::Path;
+use crate::common::prelude::*;
+use crate::common::program::json;
 
 /// Standard errors that an offset is within, of nineteen out of twenty.
 const WITHIN: f64 = 1.96;

@@ -1,11 +1,8 @@
 //! The first Gaussians of things that were cut out, on transparency.
 
-use glam::{DMat3, DVec3};
+use crate::common::prelude::*;
 use image::{Rgba, RgbaImage};
-use ivv::internals::scene::Splats;
-use ivv::internals::scene::capture::Capture;
-use ivv::internals::train::{Config, Init, Initial, initialise, random_points};
-use std::path::{Path, PathBuf};
+use ivv::internals::train::{Initial, random_points};
 
 const SIDE: u32 = 48;
 const N_CAMERAS: usize = 24;

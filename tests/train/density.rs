@@ -1,15 +1,10 @@
 //! Density control in a run: when rounds are due, and what training with either strategy leaves.
 
 use super::{Tiny, as_it_is, nothing_moves, steady};
-use crate::common::device::gpu;
-use ivv::Constants;
-use ivv::internals::scene::Splats;
-use ivv::internals::scene::capture::{Capture, Extent, PriorPlan};
-use ivv::internals::stage::{AdamMode, Choice, PruneLimits};
-use ivv::internals::train::{
-    Checkpoint, Config, Density, Event, GridKind, Init, Pace, PoseKind, Required, Round, Session, SessionOptions,
-    Setup, StepReport, Strategy, Trainer, density_round, from_points, noise, regularisers,
-};
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::Extent;
+use ivv::internals::stage::{Choice, PruneLimits};
+use ivv::internals::train::{Round, StepReport, Strategy, density_round, noise, regularisers};
 
 #[test]
 fn a_run_that_begins_with_all_it_finds_still_grows() {

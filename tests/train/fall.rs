@@ -1,10 +1,10 @@
 //! Test scores that fall while a run goes on.
 
 use super::Tiny;
-use crate::common::program::{ivv, json};
-use ivv::internals::train::{Config, Density, Fall, Kind, Log, Strategy};
-use serde_json::{Value, json};
-use std::path::Path;
+use crate::common::prelude::*;
+use crate::common::program::json;
+use ivv::internals::train::{Fall, Kind, Log, Strategy};
+use serde_json::json;
 
 /// The steps of `scores` at which `Fall` warns, in a run of 30,000 steps.
 fn warned(scores: &[(u64, f64)], config: &Config) -> Vec<u64> {
@@ -71,9 +71,7 @@ fn a_run_whose_test_scores_fall_warns_on_the_screen_in_the_log_and_in_the_report
     let train = ["train", capture, "-o", run.to_str().unwrap(), "--steps", "50", "--eval-every", "10", "-q"];
     // Colours that jump about ever more wildly.
     let rates = r#"lr.sh={"start":2e-2,"end":100}"#;
-    let output = ivv(&[&train[..], &["--eval-images", "2", "--set", rates]].concat());
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(output.status.success(), "{told}");
+    let told = tells(&[&train[..], &["--eval-images", "2", "--set", rates]].concat());
     let text = std::fs::read_to_string(run.join("train.jsonl")).unwrap();
     let lines: Vec<Value> = text.lines().map(|line| serde_json::from_str(line).unwrap()).collect();
     let fall = lines.iter().find(|line| line["kind"] == "fall").expect("a line of the log");

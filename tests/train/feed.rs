@@ -1,13 +1,12 @@
 //! Images that stay in the device's memory, and steps that allocate nothing.
 
 use super::Tiny;
-use crate::common::device::{gpu, opened, options};
+use crate::common::device::{opened, options};
 use crate::common::notes;
-use crate::common::same::assert_same_splats;
+use crate::common::prelude::*;
 use ivv::internals::gpu::{Gpu, Options};
-use ivv::internals::train::{Config, Density, Required, Resolution, Session, SessionOptions};
-use ivv::internals::vk::{DeviceChoice, DeviceKind};
-use std::sync::Arc;
+use ivv::internals::train::Resolution;
+use ivv::internals::vk::DeviceChoice;
 
 const STEPS: u64 = 60;
 /// Bytes of an image of the tiny capture, with depth and flow.

@@ -1,17 +1,11 @@
 //! The first Gaussians against the true surfaces of a synthetic capture.
 
 use super::drive;
-use crate::common::device::gpu;
+use crate::common::prelude::*;
 use crate::synth::{Body, bodies};
-use glam::DVec3;
-use ivv::Constants;
-use ivv::internals::scene::capture::{Capture, Point, Shot};
-use ivv::internals::scene::{Similarity, Splats};
-use ivv::internals::stage::{Outputs, Renderer};
-use ivv::internals::synth::{Options, Preset, write_capture};
-use ivv::internals::train::{Config, Init, Initial, Meter, Setup, Trainer, from_points, initialise, random_points};
-use std::path::PathBuf;
-use std::sync::OnceLock;
+use ivv::internals::scene::capture::Shot;
+use ivv::internals::synth::Options;
+use ivv::internals::train::{Initial, Meter, random_points};
 
 /// Eight cameras on an arc around a room, and two for testing; without points. Made once.
 fn room() -> &'static (PathBuf, Capture) {

@@ -2,12 +2,10 @@
 
 use super::{Tiny, steady, train};
 use crate::adversary::rounds_otherwise;
-use crate::common::device::gpu;
-use crate::common::same::{assert_same, assert_same_splats};
-use ivv::internals::scene::capture::{Picture, PriorPlan, half_bits, half_value};
-use ivv::internals::scene::{Splats, View};
-use ivv::internals::settings::{Constants, Culls, Knobs, TileBound};
-use ivv::internals::train::{Config, Preset, Resolution, Setup, Trainer, from_points, merge};
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::{half_bits, half_value};
+use ivv::internals::settings::{Culls, Knobs, TileBound};
+use ivv::internals::train::{Preset, Resolution, merge};
 
 fn preset(name: &str) -> Config {
     let mut settings = serde_json::to_value(Config::default()).unwrap();

@@ -2,10 +2,8 @@
 
 use super::Tiny;
 use crate::common::folder::copy;
-use crate::common::program::{json, text, works};
-use crate::common::same::assert_same;
-use std::fs;
-use std::path::Path;
+use crate::common::prelude::*;
+use crate::common::program::json;
 
 /// Removes the pair of lines of every image of the cameras `left_out`, and their own in cameras.txt.
 fn strike(sparse: &Path, left_out: &[&str]) {

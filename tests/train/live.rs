@@ -1,14 +1,11 @@
 //! A training that is watched in a browser.
 
 use super::Tiny;
-use crate::common::program::{command, works};
-use ivv::internals::formats::FourDgs;
-use serde_json::Value;
+use crate::common::prelude::*;
+use crate::common::program::command;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::TcpStream;
-use std::path::Path;
-use std::process::{Child, Stdio};
-use std::time::{Duration, Instant};
+use std::process::Child;
 
 struct Serving {
     child: Child,

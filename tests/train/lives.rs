@@ -1,13 +1,7 @@
 //! Training Gaussians of which most do not live at a step's time.
 
 use super::{Tiny, drive, steady};
-use crate::common::device::gpu;
-use crate::common::random::Random;
-use crate::common::same::assert_same_splats;
-use ivv::Constants;
-use ivv::internals::scene::{Motion, Splats};
-use ivv::internals::stage::AdamMode;
-use ivv::internals::train::{Config, Density, Setup, Trainer, from_points};
+use crate::common::prelude::*;
 
 /// Gaussians whose processing goes block by block.
 const BLOCK: usize = 128;

@@ -1,14 +1,10 @@
 //! Runs that are looked at: rendered from their own cameras, and before they have ended.
 
 use super::Tiny;
-use crate::common::program::{command, fails, ivv, json, text, works};
-use crate::common::same::assert_same;
-use ivv::internals::scene::capture::{Capture, CaptureSettings, Frames};
-use ivv::internals::scene::{View, read_views, write_views};
+use crate::common::prelude::*;
+use crate::common::program::{command, json};
 use ivv::internals::sound::rig::Rig;
-use ivv::internals::train::{Run, spread};
-use serde_json::Value;
-use std::path::Path;
+use ivv::internals::train::spread;
 
 /// Trains so shortly in `tiny.folder/run` that little is learnt; the near plane cuts away much of what is there.
 fn short_run(tiny: &Tiny) -> std::path::PathBuf {
@@ -88,9 +84,8 @@ fn a_run_that_has_not_ended_is_looked_at_by_its_newest_checkpoint() {
     let scores = json(&run.join("eval.json"));
     ["scene.ply", "train.json", "eval.json"].iter().for_each(|file| std::fs::remove_file(run.join(file)).unwrap());
 
-    let output = ivv(&["export", text(&run), "-o", text(&exported)]);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success() && told.contains("has not ended") && told.contains("step 12 of 12"), "{told}");
+    let told = tells(&["export", text(&run), "-o", text(&exported)]);
+    assert!(told.contains("has not ended") && told.contains("step 12 of 12"), "{told}");
     // The last checkpoint holds the scene that the run ended with.
     assert_same("the checkpoint", &std::fs::read(&exported).unwrap(), &ended);
 
@@ -308,9 +303,8 @@ fn a_run_under_way_shows_test_views_and_its_report() {
     let error = error / f64::from(left * strip.height() / 2);
     assert!(error > 1.0 && error < 100.0, "the rendering is below: {error} levels");
 
-    let output = ivv(&["inspect", text(&run)]);
-    let told = String::from_utf8_lossy(&output.stderr).into_owned();
-    assert!(output.status.success() && told.contains("of 100000"), "{told}");
+    let told = tells(&["inspect", text(&run)]);
+    assert!(told.contains("of 100000"), "{told}");
     works(&["train", text(&tiny.folder), "-o", text(&run), "--steps", "1", "--sh-degree", "0", "--overwrite"]);
     assert!(!run.join("renders/progress").exists(), "pictures of the run before are gone");
 }

@@ -35,20 +35,10 @@ mod settings;
 mod terms;
 mod worlds;
 
-use crate::common::device::gpu;
 use crate::common::folder::copy;
-use crate::common::same::assert_same_splats;
-use ivv::Constants;
-use ivv::internals::scene::capture::{Capture, PriorPlan};
-use ivv::internals::scene::{Motion, Similarity, Splats};
-use ivv::internals::stage::{AdamMode, Outputs, Renderer};
-use ivv::internals::synth::{Options, Preset, write_capture};
-use ivv::internals::train::{
-    Checkpoint, Config, Event, LearningRates, Meter, Pace, Priors, Rate, Scores, Session, SessionOptions, Setup,
-    StepReport, TermData, Trainer, from_points, random_points, rates, training_order,
-};
-use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use crate::common::prelude::*;
+use ivv::internals::synth::Options;
+use ivv::internals::train::{LearningRates, Meter, Priors, Scores, StepReport, random_points, rates, training_order};
 
 struct Tiny {
     folder: PathBuf,

@@ -1,9 +1,8 @@
 //! Runs in the folder of another run.
 
 use super::Tiny;
-use crate::common::program::{fails, json, works};
-use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use crate::common::prelude::*;
+use crate::common::program::json;
 
 /// All files below `folder` with their bytes, but for the lock.
 fn files(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {

@@ -1,21 +1,16 @@
 //! Photographs teach what rests, and a run on top of another, which leaves that alone, does without them.
 
 use crate::capture::photos::clip;
-use crate::common::frames::render;
-use crate::common::program::{ivv, json, text, works};
-use ivv::internals::formats::read_ply;
-use ivv::internals::scene::Splats;
-use ivv::internals::scene::capture::Capture;
-use ivv::internals::train::{Config, Setup};
+use crate::common::prelude::*;
+use crate::common::program::json;
 
 #[test]
 fn a_photograph_shows_and_teaches_what_rests_alone() {
     let clip = clip("train-photos");
     let (capture, base, part) = (text(&clip.0), clip.0.join("base"), clip.0.join("part"));
     let short = ["--sh-degree", "1", "--set", "init_points=200", "--eval-every", "0", "--steps", "30"];
-    let ended = ivv(&[&["train", capture, "-o", text(&base)][..], &short].concat());
-    let told = String::from_utf8_lossy(&ended.stderr).into_owned();
-    assert!(ended.status.success() && told.contains("of the static ones from photographs"), "{told}");
+    let told = tells(&[&["train", capture, "-o", text(&base)][..], &short].concat());
+    assert!(told.contains("of the static ones from photographs"), "{told}");
     assert_eq!(json(&base.join("run.json"))["held"]["training_images"], 15);
     // Photographs have no clock.
     let clocks = json(&base.join("offsets.json"));

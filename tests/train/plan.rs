@@ -1,15 +1,9 @@
 //! The memory plan against what a trainer allocates.
 
 use super::{Tiny, drive};
-use crate::common::device::gpu;
-use crate::common::program::{fails, text, works};
-use ivv::Constants;
-use ivv::internals::stage::{Accumulation, Sums};
-use ivv::internals::train::{
-    BoundBy, Class, Config, Limits, Plan, PoseKind, Required, Setup, TermData, Trainer, Workload, from_points,
-};
-use ivv::internals::vk::DeviceKind;
-use std::collections::BTreeMap;
+use crate::common::prelude::*;
+use ivv::internals::stage::Accumulation;
+use ivv::internals::train::{BoundBy, Class, Limits, Plan, Workload};
 
 const LIMITS: Limits = Limits { binding_bytes: 128 << 20, memory_bytes: 8 << 30, is_host: false };
 

@@ -1,18 +1,13 @@
 //! The first Gaussians from the points of every frame, and depth priors fitted to them, against what is true of a
 //! synthetic capture.
 
-use crate::capture::Folder;
+use crate::common::prelude::*;
 use crate::common::program::json;
 use crate::synth::{Body, bodies};
-use glam::{DMat3, DVec3};
-use ivv::internals::scene::capture::{Camera, Capture, FramePoint, Manifest};
-use ivv::internals::scene::{Pose, SeenPoint, Similarity, Splats, write_points};
+use ivv::internals::scene::capture::FramePoint;
 use ivv::internals::stage::DepthSpace;
-use ivv::internals::synth::{Options, Preset, write_capture};
-use ivv::internals::train::{Config, Init, Initial, PointCounts, Unfit, fit_depths, initialise};
-use std::collections::BTreeSet;
-use std::path::PathBuf;
-use std::sync::OnceLock;
+use ivv::internals::synth::Options;
+use ivv::internals::train::{Initial, PointCounts, Unfit, fit_depths};
 
 /// Points are noisy by 0.004 along each axis; outliers are farther from every surface, or rarely not.
 const NEAR: f64 = 0.025;

@@ -1,18 +1,10 @@
 //! Poses of cameras that are learnt.
 
 use super::{Tiny, as_it_is, nothing_moves};
-use crate::common::device::gpu;
-use crate::common::one::{ball, camera, scene_of};
-use crate::common::program::{json, works};
-use crate::common::random::Random;
-use glam::DVec3;
-use ivv::Constants;
-use ivv::internals::scene::capture::{Capture, Extent, Picture, half_bits};
-use ivv::internals::scene::{FlowModel, Pose, View, read_views};
-use ivv::internals::stage::{Outputs, Renderer};
-use ivv::internals::train::{
-    Config, Correction, Density, Event, Pace, PoseKind, Rate, Session, Setup, TermData, Trainer,
-};
+use crate::common::prelude::*;
+use crate::common::program::json;
+use ivv::internals::scene::capture::{Extent, half_bits};
+use ivv::internals::train::Correction;
 
 const CAMERAS: usize = 6;
 

@@ -1,18 +1,13 @@
 //! Steps on several images, by one process or by several that share them.
 
 use super::Tiny;
-use crate::common::device::{gpu, options};
-use crate::common::same::assert_same_splats;
+use crate::common::device::options;
+use crate::common::prelude::*;
 use ivv::internals::error::{Error, Result};
 use ivv::internals::gpu::{Gpu, Options};
-use ivv::internals::scene::Splats;
-use ivv::internals::stage::AdamMode;
-use ivv::internals::train::{
-    Checkpoint, Config, Event, GridKind, PoseKind, Ranks, Session, SessionOptions, StepReport,
-};
+use ivv::internals::train::{Ranks, StepReport};
 use ivv::internals::vk::DeviceChoice;
-use std::sync::{Arc, Condvar, Mutex, OnceLock, PoisonError};
-use std::time::Duration;
+use std::sync::{Condvar, PoisonError};
 
 const STEPS: u64 = 24;
 

@@ -1,13 +1,10 @@
 //! The report: well formed, complete, and in need of nothing but itself.
 
 use super::scores_of;
-use ivv::Constants;
-use ivv::internals::scene::Frame;
-use ivv::internals::scene::capture::Picture;
+use crate::common::prelude::*;
 use ivv::internals::study::{Example, Report};
-use ivv::internals::train::{CaptureSummary, Config, Evaluation, Kind, Log, Run, SceneScores, SceneSize, ViewScores};
-use serde_json::{Value, json};
-use std::path::Path;
+use ivv::internals::train::{CaptureSummary, Evaluation, Kind, Log, SceneScores, SceneSize, ViewScores};
+use serde_json::json;
 
 /// The tags of an HTML or SVG text balance, attributes are quoted, and every character reference is whole.
 pub fn assert_well_formed(html: &str) {

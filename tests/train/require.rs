@@ -1,17 +1,10 @@
 //! Only what a scene requires: on scenes of Gaussians whose every part is known, seen by a capture's own cameras.
 
 use super::Tiny;
-use crate::common::device::gpu;
-use crate::common::random::Random;
-use ivv::Constants;
-use ivv::internals::scene::capture::{Camera, Capture, Shot};
-use ivv::internals::scene::{Motion, Splats, View};
-use ivv::internals::stage::{Outputs, Renderer, Response};
-use ivv::internals::train::{
-    Config, Due, Evidence, GridKind, Required, Review, Seen, Setup, Trainer, merge_resting, psnr, review, review_due,
-};
-use std::path::PathBuf;
-use std::sync::OnceLock;
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::Shot;
+use ivv::internals::stage::Response;
+use ivv::internals::train::{Due, Evidence, Review, Seen, merge_resting, psnr, review, review_due};
 
 /// So that noise is not clamped.
 pub const BACKGROUND: [f32; 3] = [0.4; 3];

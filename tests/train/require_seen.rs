@@ -1,12 +1,10 @@
 //! Nothing is judged that a review has not looked at: things that few cameras see, and things that are there for a moment.
 
 use super::require::{BACKGROUND, cameras, config, shown};
-use crate::common::device::gpu;
-use crate::common::random::Random;
-use ivv::Constants;
-use ivv::internals::scene::capture::{Camera, Capture, Shot};
-use ivv::internals::scene::{Intrinsics, Motion, Pose, SH_C0, Splats};
-use ivv::internals::train::{Config, Due, Required, Review, Setup, Trainer, review};
+use crate::common::prelude::*;
+use ivv::internals::scene::SH_C0;
+use ivv::internals::scene::capture::Shot;
+use ivv::internals::train::{Due, Review, review};
 
 fn push(splats: &mut Splats, place: [f64; 3], deviation: f32, sh: [[f32; 3]; 4], motion: Option<Motion>) {
     splats.source_row.push(splats.len() as u32);

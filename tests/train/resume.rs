@@ -1,17 +1,11 @@
 //! Runs that were killed, extended, or started twice: nothing is lost, and nothing else is trained than was asked for.
 
 use super::Tiny;
-use crate::common::device::gpu;
-use crate::common::program::{fails, ivv, json, works};
+use crate::common::prelude::*;
+use crate::common::program::json;
 use crate::common::running::Running;
-use crate::common::same::{assert_same, assert_same_splats};
-use ivv::Constants;
-use ivv::internals::scene::Splats;
-use ivv::internals::stage::{AdamMode, GRID_NUMBERS};
-use ivv::internals::train::{Checkpoint, Config, RunLock, Setup, Trainer, from_points};
-use serde_json::Value;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
+use ivv::internals::stage::GRID_NUMBERS;
+use ivv::internals::train::RunLock;
 
 /// A capture with the path of a run folder that is not there yet.
 struct Case {
@@ -64,9 +58,8 @@ fn a_run_that_was_killed_before_its_first_checkpoint_begins_again_as_it_was() {
     works(&case.train(&[&SMALL[..], &["--steps", "8", "--test-cameras", "cam01", "--blur", "0.2"]].concat()));
     let (config, run, scene) = (case.file("config.json"), case.file("run.json"), case.file("scene.ply"));
     case.killed_early();
-    let output = ivv(&case.resume(&[]));
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success() && told.contains("starts again with its own settings"), "{told}");
+    let told = tells(&case.resume(&[]));
+    assert!(told.contains("starts again with its own settings"), "{told}");
     assert_eq!((case.file("config.json"), case.file("run.json")), (config, run));
     assert!(case.file("scene.ply") == scene, "the same bits as without the kill");
 }
@@ -105,25 +98,18 @@ fn a_resume_without_a_checkpoint_tells_what_is_there_and_writes_nothing() {
 }
 
 #[test]
-fn a_resume_tells_which_settings_are_newer_than_the_run() {
-    let case = Case::new("older");
-    works(&case.train(&[&SMALL[..], &["--steps", "4"]].concat()));
-    let told = || String::from_utf8_lossy(&ivv(&case.resume(&[])).stderr).into_owned();
-    assert!(!told().contains("another version"));
-    let mut config = json(&case.run.join("config.json"));
-    config.as_object_mut().unwrap().remove("backdrop").unwrap();
-    config["frame"].as_object_mut().unwrap().remove("t_cut").unwrap();
-    std::fs::write(case.run.join("config.json"), config.to_string()).unwrap();
-    assert!(told().contains("now have their defaults: backdrop, frame.t_cut."), "{}", told());
-}
-
-#[test]
-fn a_resumed_run_needs_no_capture_and_finds_one_that_moved() {
+fn a_resumed_run_needs_no_capture_tells_which_settings_are_newer_and_finds_a_capture_that_moved() {
     let case = Case::new("moved");
     works(&case.train(&[&SMALL[..], &["--steps", "6"]].concat()));
     let (config, scene) = (case.file("config.json"), case.file("scene.ply"));
-    works(&case.resume(&[]));
+    assert!(!tells(&case.resume(&[])).contains("another version"));
     assert!(case.file("scene.ply") == scene && case.file("config.json") == config);
+    let mut older: Value = serde_json::from_slice(&config).unwrap();
+    older.as_object_mut().unwrap().remove("backdrop").unwrap();
+    older["frame"].as_object_mut().unwrap().remove("t_cut").unwrap();
+    std::fs::write(case.run.join("config.json"), older.to_string()).unwrap();
+    let told = tells(&case.resume(&[]));
+    assert!(told.contains("now have their defaults: backdrop, frame.t_cut."), "{told}");
     let elsewhere = case.tiny.folder.with_extension("elsewhere");
     std::fs::rename(&case.tiny.folder, &elsewhere).unwrap();
     let run = elsewhere.join("run");
@@ -142,9 +128,7 @@ fn a_run_is_extended_and_other_settings_are_refused() {
     let case = Case::new("extended");
     works(&case.train(&[&SMALL[..], &["--steps", "10", "--seed", "5"]].concat()));
     let before: Config = serde_json::from_slice(&case.file("config.json")).unwrap();
-    let output = ivv(&case.resume(&["--steps", "16"]));
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}");
+    let told = tells(&case.resume(&["--steps", "16"]));
     assert!(told.contains("16 steps instead of 10") && told.contains("100 % done becomes 62 % done"), "{told}");
     assert_eq!(case.totals()["steps"], 16);
     let after: Config = serde_json::from_slice(&case.file("config.json")).unwrap();

@@ -1,10 +1,8 @@
 //! Rigs that look outward, and those that look at a scene among them: how large a scene is taken for.
 
-use ivv::internals::scene::Splats;
-use ivv::internals::scene::View;
-use ivv::internals::scene::capture::{Capture, TRAINING_RADIUS};
-use ivv::internals::synth::{Options, Preset, Rig, write_capture};
-use ivv::internals::train::{Config, Setup, from_points, initialise};
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::TRAINING_RADIUS;
+use ivv::internals::synth::{Options, Rig};
 
 fn capture(test: &str, rig: Rig) -> Capture {
     let folder = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("train-rigs-{test}-{rig:?}"));

@@ -2,11 +2,8 @@
 
 use super::Tiny;
 use super::report::{assert_self_contained, assert_well_formed, plot};
-use crate::common::program::{fails, json, works};
-use ivv::internals::formats::{read_ply, read_scene};
-use ivv::internals::train::{Config, initialise};
-use serde_json::Value;
-use std::path::Path;
+use crate::common::prelude::*;
+use crate::common::program::json;
 
 fn lines(folder: &Path, kind: &str) -> Vec<Value> {
     let text = std::fs::read_to_string(folder.join("train.jsonl")).unwrap();

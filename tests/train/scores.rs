@@ -1,15 +1,9 @@
 //! Evaluations, the log and the best checkpoint.
 
 use super::{Tiny, scores_of};
-use crate::common::device::gpu;
-use ivv::Constants;
-use ivv::internals::scene::Frame;
-use ivv::internals::scene::capture::{Capture, Picture};
-use ivv::internals::stage::{Renderer, Trunk};
-use ivv::internals::train::{
-    Checkpoint, Config, Evaluation, Kind, Log, Meter, Setup, Sight, Trainer, ViewScores, evaluate, from_points, psnr,
-    spread,
-};
+use crate::common::prelude::*;
+use ivv::internals::stage::Trunk;
+use ivv::internals::train::{Evaluation, Kind, Log, Meter, Sight, ViewScores, evaluate, psnr, spread};
 use ivv_conformance::fixtures::lpips::{narrow, save};
 use serde_json::json;
 

@@ -1,12 +1,11 @@
 //! A clip in segments: planned, trained job by job, joined, and scored as one scene.
 
 use super::Tiny;
-use crate::common::program::{fails, ivv, json, text, works};
+use crate::common::prelude::*;
+use crate::common::program::json;
 #[cfg(unix)]
 use crate::common::running::Running;
-use ivv::internals::formats::read_ply;
-use ivv::internals::scene::{ALWAYS, Splats};
-use serde_json::Value;
+use ivv::internals::scene::ALWAYS;
 
 /// That the means of the frames at seams, and of the others, are those of the views.
 fn assert_scored_at_seams(scores: &Value, seam: std::ops::RangeInclusive<u64>) {
@@ -67,9 +66,8 @@ fn a_clip_in_segments_is_joined_to_one_scene_and_jobs_are_done_once() {
     assert!(newest.is_file());
     std::fs::remove_file(newest).unwrap();
     works(&run(&[]));
-    let again = ivv(&run(&[]));
-    let told = String::from_utf8_lossy(&again.stderr).into_owned();
-    assert!(again.status.success() && told.matches(": is done").count() == 3, "{told}");
+    let told = tells(&run(&[]));
+    assert!(told.matches(": is done").count() == 3, "{told}");
 
     let joined = read_ply(&plan.join("scene.ply")).unwrap();
     let scene = |folder: &str| read_ply(&plan.join(folder).join("scene.ply")).unwrap();

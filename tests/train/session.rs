@@ -2,17 +2,9 @@
 
 use super::{Tiny, as_it_is};
 use crate::adversary::rounds_otherwise;
-use crate::common::device::gpu;
-use crate::common::program::{text, works};
-use crate::common::same::assert_same_splats;
-use ivv::internals::scene::{Similarity, Splats};
-use ivv::internals::train::{
-    Average, Checkpoint, Config, DueEvents, Event, GridKind, Init, Notice, Phase, PoseKind, Required, Session,
-    SessionOptions, training_order,
-};
-use ivv::internals::vk::DeviceKind;
+use crate::common::prelude::*;
+use ivv::internals::train::{Average, DueEvents, Notice, Phase, training_order};
 use std::cell::RefCell;
-use std::collections::BTreeSet;
 
 const STEPS: u64 = 30;
 

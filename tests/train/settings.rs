@@ -1,12 +1,10 @@
 //! Every setting is known, has a meaning, and is refused outside its range with what was found and expected.
 
 use super::Tiny;
-use crate::common::program::{fails, ivv, works};
+use crate::common::prelude::*;
 use ivv::internals::settings::Range;
-use ivv::internals::train::{Config, PRESETS, Preset, all_settings, check_settings, default_of, merge};
-use serde_json::{Value, json};
-use std::collections::BTreeSet;
-use std::path::Path;
+use ivv::internals::train::{PRESETS, Preset, all_settings, check_settings, default_of, merge};
+use serde_json::json;
 
 fn defaults() -> Value {
     serde_json::to_value(Config::default()).unwrap()
@@ -139,9 +137,7 @@ fn a_run_from_more_points_than_it_may_have_gaussians_keeps_to_them() {
         let init = format!("init={init}");
         let train = ["train", tiny.folder.to_str().unwrap(), "-o", run.to_str().unwrap(), "--overwrite"];
         let settings = ["--steps", "30", "--max-gaussians", "60", "--eval-every", "0", "--set", &init];
-        let output = ivv(&[&train[..], &settings].concat());
-        let told = String::from_utf8_lossy(&output.stderr);
-        assert!(output.status.success(), "{init}: {told}");
+        let told = tells(&[&train[..], &settings].concat());
         assert!(told.contains("evenly chosen from ") && told.contains("to keep max_gaussians"), "{init}: {told}");
         let log = std::fs::read_to_string(run.join("train.jsonl")).unwrap();
         let lines = log.lines().map(|line| serde_json::from_str::<Value>(line).unwrap());

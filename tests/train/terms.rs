@@ -1,19 +1,10 @@
 //! The terms of the loss and the cameras' own parameters inside a training.
 
 use super::{Tiny, as_it_is, nothing_moves};
-use crate::common::device::gpu;
-use crate::common::one::{One, ball, camera, scene_of};
-use crate::scene::Folder;
-use ivv::Constants;
-use ivv::internals::scene::capture::{Capture, Extent, Picture, PriorPlan};
-use ivv::internals::scene::{Motion, Splats, View};
-use ivv::internals::stage::{Outputs, Renderer};
-use ivv::internals::train::{
-    Agreement, Config, Event, GridKind, Loss, Pace, PoseKind, Required, Session, SessionOptions, Setup, TermData,
-    Trainer, fit_offset, from_points, logged,
-};
+use crate::common::prelude::*;
+use ivv::internals::scene::capture::Extent;
+use ivv::internals::train::{Agreement, Loss, fit_offset, logged};
 use ivv_conformance::fixtures::lpips::{TRUNKS, narrow, save};
-use std::collections::BTreeSet;
 
 /// What a step dispatches, by section, and how often.
 fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String, usize> {

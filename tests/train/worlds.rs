@@ -1,14 +1,11 @@
 //! N15 and N16 of training: where a capture's origin is and how long its unit changes nothing.
 
 use super::{Tiny, drive};
-use crate::common::device::gpu;
-use crate::common::frames::{psnr, render, render_with};
+use crate::common::frames::{psnr, render_with};
+use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use ivv::Constants;
 use ivv::internals::reference::cleared;
-use ivv::internals::scene::capture::{Camera, Capture, Point, TRAINING_RADIUS};
-use ivv::internals::scene::{Frame, Pose, Similarity, Splats};
-use ivv::internals::train::{Config, Setup, Trainer, from_points};
+use ivv::internals::scene::capture::TRAINING_RADIUS;
 
 const LEAST_PSNR: f64 = 80.0;
 

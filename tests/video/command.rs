@@ -1,18 +1,11 @@
 //! `ivv render --path`.
 
-use std::path::Path;
-use std::process::{Command, Output};
-
-use glam::DVec3;
-use ivv::internals::sound::pose::{HeadPose, PoseTrack};
-use ivv::internals::sound::scene_file::{Mic, SoundScene, Source};
-use ivv::internals::sound::source_track::{Flag, SourceSample, SourceTrack};
+use crate::common::prelude::*;
+use crate::common::program::command;
+use ivv::internals::sound::scene_file::{Mic, Source};
+use ivv::internals::sound::source_track::Flag;
 use ivv::internals::sound::wav::{self, Channel, Depth};
-use ivv::internals::synth::{Options, Preset, write_capture};
-
-use crate::capture::Folder;
-use crate::common::program::{command, ivv, text};
-use crate::common::same::assert_same;
+use ivv::internals::synth::Options;
 
 /// The same where a folder holds all programs that are installed.
 fn with_programs_of(folder: &Path, arguments: &[&str]) -> Output {
@@ -87,9 +80,8 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
     let hrtf = at("ears");
     arguments.extend(["--size", "32x24", "--fps", "10", "--sound", &sound, "--hrtf", &hrtf, "--json"]);
 
-    let without_clock = ivv(&arguments);
-    let told = String::from_utf8_lossy(&without_clock.stderr).into_owned();
-    assert!(without_clock.status.code() == Some(2) && told.contains("--capture"), "{told}");
+    let told = fails(&arguments, 2);
+    assert!(told.contains("--capture"), "{told}");
 
     let capture = at("capture");
     arguments.extend(["--capture", &capture]);
@@ -186,9 +178,7 @@ fn a_video_of_years_is_refused_with_the_number_of_its_frames() {
     let path = folder.write("path.txt", "0 0 0 -4 0 0 0 1\n1e9 0 0 -4 0 0 0 1\n");
     let output = folder.0.join("film.y4m");
     let scene = still_scene(&folder);
-    let done = ivv(&["render", &scene, "--path", path.to_str().unwrap(), "-o", output.to_str().unwrap()]);
-    let told = String::from_utf8_lossy(&done.stderr).into_owned();
-    assert_eq!(done.status.code(), Some(3), "{told}");
+    let told = fails(&["render", &scene, "--path", path.to_str().unwrap(), "-o", output.to_str().unwrap()], 3);
     assert!(told.contains("30000000001 frames") && told.contains("5184000"), "{told}");
     assert!(!output.exists());
 }
@@ -234,9 +224,8 @@ fn a_path_that_outlasts_the_clip_shows_its_last_moment_and_says_so() {
     let (code, told) = film("0", "0.8", "within.y4m");
     assert!(code == Some(0) && !told.contains("outside"), "{told}");
     let path = at("path.txt");
-    let both = ivv(&["render", scene, "--capture", &capture, "--path", &path, "--frames", "1", "-o", "x.y4m"]);
-    let told = String::from_utf8_lossy(&both.stderr).into_owned();
-    assert!(both.status.code() == Some(2) && told.contains("--frames choose views"), "{told}");
+    let told = fails(&["render", scene, "--capture", &capture, "--path", &path, "--frames", "1", "-o", "x.y4m"], 2);
+    assert!(told.contains("--frames choose views"), "{told}");
     let (code, told) = film("1000", "1002", "seconds.y4m");
     assert!(code == Some(2) && told.contains("in seconds of the clip"), "{told}");
     assert!(!folder.0.join("seconds.y4m").exists());

@@ -2,13 +2,8 @@
 
 mod command;
 
-use std::path::Path;
-use std::process::Command;
-
-use ivv::internals::scene::Frame;
+use crate::common::prelude::*;
 use ivv::internals::video::{Made, Video, VideoSettings};
-
-use crate::capture::Folder;
 
 const FPS: f64 = 30.0;
 const SIZE: (u32, u32) = (32, 18);

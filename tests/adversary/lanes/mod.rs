@@ -13,12 +13,12 @@ mod votes;
 
 use super::module::{assembled, built_ins, id, ids, load};
 use super::uniform::Uniform;
-use ivv::internals::gpu::table::KERNELS;
-use ivv::internals::gpu::{Rewrite, kernel_named};
+use crate::common::prelude::*;
+use ivv::internals::gpu::kernel_named;
 use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Capability, Decoration, ExecutionMode, LoopControl, Op};
 use rspirv::spirv::{Scope, StorageClass, Word};
-use std::collections::{HashMap, HashSet};
+use std::collections::HashSet;
 
 pub const LANES_32: Rewrite = Rewrite { subgroup_size: Some(32), spirv: |kernel| emulated(kernel.spirv, 32) };
 pub const LANES_64: Rewrite = Rewrite { subgroup_size: Some(64), spirv: |kernel| emulated(kernel.spirv, 64) };
