@@ -5,7 +5,7 @@
 //! buffer.
 
 use super::edit::{Edit, id_of};
-use crate::common::device::{Watched, opened, options};
+use crate::common::device::{opened, options};
 use crate::common::prelude::*;
 use ivv::internals::gpu::Options;
 use ivv::internals::gpu::generated::{ALL, gather, probe_atomic};

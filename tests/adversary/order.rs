@@ -2,7 +2,7 @@
 //! `Options::reversed`) passes that no barrier parts last to first. What claims the same bits in every run must not notice.
 
 use super::edit::{Edit, hash, id_of};
-use crate::common::device::{Watched, opened, options};
+use crate::common::device::{opened, options};
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
 use ivv::internals::gpu::generated::gather;

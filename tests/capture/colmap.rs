@@ -1,15 +1,13 @@
 //! Plain COLMAP projects.
 
-use super::model::{Model, STEMS, binary, sample, text, write, write_images, write_text};
+use super::model::{Model, STEMS, binary, sample, sample_project, text, write, write_images, write_text};
 use super::{Case, Folder, assert_told, told};
 use crate::common::prelude::*;
 use crate::common::program;
 
 #[test]
 fn every_number_of_a_binary_model_arrives() {
-    let folder = Folder::new("colmap");
-    write(&folder, &sample());
-    write_images(&folder);
+    let folder = sample_project("colmap");
     let capture = folder.open();
     assert_eq!((capture.n_frames, capture.reference_frame), (1, 0));
     let names: Vec<_> = capture.cameras.iter().map(|camera| camera.name.as_str()).collect();
@@ -38,9 +36,7 @@ fn every_number_of_a_binary_model_arrives() {
 
 #[test]
 fn text_and_binary_models_are_equal_in_every_place_a_model_may_stand() {
-    let folder = Folder::new("colmap-text");
-    write(&folder, &sample());
-    write_images(&folder);
+    let folder = sample_project("colmap-text");
     let expected = folder.open();
     assert_eq!(expected.cameras.len(), 3);
     std::fs::remove_dir_all(folder.0.join("sparse/0")).unwrap();
@@ -52,9 +48,7 @@ fn text_and_binary_models_are_equal_in_every_place_a_model_may_stand() {
 
 #[test]
 fn points_are_optional_and_test_views_are_a_setting() {
-    let folder = Folder::new("colmap-settings");
-    write(&folder, &sample());
-    write_images(&folder);
+    let folder = sample_project("colmap-settings");
     std::fs::remove_file(folder.0.join("sparse/0/points3D.bin")).unwrap();
     assert!(folder.open().points.is_empty());
     let open = |settings| Capture::open_with(&folder.0, &settings);
@@ -229,9 +223,7 @@ fn damaged_text_models_are_told_with_their_line() {
 
 #[test]
 fn check_prints_every_fault_and_exits_with_3() {
-    let folder = Folder::new("colmap-verb");
-    write(&folder, &sample());
-    write_images(&folder);
+    let folder = sample_project("colmap-verb");
     let check = |json: bool| {
         let mut command = program::command(&["check", program::text(&folder.0)]);
         let output = command.args(json.then_some("--json")).output().unwrap();

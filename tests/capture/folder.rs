@@ -1,6 +1,6 @@
 //! The project's own capture folder.
 
-use super::model::{Model, binary};
+use super::model::{Model, write_cameras};
 use super::{Case, Folder, assert_told, encode, png};
 use crate::common::prelude::*;
 
@@ -32,9 +32,7 @@ fn write(folder: &Folder, change: impl FnOnce(&mut Model)) {
         points: vec![],
     };
     change(&mut model);
-    let [cameras, images, _] = binary(&model);
-    folder.write("sparse/0/cameras.bin", cameras);
-    folder.write("sparse/0/images.bin", images);
+    write_cameras(folder, "sparse/0", &model);
     manifest().write(&folder.0).unwrap();
     for (index, camera) in ["front", "rig", "side"].iter().enumerate() {
         for frame in 0..3 {

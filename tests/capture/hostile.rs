@@ -1,6 +1,6 @@
 //! What a hostile or careless author may write: files that are no files, cameras that no camera has, clips without end.
 
-use super::model::{Model, binary, sample, write, write_images};
+use super::model::{Model, sample, write, write_cameras, write_images};
 use super::{Folder, assert_told, png, told};
 use crate::common::prelude::*;
 use ivv::internals::sound::wav;
@@ -114,9 +114,7 @@ fn still(folder: &Folder, manifest: &Manifest) {
         images: vec![(1, turn, [0.0; 3], 1, "a.png", vec![]), (2, turn, [1.0, 0.0, 0.0], 2, "b.png", vec![])],
         points: vec![],
     };
-    let [cameras, images, _] = binary(&model);
-    folder.write("sparse/0/cameras.bin", cameras);
-    folder.write("sparse/0/images.bin", images);
+    write_cameras(folder, "sparse/0", &model);
     for camera in ["a", "b"] {
         folder.write(&format!("images/{camera}/00000.png"), png(6, 4, 0));
     }

@@ -96,6 +96,21 @@ pub fn write_to(folder: &Folder, to: &str, model: &Model) {
     }
 }
 
+/// As [`write_to`], without points.
+pub fn write_cameras(folder: &Folder, to: &str, model: &Model) {
+    for (stem, bytes) in STEMS.iter().zip(binary(model)).take(2) {
+        folder.write(&format!("{to}/{stem}.bin"), bytes);
+    }
+}
+
+/// The folder of [`sample`] with its images.
+pub fn sample_project(name: &str) -> Folder {
+    let folder = Folder::new(name);
+    write(&folder, &sample());
+    write_images(&folder);
+    folder
+}
+
 /// As [`write_to`], as text.
 pub fn write_text(folder: &Folder, to: &str, model: &Model) {
     for (stem, text) in STEMS.iter().zip(text(model)) {

@@ -1,6 +1,6 @@
 //! Pictures as cameras and programs write them: turned, of other kinds, of codings that are not read.
 
-use super::model::{sample, write, write_images};
+use super::model::{sample, sample_project, write, write_images};
 use super::{Folder, assert_told, png, told};
 use crate::common::prelude::*;
 use image::codecs::jpeg::JpegEncoder;
@@ -57,9 +57,7 @@ fn a_picture_that_fits_its_camera_only_when_turned_is_turned() {
 
 #[test]
 fn a_picture_of_a_kind_that_is_not_read_is_called_what_it_is() {
-    let folder = Folder::new("kinds");
-    write(&folder, &sample());
-    write_images(&folder);
+    let folder = sample_project("kinds");
     // The frame header of the JPEG, and the bits of a sample in it.
     let whole = jpeg(6, 4, 0);
     let at = whole.windows(2).position(|pair| pair == [0xff, 0xc0]).unwrap();

@@ -1,6 +1,6 @@
 //! Flow, depth and points of the frames: every format arrives, and every fault is told.
 
-use super::model::{Model, binary};
+use super::model::{Model, write_cameras};
 use super::{Folder, assert_told, png};
 use crate::common::npy;
 use crate::common::prelude::*;
@@ -226,9 +226,7 @@ fn write_capture(folder: &Folder) {
         images: vec![(1, turn, [0.0, 0.0, 4.0], 40, "b.png", vec![]), (2, turn, [1.0, 0.0, 4.0], 7, "a.png", vec![])],
         points: vec![],
     };
-    let [cameras, images, _] = binary(&model);
-    folder.write("sparse/0/cameras.bin", cameras);
-    folder.write("sparse/0/images.bin", images);
+    write_cameras(folder, "sparse/0", &model);
     let manifest = Manifest { fps: 30.0, frames: 3, points: true, flow: true, depth: true, ..Manifest::default() };
     manifest.write(&folder.0).unwrap();
     for frame in 0..3 {
@@ -366,9 +364,7 @@ fn damaged_points_of_a_frame_are_refused() {
         images: vec![(1, turn, [0.0; 3], 40, "b.png", vec![]), (2, turn, [0.0; 3], 40, "a.png", vec![])],
         points: vec![],
     };
-    let [cameras, images, _] = binary(&model);
-    folder.write("sparse/0/cameras.bin", cameras);
-    folder.write("sparse/0/images.bin", images);
+    write_cameras(&folder, "sparse/0", &model);
     assert_told(&folder.check(), &["camera 40: is that of `b` and `a`"]);
 }
 

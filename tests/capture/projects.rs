@@ -1,6 +1,6 @@
 //! COLMAP projects as people have them: several models, odd names, poses in other conventions, masks beside the images.
 
-use super::model::{Model, STEMS, binary, sample, text, write, write_images, write_text, write_to};
+use super::model::{Model, STEMS, binary, sample, sample_project, text, write, write_images, write_text, write_to};
 use super::{Folder, assert_told, encode, png, told};
 use crate::common::prelude::*;
 use crate::common::program;
@@ -285,9 +285,7 @@ fn lenses_that_distort_are_one_fault_behind_those_of_images() {
 
 #[test]
 fn masks_beside_the_images_are_used() {
-    let folder = Folder::new("masks-beside");
-    write(&folder, &sample());
-    write_images(&folder);
+    let folder = sample_project("masks-beside");
     let mask = |black: usize| {
         let pixels: Vec<u8> = (0..24).map(|i| if i < black { 0 } else { 255 }).collect();
         encode(&pixels, 6, 4, ExtendedColorType::L8)

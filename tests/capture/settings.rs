@@ -1,6 +1,6 @@
 //! How a capture is read: folders of smaller images, sizes, alpha, and what a report says of many faults of one kind.
 
-use super::model::{sample, write, write_images};
+use super::model::{sample, sample_project, write};
 use super::{Folder, assert_told, encode, png, told};
 use crate::common::prelude::*;
 use crate::common::program;
@@ -90,9 +90,7 @@ fn faults_of_one_kind_are_told_together_and_nothing_is_counted_that_could_not_be
 
 #[test]
 fn alpha_is_told_and_is_a_foreground_mask_where_that_is_asked_for() {
-    let folder = Folder::new("alpha");
-    write(&folder, &sample());
-    write_images(&folder);
+    let folder = sample_project("alpha");
     // The left half of `a` is opaque, of which one pixel less than half.
     let alpha = |i: usize| {
         if i == 1 {

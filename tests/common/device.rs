@@ -3,6 +3,7 @@
 //! variables.
 
 use crate::adversary;
+use crate::common::notes::skip;
 use ivv::internals::gpu::{COUNTS, Gpu, Options, Rewrite};
 use ivv::internals::vk::{DeviceChoice, DeviceKind};
 use ivv_conformance::Bench;
@@ -61,6 +62,17 @@ pub fn gpu() -> Watched {
     static GPU: OnceLock<Arc<Gpu>> = OnceLock::new();
     take_turn();
     Watched(GPU.get_or_init(|| open(&options())).clone())
+}
+
+/// The device, if it has timestamps; a skip is noted where it has none.
+#[track_caller]
+pub fn timed() -> Option<Watched> {
+    let gpu = gpu();
+    if gpu.caps().timestamp_ns == 0.0 {
+        skip("the device has no timestamps");
+        return None;
+    }
+    Some(gpu)
 }
 
 /// The device of this lane, taken for a GPU: its kernels have the shapes for GPUs, and subgroups of the device's own width.

@@ -1,7 +1,8 @@
 //! What many tests import.
 
-pub use crate::common::device::gpu;
+pub use crate::common::device::{Watched, gpu, timed};
 pub use crate::common::folder::Folder;
+pub use crate::common::frames::render;
 pub(crate) use crate::common::notes::needs;
 pub use crate::common::notes::{shared, skip};
 pub use crate::common::one::{One, ball, camera, scene_of};
@@ -19,7 +20,7 @@ pub use ivv::internals::formats::{
 pub use ivv::internals::gpu::table::KERNELS;
 pub use ivv::internals::gpu::{Grid, KernelInfo, Recording, Rewrite};
 pub use ivv::internals::prepare::{PrepareSettings, Triangulate};
-pub use ivv::internals::reference::{Params, Projected, Rules, render, render_f64};
+pub use ivv::internals::reference::{Params, Projected, Rules, render_f64};
 pub use ivv::internals::scene::capture::{
     Camera, Capture, CaptureSettings, Frames, Manifest, Picture, Point, PriorPlan, check_capture,
 };

@@ -6,7 +6,6 @@ use crate::adversary::slack;
 use crate::common::one::{at_pixel, with};
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 use ivv::internals::reference::pull;
 use ivv::internals::scene::SH_C0;
 use ivv::internals::stage::{Accumulation, Room};

@@ -5,7 +5,6 @@ use crate::adversary::slack;
 use crate::common::one::with;
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 use ivv_conformance::adjoint::{GROUPS, flat};
 
 tested! {

@@ -3,7 +3,6 @@
 use super::check::{smooth_cotangents, vjp};
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 
 tested! {
     "project/camera_sum.comp" by render_f64 in pose_and_background_gradients_are_the_differences_of_the_truth;

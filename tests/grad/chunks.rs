@@ -6,7 +6,6 @@ use crate::adversary::{rounds_otherwise, slack};
 use crate::common::device::as_gpu;
 use crate::common::frames::{Tolerance, compare, pixels};
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::Knobs;
 use ivv::internals::gpu::generated::constants::chunk::CHUNK;
 use ivv_conformance::adjoint::group_error;

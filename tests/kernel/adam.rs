@@ -3,7 +3,6 @@
 use crate::adversary::{rounds_otherwise, slack};
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 use crate::kernel::assert_same_scene;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::stage::{Rates, StepSettings, adam_params, lazy_sums};

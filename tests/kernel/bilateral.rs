@@ -2,7 +2,6 @@
 //! and N23 of `tests/conformance`.
 
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::reference::{Adam, BilateralGrid, Dual, centred, pooled};
 use ivv::internals::stage::{GRID_NUMBERS, GRID_SIZE, GridState, GridStep, Grids};
 use ivv_conformance::fixtures::grids::{Case, Found, random_grid, step};

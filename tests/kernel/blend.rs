@@ -4,7 +4,6 @@ use crate::adversary::slack;
 use crate::common::frames::{Tolerance, compare, pixels, render_with};
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 use crate::common::stages::Fixture;
 
 tested! {

@@ -2,7 +2,6 @@
 
 use super::density::scene;
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::reference::cleared;
 use ivv::internals::scene::Clearing;

@@ -1,7 +1,6 @@
 //! The cameras' time offsets on the device, against their reference. Their gauge and bound: row N27 of `tests/conformance`.
 
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::reference::{Clock, ClockRule, clock_step};
 use ivv::internals::stage::{OFFSET_BOUND, TimeOffsets};
 use ivv_conformance::fixtures::clocks::on_device;

@@ -2,7 +2,6 @@
 
 use crate::common::prelude::*;
 use crate::common::random::view;
-use crate::common::references::tested;
 use crate::common::stages::Fixture;
 use ivv::internals::gpu::generated::compact;
 use ivv::internals::reference::{exclusive_scan, project, tiles_truth, visible};

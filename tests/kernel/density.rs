@@ -2,10 +2,8 @@
 //! groups of any length.
 
 use crate::adversary::rounds_otherwise;
-use crate::common::device::Watched;
 use crate::common::one::logit;
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::gpu::Buf;
 use ivv::internals::reference::{Density, Descent, Kind};
 use ivv::internals::scene::Cone;

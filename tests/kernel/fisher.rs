@@ -2,7 +2,6 @@
 
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 use ivv::internals::reference::responses;
 use ivv::internals::stage::{Census, Response};
 

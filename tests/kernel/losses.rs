@@ -2,7 +2,6 @@
 //! N21 of `tests/conformance`.
 
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::stage::{MOST_TERMS, Report, SSIM_WEIGHT, record_report};
 use ivv_conformance::fixtures::photometric::Pair;

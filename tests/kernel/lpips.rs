@@ -3,7 +3,6 @@
 
 use crate::adversary::rounds_otherwise;
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use crate::scene::fault;
 use ivv::Error;
 use ivv::internals::gpu::Gpu;

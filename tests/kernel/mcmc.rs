@@ -3,7 +3,6 @@
 use super::density::{Case, DRAWN, scene};
 use crate::common::one::logit;
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::reference::{normals, shared_opacity};
 use ivv::internals::stage::{DensityRound, record_mcmc_noise};

@@ -4,7 +4,6 @@
 use crate::adversary::rounds_otherwise;
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 use crate::kernel::assert_same_scene;
 use crate::kernel::batch::{borrowed, two};
 use ivv::internals::gpu::generated::Status;

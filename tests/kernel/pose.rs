@@ -1,7 +1,6 @@
 //! The cameras' poses on the device, against their reference.
 
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use glam::Vec3;
 use ivv::internals::gpu::generated::constants::pose::POSE_MOST_TURN;
 use ivv::internals::gpu::generated::{Status, ViewParams};

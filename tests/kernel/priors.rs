@@ -2,7 +2,6 @@
 //! `tests/conformance`.
 
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::stage::DepthSpace;
 use ivv_conformance::fixtures::priors::Case;
 

@@ -1,7 +1,6 @@
 //! The probes leave what their references say: what they time is the work that they count.
 
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::profile::{Peaks, Prepared, Probe, dispatch_ns, dispatches};
 use ivv::internals::reference::{exp2_solution, fma_sum, scattered_rows, turned_lane};
 
@@ -121,11 +120,7 @@ fn dispatches_that_wait_for_one_another_count_up() {
 
 #[test]
 fn a_device_with_timestamps_has_peaks() {
-    let gpu = gpu();
-    if gpu.caps().timestamp_ns == 0.0 {
-        crate::common::notes::skip("the device has no timestamps");
-        return;
-    }
+    let Some(gpu) = timed() else { return };
     let [between, whole] = dispatch_ns(&gpu).unwrap();
     assert!(between >= 0.0 && whole > 0.0);
     let rate = Probe::Fma.rate(&gpu).unwrap();

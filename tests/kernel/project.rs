@@ -3,7 +3,6 @@
 use crate::adversary::slack;
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 use crate::common::stages::{Active, Fixture};
 use ivv::internals::reference::{basis, power, project, tiles_truth};
 

@@ -1,7 +1,6 @@
 //! Prefix sums of the device against the reference.
 
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::gpu::generated::Status;
 use ivv::internals::reference::exclusive_scan;
 use ivv::internals::stage::{PairGrids, Scan};

@@ -2,7 +2,6 @@
 
 use crate::adversary::slack;
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::reference::{laid_over, shown};
 use ivv::internals::stage::{Layer, Screen};
 

@@ -1,7 +1,6 @@
 //! Radix sort of the device against the reference.
 
 use crate::common::prelude::*;
-use crate::common::references::tested;
 use ivv::internals::reference::radix_sort;
 use ivv::internals::stage::{Carried, Sort, Unsorted};
 

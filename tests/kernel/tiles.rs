@@ -2,7 +2,6 @@
 
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use crate::common::references::tested;
 use crate::common::stages::Fixture;
 use ivv::internals::reference::{exclusive_scan, project, ranges, tiles_truth};
 

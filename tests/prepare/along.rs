@@ -2,7 +2,7 @@
 
 use super::sources::{IDENTITY, sequence};
 use super::{done, every, open, rate, run, settings};
-use crate::capture::model::{Model, binary};
+use crate::capture::model::{Model, write_cameras};
 use crate::capture::{assert_told, dynamic, encode, png};
 use crate::common::npy_rows;
 use crate::common::prelude::*;
@@ -22,9 +22,7 @@ fn priors_of_a_capture_folder_are_undistorted() {
         ],
         points: vec![],
     };
-    let [cameras, images, _] = binary(&model);
-    folder.write("source/sparse/0/cameras.bin", cameras);
-    folder.write("source/sparse/0/images.bin", images);
+    write_cameras(&folder, "source/sparse/0", &model);
     let manifest = Manifest { fps: 12.0, frames: 2, masks: true, covisible: true, ..Manifest::default() };
     let manifest = Manifest { flow: true, depth: true, ..manifest };
     manifest.write(&folder.0.join("source")).unwrap();
@@ -80,9 +78,7 @@ fn priors_of_a_capture_folder_are_scaled_and_cut_with_its_pictures() {
         points: vec![],
     };
     let write_model = |width: u32| {
-        let [cameras, images, _] = binary(&model(width));
-        folder.write("source/sparse/0/cameras.bin", cameras);
-        folder.write("source/sparse/0/images.bin", images);
+        write_cameras(&folder, "source/sparse/0", &model(width));
     };
     write_model(64);
     Manifest { fps: 30.0, frames: 3, flow: true, depth: true, ..Manifest::default() }
@@ -149,9 +145,7 @@ fn capture_with_points(folder: &Folder) {
     // Ids that go against the order of names.
     let images = vec![image(3, 0.0, "a/00000.png"), image(2, 1.0, "b/00000.png"), image(1, 2.0, "c/00000.png")];
     let model = Model { cameras: vec![camera(1), camera(2), camera(3)], images, points: vec![] };
-    let [cameras, images, _] = binary(&model);
-    folder.write("source/sparse/0/cameras.bin", cameras);
-    folder.write("source/sparse/0/images.bin", images);
+    write_cameras(folder, "source/sparse/0", &model);
     let manifest = Manifest { fps: 30.0, frames: 4, points: true, ..Manifest::default() };
     manifest.write(&folder.0.join("source")).unwrap();
     for name in ["a", "b", "c"] {

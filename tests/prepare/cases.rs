@@ -1,6 +1,5 @@
 //! The small inputs beside the checkout, `../shared/cases`, as someone new would try them. Each has a README that says what is right.
 
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 
 struct Told {

@@ -9,7 +9,8 @@ const SIZE: [u32; 2] = [64, 48];
 const BLOCK: u32 = 16;
 
 /// A rig of cameras of 64 x 48 that stand side by side, as COLMAP's text, in `source/`.
-pub fn rig(folder: &Folder, names: &[&str]) {
+pub fn rig(folder: &str, names: &[&str]) -> Folder {
+    let folder = Folder::new(folder);
     let (mut cameras, mut images) = (String::new(), String::new());
     for (id, name) in (1..).zip(names) {
         writeln!(cameras, "{id} PINHOLE 64 48 60 60 32 24").unwrap();
@@ -17,6 +18,7 @@ pub fn rig(folder: &Folder, names: &[&str]) {
     }
     folder.write("source/cameras.txt", cameras);
     folder.write("source/images.txt", images);
+    folder
 }
 
 /// A video of `n` frames at `rate` per second; `options` are ffmpeg's, for what it writes.

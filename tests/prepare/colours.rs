@@ -2,7 +2,6 @@
 
 use super::coded::{ffmpeg, rig};
 use super::{done, settings};
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 
 /// Colours of every hue and lightness, smooth, so that codecs change little.
@@ -54,8 +53,7 @@ fn high_dynamic_range_and_wide_gamuts_become_bt_709() {
         ("bt709", "smpte432", "P3: converted to BT.709"),
     ];
     for (kind, (curve, primaries, says)) in kinds.into_iter().enumerate() {
-        let folder = Folder::new(&format!("prepare-colour-{kind}"));
-        rig(&folder, &["a", "b"]);
+        let folder = rig(&format!("prepare-colour-{kind}"), &["a", "b"]);
         video(&folder.0.join("source/a.mkv"), plain, &of_709);
         let matrix = if primaries == "bt2020" { "bt2020nc" } else { "bt709" };
         let filter = format!(
@@ -79,8 +77,7 @@ fn high_dynamic_range_and_wide_gamuts_become_bt_709() {
 #[test]
 fn fields_of_two_moments_become_whole_pictures() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-fields");
-    rig(&folder, &["a", "b"]);
+    let folder = rig("prepare-fields", &["a", "b"]);
     // A bar that goes four pixels to the right from field to field; `a` has the whole pictures of the first fields.
     let bar = "nullsrc=s=64x48:r=20:d=1,format=gray,geq=lum='if(between(X-4*N,4,15),220,30)'";
     let [a, b] = ["a", "b"].map(|name| folder.0.join(format!("source/{name}.mkv")));

@@ -2,7 +2,6 @@
 
 use super::{done, rate, run, settings, video};
 use crate::capture::{assert_told, png};
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 
 /// caliscope's calibration of two cameras, the numbers of the first as they are given.

@@ -2,7 +2,6 @@
 
 use super::coded::{coded, ffmpeg, numbers, rig};
 use super::{done, run, settings};
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 use ivv::internals::prepare::ShiftBy;
 
@@ -27,8 +26,7 @@ fn recorded(path: &Path, from: f64, gain: f64, hiss: f64, seed: u32) {
 #[test]
 fn sound_tells_when_cameras_began() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-by-sound");
-    rig(&folder, &["a", "b", "c"]);
+    let folder = rig("prepare-by-sound", &["a", "b", "c"]);
     let file = |name: &str| folder.0.join(format!("source/{name}.mp4"));
     recorded(&file("a"), 0.0, 1.0, 0.02, 21);
     recorded(&file("b"), 1.4, 0.1, 0.03, 22);
@@ -57,8 +55,7 @@ fn sound_tells_when_cameras_began() {
 #[test]
 fn what_sound_does_not_tell_is_refused_by_name() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-unheard");
-    rig(&folder, &["a", "b", "c"]);
+    let folder = rig("prepare-unheard", &["a", "b", "c"]);
     let file = |name: &str| folder.0.join(format!("source/{name}.mp4"));
     let told = || {
         let by_sound = PrepareSettings { shift_by: ShiftBy::Sound, ..settings(&folder) };

@@ -2,20 +2,19 @@
 
 use super::sources::{IDENTITY, sequence};
 use super::{done, run, settings, video};
-use crate::capture::model::{Model, STEMS, binary};
+use crate::capture::model::{Model, write_cameras};
 use crate::capture::{assert_told, encode, png};
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 use ivv::internals::prepare::recognise;
 
 /// A calibration of cameras of 64 x 48 in COLMAP's files, without points.
-fn rig(folder: &Folder, names: &[&'static str]) {
+fn rig(folder: &str, names: &[&'static str]) -> Folder {
+    let folder = Folder::new(folder);
     let image = |(id, name): (u32, &&'static str)| (id, IDENTITY, [f64::from(id), 0.0, 1.0], 1, *name, vec![]);
     let cameras = vec![(1, 1, "PINHOLE", 64, 48, vec![60.0, 60.0, 32.0, 24.0])];
     let model = Model { cameras, images: (1..).zip(names).map(image).collect(), points: vec![] };
-    for (stem, bytes) in STEMS.iter().zip(binary(&model)).take(2) {
-        folder.write(&format!("source/{stem}.bin"), bytes);
-    }
+    write_cameras(&folder, "source", &model);
+    folder
 }
 
 fn ffmpeg(arguments: &[&str], to: &Path) {
@@ -33,8 +32,7 @@ fn still(to: &Path, second: &str, options: &[&str]) {
 #[test]
 fn a_folder_of_each_camera_has_its_clip() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-folders");
-    rig(&folder, &["a.jpg", "b.jpg"]);
+    let folder = rig("prepare-folders", &["a.jpg", "b.jpg"]);
     video(&folder.0.join("source/a/GX010123.MP4"), 4);
     // The second camera's take goes on in a further chapter.
     video(&folder.0.join("source/b/GX010007.MP4"), 2);
@@ -70,8 +68,7 @@ fn folders_of_clips_without_calibration_are_cameras() {
 #[test]
 fn of_two_videos_of_a_camera_one_is_named() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-twins");
-    rig(&folder, &["a.jpg", "b.jpg"]);
+    let folder = rig("prepare-twins", &["a.jpg", "b.jpg"]);
     ["a.mp4", "a.mov", "b.mp4"].iter().for_each(|name| video(&folder.0.join("source").join(name), 2));
     let notes = done(&settings(&folder)).notes.join("\n");
     assert!(notes.contains("a.mp4 is taken; a.mov lies beside it"), "{notes}");
@@ -80,8 +77,7 @@ fn of_two_videos_of_a_camera_one_is_named() {
 #[test]
 fn sequences_that_ffmpeg_reads_are_converted() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-sequences");
-    rig(&folder, &["png.png", "tif.png", "dpx.png", "exr.png", "webp.png"]);
+    let folder = rig("prepare-sequences", &["png.png", "tif.png", "dpx.png", "exr.png", "webp.png"]);
     let source = folder.0.join("source");
     for (index, second) in ["0", "0.1"].iter().enumerate() {
         let place = |kind: &str| source.join(format!("{kind}/{index:04}.{kind}"));
@@ -121,8 +117,7 @@ fn sequences_that_ffmpeg_reads_are_converted() {
 #[test]
 fn masks_of_a_folder_go_with_videos_and_sequences() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-masks");
-    rig(&folder, &["film.png", "seq.png", "bare.png"]);
+    let folder = rig("prepare-masks", &["film.png", "seq.png", "bare.png"]);
     video(&folder.0.join("source/film.mp4"), 4);
     sequence(&folder, "seq", 4);
     sequence(&folder, "bare", 4);

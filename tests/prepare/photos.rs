@@ -4,7 +4,6 @@ use super::{COLMAP, done, ivv_prepare, program, run, settings, video};
 use crate::capture::model::{Model, write_to};
 use crate::capture::photos::clip;
 use crate::capture::{assert_told, encode, png};
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 use ivv::internals::prepare::prepare;
 use ivv::internals::scene::capture::Alpha;

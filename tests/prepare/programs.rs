@@ -2,15 +2,15 @@
 
 use super::{done, every, ivv_prepare, open, program, run, settings, video, video_with};
 use crate::capture::assert_told;
-use crate::capture::model::{Model, binary};
-use crate::common::notes::needs;
+use crate::capture::model::{Model, write_cameras};
 use crate::common::prelude::*;
 use ivv::internals::prepare::{Prepared, Share, ShiftBy, Stage, estimate, prepare_share};
 use ivv::internals::sound::wav;
 use ivv::internals::synth::Options;
 
 /// ImViD's layout: cameras and images of COLMAP, a video of each camera; `left` distorts.
-fn imvid(folder: &Folder) {
+fn imvid(folder: &str) -> Folder {
+    let folder = Folder::new(folder);
     let model = Model {
         cameras: vec![
             (1, 2, "SIMPLE_RADIAL", 64, 48, vec![60.0, 32.0, 24.0, -0.05]),
@@ -22,16 +22,14 @@ fn imvid(folder: &Folder) {
         ],
         points: vec![],
     };
-    let [cameras, images, _] = binary(&model);
-    folder.write("source/cameras.bin", cameras);
-    folder.write("source/images.bin", images);
+    write_cameras(&folder, "source", &model);
+    folder
 }
 
 #[test]
 fn videos_are_decoded_gone_on_with_and_compared() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-video");
-    imvid(&folder);
+    let folder = imvid("prepare-video");
     video(&folder.0.join("source/left.mp4"), 6);
     video(&folder.0.join("source/right.mp4"), 5);
     let settings = PrepareSettings { frames: every(2, 1), ..settings(&folder) };
@@ -74,8 +72,7 @@ fn a_part_of_a_video_is_sought_and_has_the_frames_that_it_has_in_the_whole() {
         ("mp4", "10", &["-vf", "select=not(eq(n\\,7))", "-fps_mode", "passthrough"]),
     ];
     for (kind, (ending, rate, options)) in kinds.into_iter().enumerate() {
-        let folder = Folder::new(&format!("prepare-seek-{kind}"));
-        imvid(&folder);
+        let folder = imvid(&format!("prepare-seek-{kind}"));
         for name in ["left", "right"] {
             let file = folder.0.join(format!("source/{name}.{ending}"));
             video_with(&file, 60, rate, options);
@@ -97,8 +94,7 @@ fn a_part_of_a_video_is_sought_and_has_the_frames_that_it_has_in_the_whole() {
 #[test]
 fn sound_is_as_late_as_in_the_video() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-late-sound");
-    imvid(&folder);
+    let folder = imvid("prepare-late-sound");
     // The pictures of `right` begin half a second after its sound, and so does the clip, in both files.
     for (name, delay) in [("left", "1.0"), ("right", "-0.5")] {
         let file = folder.0.join(format!("source/{name}.mp4"));
@@ -132,8 +128,7 @@ fn with_sound(file: &Path, delay: &str) {
 #[test]
 fn time_codes_tell_which_frames_are_of_one_moment() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-timecode");
-    imvid(&folder);
+    let folder = imvid("prepare-timecode");
     // `right` began two frames later.
     video_with(&folder.0.join("source/left.mov"), 12, "10", &["-timecode", "01:00:00:08"]);
     video_with(&folder.0.join("source/right.mov"), 12, "10", &["-timecode", "01:00:01:00"]);
@@ -161,8 +156,7 @@ fn time_codes_tell_which_frames_are_of_one_moment() {
 #[test]
 fn a_plan_by_time_codes_is_of_the_frames_of_the_capture() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-plan-timecode");
-    imvid(&folder);
+    let folder = imvid("prepare-plan-timecode");
     // `right` began nine frames later: what lies in the middle of twelve is not in both.
     video_with(&folder.0.join("source/left.mov"), 12, "10", &["-timecode", "01:00:00:08"]);
     video_with(&folder.0.join("source/right.mov"), 12, "10", &["-timecode", "01:00:01:07"]);
@@ -176,8 +170,7 @@ fn a_plan_by_time_codes_is_of_the_frames_of_the_capture() {
 #[test]
 fn a_plan_tells_what_a_preparation_takes_and_leaves_nothing() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-plan");
-    imvid(&folder);
+    let folder = imvid("prepare-plan");
     for name in ["left", "right"] {
         video_with(&folder.0.join(format!("source/{name}.mp4")), 40, "10", &[]);
     }
@@ -203,8 +196,7 @@ fn a_plan_tells_what_a_preparation_takes_and_leaves_nothing() {
 #[test]
 fn damaged_videos_are_told_in_the_words_of_ffmpeg() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-damaged");
-    imvid(&folder);
+    let folder = imvid("prepare-damaged");
     video(&folder.0.join("source/left.mp4"), 4);
     video(&folder.0.join("source/right.mp4"), 4);
     let left = folder.0.join("source/left.mp4");
@@ -218,8 +210,8 @@ fn damaged_videos_are_told_in_the_words_of_ffmpeg() {
 }
 
 /// Two frames of noise, of which no two cameras see the same.
-fn noise(folder: &Folder) {
-    imvid(folder);
+fn noise(folder: &str) -> Folder {
+    let folder = imvid(folder);
     let noise = |seed: u32, side: u32| -> Vec<u8> {
         let level = |i: u32| (i.wrapping_mul(2_654_435_761).wrapping_add(seed).wrapping_mul(2_246_822_519) >> 24) as u8;
         crate::capture::encode(&(0..side).map(level).collect::<Vec<_>>(), 64, side / 64, image::ExtendedColorType::L8)
@@ -228,13 +220,13 @@ fn noise(folder: &Folder) {
         folder.write(&format!("source/left/{frame}.png"), noise(1, 64 * 48));
         folder.write(&format!("source/right/{frame}.png"), noise(99, 64 * 48));
     }
+    folder
 }
 
 #[test]
 fn a_frame_without_matches_has_no_points() {
     needs!("colmap");
-    let folder = Folder::new("prepare-blank");
-    noise(&folder);
+    let folder = noise("prepare-blank");
     let settings = PrepareSettings { triangulate: Some(Triangulate::Every(1)), ..settings(&folder) };
     let prepared = done(&settings);
     assert_eq!(prepared.points, [(0, 0), (1, 0)]);
@@ -250,8 +242,7 @@ fn a_frame_without_matches_has_no_points() {
 #[ignore = "slow: it waits until a program counts as asleep"]
 fn a_program_that_sleeps_is_begun_again() {
     needs!("colmap");
-    let folder = Folder::new("prepare-asleep");
-    noise(&folder);
+    let folder = noise("prepare-asleep");
     // Its first call sleeps, and those after it are the real program's.
     let script = "#!/bin/sh\nmkdir \"$0.slept\" 2>/dev/null && exec sleep 600\nPATH=${PATH#*:} exec colmap \"$@\"\n";
     program(&folder, "colmap", script);

@@ -1,7 +1,7 @@
 //! Every source arrives, and everything that is wrong with it is told.
 
 use super::{done, every, open, rate, run, settings};
-use crate::capture::model::{Model, binary};
+use crate::capture::model::{Model, binary, write_cameras};
 use crate::capture::{assert_told, dynamic, encode, png};
 use crate::common::npy_rows;
 use crate::common::prelude::*;
@@ -389,9 +389,7 @@ fn frames_of_a_sequence_follow_as_people_count() {
             .collect(),
         points: vec![],
     };
-    let [cameras, images, _] = binary(&model);
-    folder.write("source/cameras.bin", cameras);
-    folder.write("source/images.bin", images);
+    write_cameras(&folder, "source", &model);
     for (name, frame) in ["a", "b"].iter().flat_map(|name| (0..12_u8).map(move |frame| (name, frame))) {
         folder.write(&format!("source/{name}/{frame}.png"), png(64, 48, 10 * frame));
     }

@@ -4,7 +4,6 @@ use super::sources::IDENTITY;
 use super::{COLMAP, calls, done, ivv_prepare, open, program, run, settings, video};
 use crate::capture::model::{Model, write_to};
 use crate::capture::png;
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 use ivv::internals::scene::prior::{write_depth, write_flow, write_flow_halves};
 use ivv::internals::scene::prior::{write_depth, write_flow, write_flow_halves};

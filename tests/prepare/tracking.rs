@@ -3,7 +3,6 @@
 use super::{calls, ivv_prepare, program, settings, video};
 use crate::capture::model::{Model, write_to};
 use crate::capture::png;
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 use ivv::internals::prepare::forecast;
 

@@ -3,7 +3,6 @@
 use super::coded::{coded, ffmpeg, numbers, rig};
 use super::{done, run, settings};
 use crate::capture::assert_told;
-use crate::common::notes::needs;
 use crate::common::prelude::*;
 use ivv::internals::prepare::Prepared;
 
@@ -14,8 +13,7 @@ fn kept(condition: &str) -> [String; 4] {
 
 /// Prepares a rig of two videos of `n` frames, `a` being a whole one at 30 frames per second, and returns notes and capture.
 fn beside(name: &str, ending: &str, n: [u32; 2], rate: &str, options: &[&str]) -> (Folder, Prepared, Capture) {
-    let folder = Folder::new(name);
-    rig(&folder, &["a", "b"]);
+    let folder = rig(name, &["a", "b"]);
     coded(&folder.0.join("source/a.mp4"), n[0], "30", &[]);
     coded(&folder.0.join(format!("source/b.{ending}")), n[1], rate, options);
     let settings = settings(&folder);
@@ -94,8 +92,7 @@ fn rates_that_differ_are_paired_by_time() {
 #[test]
 fn rates_that_drift_stay_within_half_a_frame() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-drift");
-    rig(&folder, &["a", "b"]);
+    let folder = rig("prepare-drift", &["a", "b"]);
     coded(&folder.0.join("source/a.mp4"), 1100, "30", &[]);
     coded(&folder.0.join("source/b.mp4"), 1100, "30000/1001", &[]);
     let settings = PrepareSettings { frames: "403:1090:10".parse().unwrap(), ..settings(&folder) };
@@ -153,8 +150,7 @@ fn late_beginnings_b_frames_and_odd_containers_stay_in_step() {
 #[test]
 fn a_clip_that_was_trimmed_without_encoding_shows_what_players_show() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-trimmed");
-    rig(&folder, &["a", "b"]);
+    let folder = rig("prepare-trimmed", &["a", "b"]);
     let [a, b] = ["a", "b"].map(|name| folder.0.join(format!("source/{name}.mp4")));
     coded(&a, 120, "30", &["-g", "50"]);
     ffmpeg(&["-ss", "0.7", "-i", a.to_str().unwrap(), "-c", "copy", b.to_str().unwrap()]);
@@ -173,8 +169,7 @@ fn a_clip_that_was_trimmed_without_encoding_shows_what_players_show() {
 #[test]
 fn a_rate_that_leaves_a_camera_nothing_is_refused_and_so_is_a_shift_before_the_footage() {
     needs!("ffmpeg");
-    let folder = Folder::new("prepare-nothing-left");
-    rig(&folder, &["a", "b"]);
+    let folder = rig("prepare-nothing-left", &["a", "b"]);
     coded(&folder.0.join("source/a.mp4"), 30, "30", &[]);
     let lost = kept("not(between(n,10,19))");
     coded(&folder.0.join("source/b.mkv"), 30, "30", &lost.iter().map(String::as_str).collect::<Vec<_>>());

@@ -54,11 +54,7 @@ fn the_table_in_the_shaders_readme_is_the_table_of_kernels() {
 
 #[test]
 fn the_frame_in_architecture_md_is_the_frame_that_runs() {
-    let gpu = gpu();
-    if gpu.caps().timestamp_ns == 0.0 {
-        crate::common::notes::skip("the device has no timestamps, so there is no list of passes");
-        return;
-    }
+    let Some(gpu) = timed() else { return };
     let rows = table(&text("engine/ARCHITECTURE.md"), "frame");
     let told: Vec<String> = rows.iter().flat_map(|row| quoted(&row[0])).collect();
     let mut renderer = Renderer::new(gpu.clone(), &random::scene(5, 200, 1), Constants::default()).unwrap();

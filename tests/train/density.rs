@@ -8,8 +8,7 @@ use ivv::internals::train::{Round, StepReport, Strategy, density_round, noise, r
 
 #[test]
 fn a_run_that_begins_with_all_it_finds_still_grows() {
-    let _device = gpu();
-    let tiny = Tiny::new("room");
+    let tiny = Tiny::on_device("room");
     let n = tiny.capture.points.len();
     // Fewer than there are points.
     let config = Config { sh_degree: 0, steps: 60, max_gaussians: 9 * n / 10, init: Init::Points, ..steady() };
@@ -130,8 +129,7 @@ fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) -> Vec
 
 #[test]
 fn both_strategies_learn_grow_and_obey_the_budget() {
-    let _device = gpu();
-    let tiny = Tiny::new("strategies");
+    let tiny = Tiny::on_device("strategies");
     for strategy in [Strategy::Adc, Strategy::Mcmc] {
         let config = Config { max_gaussians: 200, backdrop: 0, ..with(strategy) };
         let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
@@ -163,8 +161,7 @@ fn both_strategies_learn_grow_and_obey_the_budget() {
 
 #[test]
 fn static_gaussians_stay_as_they_began_where_only_the_others_are_trained() {
-    let _device = gpu();
-    let tiny = Tiny::new("held");
+    let tiny = Tiny::on_device("held");
     // A reset and rounds that prune would touch them: some are faint.
     let density = Density { reset_every: 12, ..Density::default() };
     for adam in [AdamMode::Dense, AdamMode::Lazy] {
@@ -228,8 +225,7 @@ fn static_gaussians_stay_as_they_began_where_only_the_others_are_trained() {
 
 #[test]
 fn a_run_with_mcmc_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
-    let _device = gpu();
-    let tiny = Tiny::new("mcmc-resume");
+    let tiny = Tiny::on_device("mcmc-resume");
     for adam in [AdamMode::Dense, AdamMode::Lazy] {
         let config = Config { adam, ..with(Strategy::Mcmc) };
         let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);
@@ -250,8 +246,7 @@ fn a_run_with_mcmc_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_no
 
 #[test]
 fn the_opacities_are_reset_when_it_is_time() {
-    let _device = gpu();
-    let tiny = Tiny::new("reset");
+    let tiny = Tiny::on_device("reset");
     let density = Density { reset_every: 12, ..Density::default() };
     let config = Config { density, ..with(Strategy::Adc) };
     let begin = from_points(&tiny.capture.points[..150], &tiny.capture, &config);

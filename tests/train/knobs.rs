@@ -19,8 +19,7 @@ fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_co
     if rounds_otherwise("two kernels have the same bits") {
         return;
     }
-    let _device = gpu();
-    let tiny = Tiny::new("exact");
+    let tiny = Tiny::on_device("exact");
     let exact = preset("exact");
     // As a straightforward engine does: every Gaussian at every time, in every tile of its square, every pixel of a tile asked.
     let mut reference = exact.clone();
@@ -44,8 +43,7 @@ fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_co
 
 #[test]
 fn every_preset_learns_and_is_another_run() {
-    let _device = gpu();
-    let tiny = Tiny::new("presets");
+    let tiny = Tiny::on_device("presets");
     let begin = from_points(&tiny.capture.points, &tiny.capture, &preset("exact"));
     let mut all: Vec<Splats> = Vec::new();
     for name in ["exact", "balanced", "fast", "small"] {
@@ -60,8 +58,7 @@ fn every_preset_learns_and_is_another_run() {
 
 #[test]
 fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
-    let _device = gpu();
-    let tiny = Tiny::new("moments");
+    let tiny = Tiny::on_device("moments");
     let config = |moment_bits| Config { sh_degree: 1, moment_bits, ..steady() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config(32));
     let [half, whole] = [16, 32].map(|bits| train(&tiny.capture, &config(bits), &begin, 80).0);
@@ -89,8 +86,7 @@ fn reports(tiny: &Tiny, config: &Config, begin: &Splats, steps: u64) -> Vec<ivv:
 
 #[test]
 fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
-    let _device = gpu();
-    let tiny = Tiny::new("coarse");
+    let tiny = Tiny::on_device("coarse");
     let resolution = Resolution { reduction: 2, until: 0.5 };
     let config = Config { sh_degree: 0, resolution, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
@@ -108,8 +104,7 @@ fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
 
 #[test]
 fn ssim_at_every_second_place_is_near_that_at_all() {
-    let _device = gpu();
-    let tiny = Tiny::new("stride");
+    let tiny = Tiny::on_device("stride");
     let whole = Config { sh_degree: 0, ..Config::default() };
     let mut config = whole.clone();
     config.loss.ssim_stride = 2;

@@ -43,6 +43,8 @@ use ivv::internals::train::{LearningRates, Meter, Priors, Scores, StepReport, ra
 struct Tiny {
     folder: PathBuf,
     capture: Capture,
+    /// Last, so that all that was trained is gone before another test gets it.
+    _device: Option<Watched>,
 }
 
 /// Defaults with the rates of a long run, the same for Gaussians of any size, for tests of a few steps that must not depend on
@@ -94,6 +96,13 @@ impl Tiny {
         Self::of_frames(name, 4)
     }
 
+    /// With the device for as long.
+    fn on_device(name: &str) -> Self {
+        let mut tiny = Self::new(name);
+        tiny._device = Some(gpu());
+        tiny
+    }
+
     /// A copy of the capture of so many frames, up to 8, which is made once.
     fn of_frames(name: &str, frames: u32) -> Self {
         static MADE: [OnceLock<PathBuf>; 9] = [const { OnceLock::new() }; 9];
@@ -126,7 +135,7 @@ impl Tiny {
     }
 
     fn open(folder: PathBuf) -> Self {
-        Tiny { capture: Capture::open(&folder).unwrap(), folder }
+        Tiny { capture: Capture::open(&folder).unwrap(), folder, _device: None }
     }
 
     fn test_psnr(&self, splats: &Splats) -> f64 {
@@ -181,8 +190,7 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
 
 #[test]
 fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_seen() {
-    let _device = gpu();
-    let tiny = Tiny::new("learns");
+    let tiny = Tiny::on_device("learns");
     let config = Config { sh_degree: 1, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     assert!(begin.len() > 50 && begin.n_static == 0);
@@ -195,8 +203,7 @@ fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_s
 
 #[test]
 fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
-    let _device = gpu();
-    let tiny = Tiny::new("repeats");
+    let tiny = Tiny::on_device("repeats");
     let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
     let begin = from_points(&random_points(&tiny.capture, &config), &tiny.capture, &config);
     assert_eq!(begin.len(), 300);
@@ -208,8 +215,7 @@ fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
 
 #[test]
 fn tau_stays_above_half_a_frame() {
-    let _device = gpu();
-    let tiny = Tiny::new("tau");
+    let tiny = Tiny::on_device("tau");
     // A rate that would carry log tau far down within a few steps.
     let lr = LearningRates { t_scale: Rate { start: 1.0, end: 1.0 }, ..LearningRates::default() };
     let config = Config { sh_degree: 0, lr, ..Config::default() };
@@ -222,8 +228,7 @@ fn tau_stays_above_half_a_frame() {
 
 #[test]
 fn a_static_clip_trains_static_gaussians_without_temporal_parameters() {
-    let _device = gpu();
-    let tiny = Tiny::new("static");
+    let tiny = Tiny::on_device("static");
     let mut still = tiny.capture.clone();
     still.n_frames = 1;
     still.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));

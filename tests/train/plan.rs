@@ -32,8 +32,7 @@ fn workload() -> Workload {
 
 #[test]
 fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
-    let _device = gpu();
-    let tiny = Tiny::new("plan");
+    let tiny = Tiny::on_device("plan");
     let gpu = gpu();
     // Pictures of 64 x 48 and thousands of Gaussians: every class counts.
     let cases = [

@@ -120,8 +120,7 @@ fn judged(capture: &Capture, poses: PoseKind) -> ([usize; 2], Vec<(f64, bool)>) 
 
 #[test]
 fn poses_that_show_what_the_calibration_shows_are_the_captures_again() {
-    let _device = gpu();
-    let tiny = Tiny::new("poses-judged");
+    let tiny = Tiny::on_device("poses-judged");
     let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
     let trained: Vec<usize> = (0..capture.cameras.len()).filter(|camera| !capture.cameras[*camera].is_test).collect();
     let centers: Vec<DVec3> = trained.iter().map(|camera| capture.cameras[*camera].world_to_camera.center()).collect();
@@ -151,8 +150,7 @@ fn poses_that_show_what_the_calibration_shows_are_the_captures_again() {
 
 #[test]
 fn a_run_that_is_made_much_longer_keeps_the_poses_that_it_has_learnt() {
-    let _device = gpu();
-    let tiny = Tiny::new("poses-longer");
+    let tiny = Tiny::on_device("poses-longer");
     let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
     let config = Config { sh_degree: 0, steps: 20, max_gaussians: 2_000, poses: PoseKind::Learnt, ..Config::default() };
     let options = as_it_is();

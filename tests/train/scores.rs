@@ -50,8 +50,7 @@ fn renderer_and_meter(tiny: &Tiny) -> (Renderer, Meter) {
 
 #[test]
 fn a_picture_that_is_not_finite_has_no_score() {
-    let _device = gpu();
-    let tiny = Tiny::new("not-finite");
+    let tiny = Tiny::on_device("not-finite");
     let (mut renderer, mut meter) = renderer_and_meter(&tiny);
     let frames = tiny.capture.test_frames();
     let mut score = |background| {
@@ -63,8 +62,7 @@ fn a_picture_that_is_not_finite_has_no_score() {
 
 #[test]
 fn flicker_is_of_a_camera_that_stays_and_of_successive_frames() {
-    let _device = gpu();
-    let tiny = Tiny::new("flicker");
+    let tiny = Tiny::on_device("flicker");
     let (mut renderer, mut meter) = renderer_and_meter(&tiny);
     let (camera, first) = tiny.capture.test_frames()[0];
     let mut flickers = |frames: &[u32]| -> Vec<Option<(f64, f64)>> {
@@ -80,8 +78,7 @@ fn flicker_is_of_a_camera_that_stays_and_of_successive_frames() {
 
 #[test]
 fn a_mask_limits_a_score_to_what_it_marks() {
-    let _device = gpu();
-    let tiny = Tiny::new("masked-score");
+    let tiny = Tiny::on_device("masked-score");
     let (mut renderer, mut meter) = renderer_and_meter(&tiny);
     let frames = tiny.capture.test_frames()[..1].to_vec();
     let (camera, frame) = frames[0];
@@ -112,8 +109,7 @@ fn a_mask_limits_a_score_to_what_it_marks() {
 
 #[test]
 fn a_view_that_its_mask_hides_has_no_scores_and_no_part_in_the_mean() {
-    let _device = gpu();
-    let tiny = Tiny::new("hidden-score");
+    let tiny = Tiny::on_device("hidden-score");
     let (mut renderer, mut meter) = renderer_and_meter(&tiny);
     let mut score = |capture: &Capture, frames: &[(usize, u32)]| {
         evaluate(&mut renderer, &mut meter, &Sight::new(capture, [0.0; 3]), frames, 1, |_, _, _| Ok(())).unwrap()
@@ -157,8 +153,7 @@ fn a_log_keeps_what_was_done_before_a_resumption_and_says_each_thing_once() {
 
 #[test]
 fn the_best_checkpoint_outlives_the_last_three() {
-    let _device = gpu();
-    let tiny = Tiny::new("best");
+    let tiny = Tiny::on_device("best");
     let gpu = gpu();
     let config = Config { sh_degree: 0, ..Config::default() };
     let splats = from_points(&tiny.capture.points[..20], &tiny.capture, &config);

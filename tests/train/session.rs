@@ -30,8 +30,7 @@ fn end(mut session: Session) -> (Splats, Vec<Event>) {
 
 #[test]
 fn a_session_does_what_is_due_wherever_it_is_resumed() {
-    let _device = gpu();
-    let tiny = Tiny::new("session");
+    let tiny = Tiny::on_device("session");
     let noticed = RefCell::new(BTreeSet::new());
     let watch = |notice: Notice| {
         noticed.borrow_mut().insert(match notice {
@@ -75,8 +74,7 @@ fn a_session_gives_the_scene_that_the_command_line_writes() {
     if rounds_otherwise("the command line has the kernels as they are") {
         return;
     }
-    let _device = gpu();
-    let tiny = Tiny::new("session-command");
+    let tiny = Tiny::on_device("session-command");
     let (path, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let file = tiny.folder.join("settings.json");
     std::fs::write(&file, serde_json::to_string(&config()).unwrap()).unwrap();
@@ -137,8 +135,7 @@ fn a_run_lists_few_of_its_images_at_a_time_and_has_the_same_bits() {
 
 #[test]
 fn a_run_ends_with_the_mean_of_its_last_scenes() {
-    let _device = gpu();
-    let tiny = Tiny::new("mean");
+    let tiny = Tiny::on_device("mean");
     let config = Config { sh_degree: 1, steps: 40, max_gaussians: 2_000, average: 0.25, ..Config::default() };
     let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), as_it_is()).unwrap();
     let (mut truth, mut last) = (Average::default(), None);
@@ -167,8 +164,7 @@ fn a_run_ends_with_the_mean_of_its_last_scenes() {
 
 #[test]
 fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() {
-    let _device = gpu();
-    let tiny = Tiny::new("asked");
+    let tiny = Tiny::on_device("asked");
     let (bilateral, affine, none) = (GridKind::Bilateral, GridKind::Affine, GridKind::None);
     for (grids, grids_at, asked_at) in
         [(bilateral, 0.5, Some(5)), (affine, 0.5, Some(5)), (bilateral, 0.0, None), (none, 0.5, None)]
@@ -194,8 +190,7 @@ fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() 
 
 #[test]
 fn a_run_that_is_made_shorter_makes_up_for_the_reviews_that_it_is_past() {
-    let _device = gpu();
-    let tiny = Tiny::new("shorter");
+    let tiny = Tiny::on_device("shorter");
     let reviews = |required: &Required, [stop, total]: [u64; 2]| {
         let config =
             Config { sh_degree: 0, steps: 20, init: Init::Points, required: required.clone(), ..Config::default() };
@@ -226,8 +221,7 @@ fn a_run_that_is_made_shorter_makes_up_for_the_reviews_that_it_is_past() {
 
 #[test]
 fn a_capture_without_training_images_is_refused() {
-    let _device = gpu();
-    let mut tiny = Tiny::new("session-none");
+    let mut tiny = Tiny::on_device("session-none");
     tiny.capture.cameras.iter_mut().for_each(|camera| camera.is_test = true);
     let refused = Session::begin(gpu().clone(), &tiny.capture, config(), as_it_is());
     let fault = refused.err().expect("there is nothing to train on");
@@ -236,11 +230,7 @@ fn a_capture_without_training_images_is_refused() {
 
 #[test]
 fn a_step_of_a_full_run_has_so_many_passes_and_barriers() {
-    let gpu = gpu();
-    if gpu.caps().timestamp_ns == 0.0 {
-        crate::common::notes::skip("the device has no timestamps, so there is no list of passes");
-        return;
-    }
+    let Some(gpu) = timed() else { return };
     let tiny = Tiny::new("passes");
     let required = Required { grids_at: 0.0, ..Required::default() };
     let config = Config { steps: 60, max_gaussians: 2_000, required, ..Config::default() };

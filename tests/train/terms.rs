@@ -29,8 +29,7 @@ fn grids_from_the_start() -> Required {
 
 #[test]
 fn a_term_that_is_off_dispatches_nothing() {
-    let _device = gpu();
-    let tiny = Tiny::new("terms");
+    let tiny = Tiny::on_device("terms");
     let off = Config {
         sh_degree: 0,
         offsets: false,
@@ -65,8 +64,7 @@ const NOT_TERMS: [&str; 8] =
 
 #[test]
 fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
-    let _device = gpu();
-    let tiny = Tiny::new("logged");
+    let tiny = Tiny::on_device("logged");
     let loss = Loss { depth: 0.7, flow: 0.3, ..Loss::default() };
     let all = Config { sh_degree: 0, loss, required: grids_from_the_start(), ..Config::default() };
     let without = Config { grids: GridKind::None, loss: Loss { depth: 0.0, ..all.loss.clone() }, ..all.clone() };
@@ -103,8 +101,7 @@ fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
 
 #[test]
 fn what_is_on_is_the_same_to_the_priors_the_plan_and_the_setup() {
-    let _device = gpu();
-    let tiny = Tiny::new("decided");
+    let tiny = Tiny::on_device("decided");
     let mut of_test_cameras = tiny.capture.clone();
     let mut bare = tiny.capture.clone();
     for capture in [&mut of_test_cameras, &mut bare] {

@@ -105,8 +105,7 @@ fn what_hangs_before_lenses_of_a_dome_goes_behind_them_and_the_rest_stays() {
 
 #[test]
 fn training_is_the_same_wherever_the_origin_is_and_however_long_the_unit() {
-    let _device = gpu();
-    let tiny = Tiny::new("worlds");
+    let tiny = Tiny::on_device("worlds");
     let own = Constants::default();
     let (splats, capture, _) = train(tiny.capture.clone());
     let reference = seen(&splats, &capture, own);
