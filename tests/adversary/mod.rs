@@ -11,6 +11,7 @@ mod replaced;
 mod uniform;
 
 use crate::common::prelude::*;
+pub(crate) use numeric::needs_roundings;
 pub use numeric::{rounds_otherwise, slack};
 
 /// The change of this lane, none by default.

@@ -23,6 +23,16 @@ pub fn rounds_otherwise(why: &str) -> bool {
     otherwise
 }
 
+/// Ends the test, with a note, where each kernel [`rounds_otherwise`].
+macro_rules! needs_roundings {
+    ($why:literal) => {
+        if crate::adversary::rounds_otherwise($why) {
+            return;
+        }
+    };
+}
+pub(crate) use needs_roundings;
+
 /// By how much errors may be greater than on a device that rounds well: `by` where [`rounds_otherwise`], 1 elsewhere.
 pub fn slack(by: f64) -> f64 {
     if rounds() { by } else { 1.0 }

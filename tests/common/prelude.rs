@@ -4,7 +4,7 @@ pub use crate::common::device::{Watched, gpu, timed};
 pub use crate::common::folder::Folder;
 pub use crate::common::frames::render;
 pub(crate) use crate::common::notes::needs;
-pub use crate::common::notes::{shared, skip};
+pub use crate::common::notes::{has_program, shared, skip};
 pub use crate::common::one::{One, ball, camera, scene_of};
 pub use crate::common::program::{fails, ivv, tells, text, works};
 pub use crate::common::random::{Random, wild_scene};

@@ -2,7 +2,7 @@
 
 use super::adjoint::layers;
 use super::check::{flat, smooth_cotangents};
-use crate::adversary::{rounds_otherwise, slack};
+use crate::adversary::{needs_roundings, rounds_otherwise, slack};
 use crate::common::device::as_gpu;
 use crate::common::frames::{Tolerance, compare, pixels};
 use crate::common::prelude::*;
@@ -80,9 +80,7 @@ fn gradients_of_long_lists_are_those_of_the_truth_in_all_ways_and_the_same_bits_
 
 #[test]
 fn a_transmittance_that_finishes_pixels_finishes_them_in_chunks_as_in_rounds() {
-    if rounds_otherwise("two kernels agree where a pixel is finished") {
-        return;
-    }
+    needs_roundings!("two kernels agree where a pixel is finished");
     let usual = Constants::default();
     let constants = Constants { knobs: Knobs { t_cut: 0.05, ..usual.knobs }, ..usual };
     let splats = layers(6000, 0.05, 0.5);
@@ -104,8 +102,6 @@ fn a_picture_of_short_lists_has_the_bits_that_it_has_in_rounds() {
     let splats = layers(900, 0.05, 0.5);
     let view = camera(16, 16);
     let in_rounds = crate::common::frames::render(&splats, &view).0;
-    if rounds_otherwise("two kernels are compared to the bit") {
-        return;
-    }
+    needs_roundings!("two kernels are compared to the bit");
     assert!(pixels(&render(&splats, Constants::default(), Outputs::All).0) == pixels(&in_rounds));
 }

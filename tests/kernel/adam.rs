@@ -99,11 +99,22 @@ fn a_failed_frame_moves_nothing() {
     assert!(scene.step(&gpu(), &view, &d_color, &Step::dense(1)).unwrap().0 != scene, "nor does one that did not fail");
 }
 
+/// `scene` after all has caught up with step `until` of 2000.
+pub fn caught_up(scene: &Scene, rates: impl Fn(u64) -> Rates, settings: &StepSettings, until: u64) -> Scene {
+    let gpu = gpu();
+    let (buffers, optimiser) = scene.upload(&gpu, AdamMode::Lazy, &lazy_sums(&rates, 2000)).unwrap();
+    gpu.write(&optimiser.params, &[adam_params(&rates(until), settings, until, 1)]).unwrap();
+    let status = gpu.upload("status", &[Status::default()]).unwrap();
+    let mut rec = Recording::new();
+    optimiser.record_catch_up(&mut rec, &buffers, None, &status, until);
+    gpu.run(&rec).unwrap();
+    Scene::download(&gpu, &buffers, &optimiser).unwrap()
+}
+
 #[test]
 fn lazy_steps_catch_up_with_the_references_to_2e_5_of_the_way() {
-    let gpu = gpu();
+    let _device = gpu();
     let mut scene = half_seen(11, 2);
-    let total = 2000;
     // Position decays as over a run; the second band joins on the way.
     let of = |step: u64| Rates {
         position: 1e-3 * 0.998f64.powf(step as f64),
@@ -114,14 +125,8 @@ fn lazy_steps_catch_up_with_the_references_to_2e_5_of_the_way() {
     scene.second.sh.iter_mut().for_each(|c| *c = [0.2; 3]);
     for (from, k) in [(0u64, 1u64), (700, 1), (700, 2), (700, 10), (700, 40), (1000, 1000)] {
         scene.state.iter_mut().for_each(|s| s[3] = from as f32);
-        let (buffers, optimiser) = scene.upload(&gpu, AdamMode::Lazy, &lazy_sums(of, total)).unwrap();
         let settings = StepSettings { lowest_t_scale: -50.0, ..StepSettings::default() };
-        gpu.write(&optimiser.params, &[adam_params(&of(from + k), &settings, from + k, 1)]).unwrap();
-        let status = gpu.upload("status", &[Status::default()]).unwrap();
-        let mut rec = Recording::new();
-        optimiser.record_catch_up(&mut rec, &buffers, None, &status, from + k);
-        gpu.run(&rec).unwrap();
-        let found = Scene::download(&gpu, &buffers, &optimiser).unwrap();
+        let found = caught_up(&scene, of, &settings, from + k);
         assert!(found.state.iter().all(|s| s[3] == (from + k) as f32));
         let mut truths = scene.references();
         for step in from + 1..=from + k {

@@ -30,13 +30,17 @@ fn any_gradients(seed: u64, like: &Splats) -> Splats {
         5 => 16.0,
         _ => (random.uniform(-1.0, 1.0) * random.uniform(-40.0, 3.0).exp()) as f32,
     };
-    all.position.as_flattened_mut().iter_mut().for_each(|x| *x = draw());
-    all.rotation.as_flattened_mut().iter_mut().for_each(|x| *x = draw());
-    all.scale.as_flattened_mut().iter_mut().for_each(|x| *x = draw());
-    all.opacity.iter_mut().for_each(|x| *x = draw());
-    all.sh.as_flattened_mut().iter_mut().for_each(|x| *x = draw());
-    bytemuck::cast_slice_mut::<_, f32>(&mut all.motion).iter_mut().for_each(|x| *x = draw());
+    fill(&mut all, &mut draw);
     all
+}
+
+/// Draws every number of a scene.
+pub fn fill(splats: &mut Splats, draw: &mut dyn FnMut() -> f32) {
+    let Splats { position, rotation, scale, opacity, sh, motion, .. } = splats;
+    let motion: &mut [f32] = bytemuck::cast_slice_mut(motion);
+    let flat =
+        [position.as_flattened_mut(), rotation.as_flattened_mut(), scale.as_flattened_mut(), opacity.as_mut_slice()];
+    flat.into_iter().chain([sh.as_flattened_mut(), motion]).flatten().for_each(|x| *x = draw());
 }
 
 fn row_of(splats: &Splats, i: usize) -> Vec<f32> {

@@ -1,7 +1,7 @@
 //! Density control on the device against its reference: the same lists, the same parameters, on scenes of both populations in
 //! groups of any length.
 
-use crate::adversary::rounds_otherwise;
+use crate::adversary::needs_roundings;
 use crate::common::one::logit;
 use crate::common::prelude::*;
 use ivv::internals::gpu::Buf;
@@ -285,9 +285,7 @@ const SIZES: [(usize, usize, usize); 9] = [
 
 #[test]
 fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_reference() {
-    if rounds_otherwise("places on the edge of a cell, whose side the last bit of a quotient decides") {
-        return;
-    }
+    needs_roundings!("places on the edge of a cell, whose side the last bit of a quotient decides");
     let mut totals = [0; 3];
     for (seed, (n_static, n_dynamic, limit)) in SIZES.into_iter().enumerate() {
         // Without broken or faint ones in the smallest, so that someone is left.
@@ -307,9 +305,7 @@ fn the_hardest_pulled_grow_and_the_faint_go_as_in_the_reference() {
 
 #[test]
 fn a_long_clip_is_stored_by_slots_as_long_as_lives() {
-    if rounds_otherwise("places on the edge of a cell, whose side the last bit of a quotient decides") {
-        return;
-    }
+    needs_roundings!("places on the edge of a cell, whose side the last bit of a quotient decides");
     let (mut splats, state) = scene(20, 100, 900, 1);
     let t_scales = [-3.0, -4.2, -4.9, -5.5, -9.0, f32::NEG_INFINITY];
     splats.motion.iter_mut().zip(t_scales.into_iter().cycle()).for_each(|(motion, t_scale)| motion.t_scale = t_scale);
@@ -413,9 +409,7 @@ fn two_rounds_on_the_same_scene_give_the_same_bits_and_another_key_does_not() {
 
 #[test]
 fn the_budget_is_never_exceeded_and_growth_0_adds_none() {
-    if rounds_otherwise("places on the edge of a cell, whose side the last bit of a quotient decides") {
-        return;
-    }
+    needs_roundings!("places on the edge of a cell, whose side the last bit of a quotient decides");
     let (splats, state) = scene(4, 300, 300, 0);
     let n = splats.len() as u32;
     let case = Case::new(splats, state, 128);
@@ -440,9 +434,7 @@ fn the_budget_is_never_exceeded_and_growth_0_adds_none() {
 
 #[test]
 fn a_population_may_die_out_and_a_scene_may_not() {
-    if rounds_otherwise("places on the edge of a cell, whose side the last bit of a quotient decides") {
-        return;
-    }
+    needs_roundings!("places on the edge of a cell, whose side the last bit of a quotient decides");
     for static_goes in [false, true] {
         let (mut splats, state) = scene(5, 200, 200, 1);
         let gone = if static_goes { 0..200 } else { 200..400 };
@@ -484,9 +476,7 @@ fn a_gaussian_that_shows_only_between_two_frames_goes() {
 
 #[test]
 fn the_opacity_ceiling_holds_for_all() {
-    if rounds_otherwise("places on the edge of a cell, whose side the last bit of a quotient decides") {
-        return;
-    }
+    needs_roundings!("places on the edge of a cell, whose side the last bit of a quotient decides");
     let (splats, state) = scene(6, 200, 200, 0);
     let case = Case::new(splats, state, 128);
     for round in [ROUND, DRAWN] {

@@ -1,14 +1,14 @@
 //! Adam's moments in 16 bits: what is stored against the reference's rounding of what 32 bits store. Extreme numbers: row N25 of
 //! `tests/conformance`.
 
-use crate::adversary::rounds_otherwise;
+use crate::adversary::needs_roundings;
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
+use crate::kernel::adam::caught_up;
 use crate::kernel::assert_same_scene;
-use crate::kernel::batch::{borrowed, two};
-use ivv::internals::gpu::generated::Status;
+use crate::kernel::batch::{borrowed, fill, two};
 use ivv::internals::reference::{random_bits, rounded_moment};
-use ivv::internals::stage::{Rates, StepSettings, adam_params, lazy_sums, moment_word, moments_of};
+use ivv::internals::stage::{Rates, StepSettings, adam_params, moment_word, moments_of};
 use ivv_conformance::fixtures::adam::{Scene, Step, cotangents, half_seen, numbers, rates};
 use std::fmt::Display;
 
@@ -89,25 +89,15 @@ fn both(mut scene: Scene) -> [Scene; 2] {
 fn warm(seed: u64, n: usize, degree: u32) -> Scene {
     let mut scene = Scene::new(&scene(seed, n, degree));
     let mut random = Random::new(seed);
-    let mut fill = |splats: &mut Splats, low: f64| {
-        let mut draw = || (random.uniform(low, 1.0) * random.uniform(-60.0, 40.0).exp()) as f32;
-        splats.position.as_flattened_mut().iter_mut().for_each(|x| *x = draw());
-        splats.rotation.as_flattened_mut().iter_mut().for_each(|x| *x = draw());
-        splats.scale.as_flattened_mut().iter_mut().for_each(|x| *x = draw());
-        splats.opacity.iter_mut().for_each(|x| *x = draw());
-        splats.sh.as_flattened_mut().iter_mut().for_each(|x| *x = draw());
-        bytemuck::cast_slice_mut::<_, f32>(&mut splats.motion).iter_mut().for_each(|x| *x = draw());
-    };
-    fill(&mut scene.first, -1.0);
-    fill(&mut scene.second, 0.0);
+    for (splats, low) in [(&mut scene.first, -1.0), (&mut scene.second, 0.0)] {
+        fill(splats, &mut || (random.uniform(low, 1.0) * random.uniform(-60.0, 40.0).exp()) as f32);
+    }
     scene
 }
 
 #[test]
 fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_reference_does() {
-    if rounds_otherwise("two kernels have the same bits") {
-        return;
-    }
+    needs_roundings!("two kernels have the same bits");
     let _device = gpu();
     let view = view();
     for degree in 0..=3 {
@@ -133,9 +123,7 @@ fn a_step_computes_in_32_bits_and_rounds_what_it_stores_as_the_reference_does() 
 
 #[test]
 fn a_step_along_a_sum_rounds_what_it_stores_as_the_reference_does() {
-    if rounds_otherwise("two kernels have the same bits") {
-        return;
-    }
+    needs_roundings!("two kernels have the same bits");
     let _device = gpu();
     for degree in [0, 3] {
         let [packed, plain] = both(half_seen(u64::from(degree), degree));
@@ -149,9 +137,7 @@ fn a_step_along_a_sum_rounds_what_it_stores_as_the_reference_does() {
 
 #[test]
 fn moments_fade_to_the_references_bits_in_groups_of_any_size() {
-    if rounds_otherwise("two kernels have the same bits") {
-        return;
-    }
+    needs_roundings!("two kernels have the same bits");
     let _device = gpu();
     for n in [1, 2, 31, 32, 33, 127, 129, 300] {
         let mut params = adam_params(&rates(), &StepSettings::default(), 3, 1);
@@ -170,23 +156,14 @@ fn moments_fade_to_the_references_bits_in_groups_of_any_size() {
 
 #[test]
 fn lazy_steps_catch_up_and_round_once() {
-    if rounds_otherwise("two kernels have the same bits") {
-        return;
-    }
-    let gpu = gpu();
+    needs_roundings!("two kernels have the same bits");
+    let _device = gpu();
     let of = |_| Rates { sh: [8e-3, 9e-3, 10e-3, 11e-3], ..rates() };
     for k in [1, 40] {
         let (from, until) = (700, 700 + k);
         let [found, exact] = both(warm(k, 150, 2)).map(|mut scene| {
             scene.state.iter_mut().for_each(|s| s[3] = from as f32);
-            let (buffers, optimiser) = scene.upload(&gpu, AdamMode::Lazy, &lazy_sums(of, 2000)).unwrap();
-            let params = adam_params(&of(until), &StepSettings::default(), until, 1);
-            gpu.write(&optimiser.params, &[params]).unwrap();
-            let status = gpu.upload("status", &[Status::default()]).unwrap();
-            let mut rec = Recording::new();
-            optimiser.record_catch_up(&mut rec, &buffers, None, &status, until);
-            gpu.run(&rec).unwrap();
-            Scene::download(&gpu, &buffers, &optimiser).unwrap()
+            caught_up(&scene, of, &StepSettings::default(), until)
         });
         assert_same_splats(format_args!("{k} steps"), &found.params, &exact.params);
         assert!(assert_rounded(&found, &exact, until as u32) > 5000);

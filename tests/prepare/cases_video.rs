@@ -1,6 +1,5 @@
 //! Small recordings beside the checkout, each of a kind that once went wrong: videos.
 
-use crate::common::notes::has_program;
 use crate::common::prelude::*;
 
 /// What `ivv prepare` says of a case, and the capture that it made; nothing where cases or ffmpeg are absent.

@@ -3,7 +3,6 @@
 use super::pictures::{models, stub};
 use super::{calls, ivv_prepare, run, settings, video};
 use crate::capture::{encode, png};
-use crate::common::notes::has_program;
 use crate::common::prelude::*;
 use ivv::internals::prepare::{forecast, recognise};
 use ivv::internals::random::Keyed;

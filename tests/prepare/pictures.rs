@@ -4,7 +4,6 @@ use super::sources::{IDENTITY, transforms};
 use super::{calls, done, ivv_in, ivv_prepare, program, run, settings, video};
 use crate::capture::model::{Model, write_to};
 use crate::capture::{assert_told, png, told};
-use crate::common::notes::has_program;
 use crate::common::prelude::*;
 use ivv::internals::prepare::{forecast, prepare, recognise};
 

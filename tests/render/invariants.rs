@@ -1,6 +1,6 @@
 //! What a frame does not depend on, to the last bit.
 
-use crate::adversary::rounds_otherwise;
+use crate::adversary::needs_roundings;
 use crate::common::one::with;
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
@@ -41,9 +41,7 @@ fn a_renderer_that_has_drawn_other_views_draws_the_same_bits() {
 
 #[test]
 fn colour_alone_is_the_colour_of_all_outputs_bit_for_bit() {
-    if rounds_otherwise("two kernels have the same bits") {
-        return;
-    }
+    needs_roundings!("two kernels have the same bits");
     let gpu = gpu();
     for seed in 0..3 {
         let splats = scene(seed, 200, 1);

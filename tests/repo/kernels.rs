@@ -256,9 +256,7 @@ fn only_the_variants_for_devices_that_have_them_use_64_bit_integers() {
 
 #[test]
 fn spirv_val_finds_no_fault() {
-    if !crate::common::notes::has_program("spirv-val") {
-        return;
-    }
+    needs!("spirv-val");
     for row in KERNELS.iter() {
         let file = super::root().join(format!("shaders-glsl/spv/{}.spv", row.name));
         let output = Command::new("spirv-val").args(["--target-env", "vulkan1.2"]).arg(&file).output().unwrap();

@@ -1,6 +1,6 @@
 //! Density control in a run: when rounds are due, and what training with either strategy leaves.
 
-use super::{Tiny, as_it_is, nothing_moves, steady};
+use super::{Tiny, as_it_is, nothing_moves, steady, trainer};
 use crate::common::prelude::*;
 use ivv::internals::scene::capture::Extent;
 use ivv::internals::stage::{Choice, PruneLimits};
@@ -115,11 +115,6 @@ fn with(strategy: Strategy) -> Config {
     Config { sh_degree: 1, density: Density { strategy, ..Density::default() }, ..steady() }
 }
 
-fn trainer(capture: &Capture, config: &Config, splats: &Splats, total: u64) -> Trainer {
-    let setup = Setup::new(capture, config);
-    Trainer::new(gpu().clone(), splats, Constants::default(), config.clone(), total, setup).unwrap()
-}
-
 /// Steps `trainer` through the run's order up to step `until`.
 fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) -> Vec<StepReport> {
     super::drive_with(trainer, capture, seed, until, &PriorPlan::default());
@@ -150,7 +145,7 @@ fn both_strategies_learn_grow_and_obey_the_budget() {
             assert_eq!((most, split), (Some(200), 0));
             // Room for a backdrop, a tenth at most.
             let config = Config { backdrop: 1000, ..config };
-            let mut with = self::trainer(&tiny.capture, &config, &begin, 200);
+            let mut with = super::trainer(&tiny.capture, &config, &begin, 200);
             // Nothing is added later.
             let reports = drive(&mut with, &tiny.capture, config.seed, 100);
             assert_eq!(reports.iter().map(|r| r.gaussians).max(), Some(180));

@@ -1,11 +1,11 @@
 //! The first Gaussians against the true surfaces of a synthetic capture.
 
-use super::drive;
+use super::{drive, test_psnr, trainer};
 use crate::common::prelude::*;
 use crate::synth::{Body, bodies};
 use ivv::internals::scene::capture::Shot;
 use ivv::internals::synth::Options;
-use ivv::internals::train::{Initial, Meter, random_points};
+use ivv::internals::train::{Initial, random_points};
 
 /// Eight cameras on an arc around a room, and two for testing; without points. Made once.
 fn room() -> &'static (PathBuf, Capture) {
@@ -136,28 +136,14 @@ fn of_a_single_frame_nothing_moves_on_top_of_what_rests() {
 
 #[test]
 fn training_from_pictures_is_ahead_of_training_from_random_points() {
-    let _device = gpu();
     let (capture, _) = training(true);
-    let gpu = gpu();
+    let _device = gpu();
     let score = |init: Init| {
         let config = Config { init, ..config() };
         let begin = first(&capture, &config).splats;
-        let setup = Setup::new(&capture, &config);
-        let mut trainer = Trainer::new(gpu.clone(), &begin, Constants::default(), config, 500, setup).unwrap();
+        let mut trainer = trainer(&capture, &config, &begin, 500);
         drive(&mut trainer, &capture, 1, 40);
-        let mut renderer = Renderer::new(gpu.clone(), &trainer.splats().unwrap(), Constants::default()).unwrap();
-        let test = capture.test_frames();
-        let psnr = |&(camera, frame): &(usize, u32)| {
-            let view = capture.view(camera, frame).unwrap();
-            let (rendered, _) = renderer.render(&view, Outputs::Color).unwrap();
-            Meter::new(gpu.clone(), &Config::default())
-                .unwrap()
-                .scores(&rendered, &capture.picture(camera, frame).unwrap())
-                .unwrap()
-                .unwrap()
-                .psnr
-        };
-        test.iter().map(psnr).sum::<f64>() / test.len() as f64
+        test_psnr(&capture, &trainer.splats().unwrap())
     };
     let (hull, random) = (score(Init::Hull), score(Init::Random));
     assert!(hull > random + 1.0, "PSNR {hull:.2} dB from pictures, {random:.2} dB from random points");

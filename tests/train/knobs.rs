@@ -1,7 +1,7 @@
 //! What a run may be traded for: presets, and the settings that only training has.
 
-use super::{Tiny, steady, train};
-use crate::adversary::rounds_otherwise;
+use super::{Tiny, steady, test_psnr, train, trainer};
+use crate::adversary::needs_roundings;
 use crate::common::prelude::*;
 use ivv::internals::scene::capture::{half_bits, half_value};
 use ivv::internals::settings::{Culls, Knobs, TileBound};
@@ -16,9 +16,7 @@ fn preset(name: &str) -> Config {
 
 #[test]
 fn the_exact_preset_gives_the_bits_of_the_reference_through_rounds_of_density_control() {
-    if rounds_otherwise("two kernels have the same bits") {
-        return;
-    }
+    needs_roundings!("two kernels have the same bits");
     let tiny = Tiny::on_device("exact");
     let exact = preset("exact");
     // As a straightforward engine does: every Gaussian at every time, in every tile of its square, every pixel of a tile asked.
@@ -63,7 +61,7 @@ fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config(32));
     let [half, whole] = [16, 32].map(|bits| train(&tiny.capture, &config(bits), &begin, 80).0);
     assert!(half != whole);
-    let [begin, half, whole] = [&begin, &half, &whole].map(|splats| tiny.test_psnr(splats));
+    let [begin, half, whole] = [&begin, &half, &whole].map(|splats| test_psnr(&tiny.capture, splats));
     assert!(
         half > begin + 1.0 && (half - whole).abs() < 0.3,
         "{half:.3} dB, {whole:.3} in 32 bits, {begin:.3} at first"
@@ -72,8 +70,7 @@ fn moments_in_16_bits_train_as_well_as_in_32_and_to_other_bits() {
 
 /// Steps of `config` on one picture, with priors; the reports.
 fn reports(tiny: &Tiny, config: &Config, begin: &Splats, steps: u64) -> Vec<ivv::internals::train::StepReport> {
-    let setup = Setup::new(&tiny.capture, config);
-    let mut trainer = Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), steps, setup).unwrap();
+    let mut trainer = trainer(&tiny.capture, config, begin, steps);
     let (camera, frame) = tiny.capture.training_frames()[0];
     let depth = [((camera, frame), [1.0, 0.1])].into();
     let picture = tiny.capture.picture_with(camera, frame, &PriorPlan { flow: true, depth }).unwrap();

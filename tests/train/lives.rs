@@ -1,6 +1,6 @@
 //! Training Gaussians of which most do not live at a step's time.
 
-use super::{Tiny, drive, steady};
+use super::{Tiny, drive, steady, trainer};
 use crate::common::prelude::*;
 
 /// Gaussians whose processing goes block by block.
@@ -26,16 +26,13 @@ fn short_lived(tiny: &Tiny, config: &Config, always: bool) -> Splats {
 
 #[test]
 fn steps_do_not_tell_in_which_blocks_gaussians_die() {
-    let gpu = gpu();
-    let tiny = Tiny::new("lives");
+    let tiny = Tiny::on_device("lives");
     for adam in [AdamMode::Lazy, AdamMode::Dense] {
         let density = Density { stop: 0.0, ..Density::default() };
         let config = Config { sh_degree: 1, adam, density, ..steady() };
         let trained = |always| {
-            let setup = Setup::new(&tiny.capture, &config);
             let begin = short_lived(&tiny, &config, always);
-            let mut trainer =
-                Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 40, setup).unwrap();
+            let mut trainer = trainer(&tiny.capture, &config, &begin, 40);
             drive(&mut trainer, &tiny.capture, 1, 40);
             let reports = trainer.take_reports();
             assert!(reports.iter().all(|step| step.active > 20 && step.active < 1_000), "{adam:?}");

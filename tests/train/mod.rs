@@ -137,24 +137,25 @@ impl Tiny {
     fn open(folder: PathBuf) -> Self {
         Tiny { capture: Capture::open(&folder).unwrap(), folder, _device: None }
     }
-
-    fn test_psnr(&self, splats: &Splats) -> f64 {
-        let (gpu, test) = (gpu(), self.capture.test_frames());
-        let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
-        let mut meter = Meter::new(gpu.clone(), &Config::default()).unwrap();
-        assert!(!test.is_empty());
-        let score = |(camera, frame): &(usize, u32)| {
-            let (rendered, _) = renderer.render(&self.capture.view(*camera, *frame).unwrap(), Outputs::Color).unwrap();
-            meter.scores(&rendered, &self.capture.picture(*camera, *frame).unwrap()).unwrap().unwrap().psnr
-        };
-        test.iter().map(score).sum::<f64>() / test.len() as f64
-    }
 }
 
 impl Drop for Tiny {
     fn drop(&mut self) {
         let _ = std::fs::remove_dir_all(&self.folder);
     }
+}
+
+/// Mean PSNR of the test views, dB.
+fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
+    let (gpu, test) = (gpu(), capture.test_frames());
+    let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
+    let mut meter = Meter::new(gpu.clone(), &Config::default()).unwrap();
+    assert!(!test.is_empty());
+    let score = |(camera, frame): &(usize, u32)| {
+        let (rendered, _) = renderer.render(&capture.view(*camera, *frame).unwrap(), Outputs::Color).unwrap();
+        meter.scores(&rendered, &capture.picture(*camera, *frame).unwrap()).unwrap().unwrap().psnr
+    };
+    test.iter().map(score).sum::<f64>() / test.len() as f64
 }
 
 /// Of a session that computes in the world of its capture.
@@ -197,7 +198,7 @@ fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_s
     let (end, first, last) = train(&tiny.capture, &config, &begin, 250);
     assert!(last < 0.5 * first, "loss {first:.3} at first, {last:.3} at last");
     assert!(end.len() > begin.len(), "density control adds Gaussians");
-    let (before, after) = (tiny.test_psnr(&begin), tiny.test_psnr(&end));
+    let (before, after) = (test_psnr(&tiny.capture, &begin), test_psnr(&tiny.capture, &end));
     assert!(after > before + 3.0, "PSNR {before:.2} dB before, {after:.2} dB after");
 }
 
@@ -275,6 +276,12 @@ fn a_rate_may_be_written_as_one_number_and_must_not_change_its_sign() {
     assert!(read(r#"{"lr": {"scales": 0.25}}"#).is_err() && read(r#"{"lr": {"scale": "fast"}}"#).is_err());
 }
 
+/// A run of `total` steps on `capture` from `first` on, before its first step.
+fn trainer(capture: &Capture, config: &Config, first: &Splats, total: u64) -> Trainer {
+    let setup = Setup::new(capture, config);
+    Trainer::new(gpu().clone(), first, Constants::default(), config.clone(), total, setup).unwrap()
+}
+
 /// Steps `trainer` through the run's order up to step `until`, with all priors.
 fn drive(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64) {
     let depth = capture.training_frames().into_iter().map(|image| (image, [1.0, 0.1])).collect();
@@ -326,19 +333,10 @@ fn resumes_to_the_same_bits(name: &str, config: &Config) {
 
 #[test]
 fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
-    let tiny = Tiny::new("damage");
-    let gpu = gpu();
+    let tiny = Tiny::on_device("damage");
     let config = Config { sh_degree: 0, ..Config::default() };
     let begin = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
-    let mut trainer = Trainer::new(
-        gpu.clone(),
-        &begin,
-        Constants::default(),
-        config.clone(),
-        100,
-        Setup::new(&tiny.capture, &config),
-    )
-    .unwrap();
+    let mut trainer = trainer(&tiny.capture, &config, &begin, 100);
     let folder = tiny.folder.join("checkpoints");
     for step in 1..=5 {
         drive(&mut trainer, &tiny.capture, config.seed, step);
@@ -364,13 +362,11 @@ fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
 
 #[test]
 fn a_step_that_is_replayed_with_more_room_leaves_the_bits_of_one_that_is_not() {
-    let tiny = Tiny::new("replay");
-    let gpu = gpu();
+    let tiny = Tiny::on_device("replay");
     let config = Config { sh_degree: 0, ..Config::default() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let run = |room: Option<u32>| {
-        let setup = Setup::new(&tiny.capture, &config);
-        let mut trainer = Trainer::new(gpu.clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
+        let mut trainer = trainer(&tiny.capture, &config, &begin, 100);
         if let Some(n) = room {
             trainer.limit_intersections(n);
         }

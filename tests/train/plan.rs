@@ -1,6 +1,6 @@
 //! The memory plan against what a trainer allocates.
 
-use super::{Tiny, drive};
+use super::{Tiny, drive, trainer};
 use crate::common::prelude::*;
 use ivv::internals::stage::Accumulation;
 use ivv::internals::train::{BoundBy, Class, Limits, Plan, Workload};
@@ -55,15 +55,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
         let config = Config { batch, sh_degree, moment_bits, accumulation, required, poses, ..Config::default() };
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
-        let mut trainer = Trainer::new(
-            gpu.clone(),
-            &begin,
-            Constants::default(),
-            config.clone(),
-            1000,
-            Setup::new(&capture, &config),
-        )
-        .unwrap();
+        let mut trainer = trainer(&capture, &config, &begin, 1000);
         drive(&mut trainer, &capture, 1, 2);
         let mut used = gpu.device().memory().0;
         for (name, bytes) in before {

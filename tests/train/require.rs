@@ -1,6 +1,6 @@
 //! Only what a scene requires: on scenes of Gaussians whose every part is known, seen by a capture's own cameras.
 
-use super::Tiny;
+use super::{Tiny, trainer};
 use crate::common::prelude::*;
 use ivv::internals::scene::capture::Shot;
 use ivv::internals::stage::Response;
@@ -107,16 +107,16 @@ pub fn config() -> Config {
     Config { sh_degree: 1, background: BACKGROUND, vary_background, loss, density, required, ..super::steady() }
 }
 
+pub fn look(trainer: &mut Trainer, capture: &Capture, due: Due, images: usize) -> Review {
+    review(trainer, &gpu(), capture, Constants::default(), due, images, &mut |_, _| {}).unwrap()
+}
+
 /// Trains `steps` steps from `begin`, reviews, and trains as many again.
 fn reviewed(capture: &Capture, begin: &Splats, steps: u64) -> (Review, Trainer) {
     let config = config();
-    let setup = Setup::new(capture, &config);
-    let mut trainer =
-        Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), 2 * steps, setup).unwrap();
+    let mut trainer = trainer(capture, &config, begin, 2 * steps);
     super::drive(&mut trainer, capture, config.seed, steps);
-    let due = Due::Gaussians;
-    let review = review(&mut trainer, &gpu(), capture, Constants::default(), due, 40, &mut |_, _| {}).unwrap();
-    (review, trainer)
+    (look(&mut trainer, capture, Due::Gaussians, 40), trainer)
 }
 
 /// Index in `truth` of the Gaussian that each of `found` is, by where they are in the middle of the clip.
@@ -166,12 +166,10 @@ fn a_scene_that_stands_still_ends_without_a_dynamic_gaussian_and_without_a_grid(
     let (tiny, truth) = capture_of("require-still", |capture| known(capture, 0.0));
     let (first, mut trainer) = reviewed(&tiny.capture, &everything(&truth), 40);
     super::drive(&mut trainer, &tiny.capture, config().seed, 60);
-    let again =
-        review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Gaussians, 40, &mut |_, _| {}).unwrap();
+    let again = look(&mut trainer, &tiny.capture, Due::Gaussians, 40);
     let splats = trainer.splats().unwrap();
     assert!(splats.len() + 2 >= truth.len() && splats.motion.is_empty(), "{first:?} {again:?}");
-    let grids =
-        review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids, 40, &mut |_, _| {}).unwrap();
+    let grids = look(&mut trainer, &tiny.capture, Due::Grids, 40);
     assert!(grids.grids.len() == 4 && grids.grids.iter().all(|check| !check.is_needed), "{grids:?}");
     // Nothing moves, so no picture tells any offset.
     let mut renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
@@ -196,8 +194,7 @@ fn one_camera_of_another_exposure_gets_the_only_grid() {
     assert!(setup.has_grid.is_empty(), "grids come when they are needed");
     let mut trainer = Trainer::new(gpu().clone(), &truth, Constants::default(), config.clone(), 100, setup).unwrap();
     super::drive(&mut trainer, &tiny.capture, config.seed, 8);
-    let found =
-        review(&mut trainer, &gpu(), &tiny.capture, Constants::default(), Due::Grids, 40, &mut |_, _| {}).unwrap();
+    let found = look(&mut trainer, &tiny.capture, Due::Grids, 40);
     let name = &tiny.capture.cameras[odd].name;
     let needing: Vec<&String> = found.grids.iter().filter(|check| check.is_needed).map(|check| &check.camera).collect();
     assert_eq!(needing, [name], "{found:?}");
@@ -271,9 +268,7 @@ fn what_was_dropped_brings_nothing_when_it_is_given_back() {
     let back = Splats { n_static: 0, motion: motion.collect(), degree: Vec::new(), ..required.clone() };
     let after_an_epoch = |splats: &Splats| {
         let config = Config { required: Required::default(), grids: GridKind::None, ..config() };
-        let setup = Setup::new(&tiny.capture, &config);
-        let mut trainer =
-            Trainer::new(gpu().clone(), splats, Constants::default(), config.clone(), 1000, setup).unwrap();
+        let mut trainer = super::trainer(&tiny.capture, &config, splats, 1000);
         super::drive(&mut trainer, &tiny.capture, config.seed, 32);
         test_psnr(&tiny.capture, &trainer.splats().unwrap())
     };

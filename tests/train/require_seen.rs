@@ -1,10 +1,11 @@
 //! Nothing is judged that a review has not looked at: things that few cameras see, and things that are there for a moment.
 
-use super::require::{BACKGROUND, cameras, config, shown};
+use super::require::{BACKGROUND, cameras, config, look, shown};
+use super::trainer;
 use crate::common::prelude::*;
 use ivv::internals::scene::SH_C0;
 use ivv::internals::scene::capture::Shot;
-use ivv::internals::train::{Due, Review, review};
+use ivv::internals::train::{Due, Review};
 
 fn push(splats: &mut Splats, place: [f64; 3], deviation: f32, sh: [[f32; 3]; 4], motion: Option<Motion>) {
     splats.source_row.push(splats.len() as u32);
@@ -26,10 +27,8 @@ fn shining(random: &mut Random) -> [[f32; 3]; 4] {
 fn reviewed(capture: &Capture, begin: &Splats, images: usize) -> (Review, Splats) {
     let required = Required { reviews: 1, grids_at: 0.3 };
     let config = Config { required, ..config() };
-    let setup = Setup::new(capture, &config);
-    let mut trainer = Trainer::new(gpu().clone(), begin, Constants::default(), config.clone(), 1000, setup).unwrap();
-    let due = Due::Gaussians;
-    let review = review(&mut trainer, &gpu(), capture, Constants::default(), due, images, &mut |_, _| {}).unwrap();
+    let mut trainer = trainer(capture, &config, begin, 1000);
+    let review = look(&mut trainer, capture, Due::Gaussians, images);
     let splats = trainer.splats().unwrap();
     assert_eq!((review.before, review.after), (begin.len(), splats.len()));
     (review, splats)

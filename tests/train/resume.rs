@@ -1,6 +1,6 @@
 //! Runs that were killed, extended, or started twice: nothing is lost, and nothing else is trained than was asked for.
 
-use super::Tiny;
+use super::{Tiny, trainer};
 use crate::common::prelude::*;
 use crate::common::program::json;
 use crate::common::running::Running;
@@ -247,8 +247,7 @@ fn a_trainer_begins_with_more_gaussians_than_four_pairs_of_each_fit_a_binding() 
         ..Splats::new(0)
     };
     let config = Config { sh_degree: 0, max_gaussians: 1_000_000, ..Config::default() };
-    let setup = Setup::new(&tiny.capture, &config);
-    let mut trainer = Trainer::new(gpu().clone(), &begin, Constants::default(), config, 9, setup).unwrap();
+    let mut trainer = trainer(&tiny.capture, &config, &begin, 9);
     let (camera, frame) = tiny.capture.training_frames()[0];
     let picture = tiny.capture.picture(camera, frame).unwrap();
     trainer.train(camera, &tiny.capture.view(camera, frame).unwrap(), &picture).unwrap();

@@ -1,7 +1,7 @@
 //! A run as the library has it.
 
 use super::{Tiny, as_it_is};
-use crate::adversary::rounds_otherwise;
+use crate::adversary::needs_roundings;
 use crate::common::prelude::*;
 use ivv::internals::train::{Average, DueEvents, Notice, Phase, training_order};
 use std::cell::RefCell;
@@ -71,9 +71,7 @@ fn a_session_does_what_is_due_wherever_it_is_resumed() {
 
 #[test]
 fn a_session_gives_the_scene_that_the_command_line_writes() {
-    if rounds_otherwise("the command line has the kernels as they are") {
-        return;
-    }
+    needs_roundings!("the command line has the kernels as they are");
     let tiny = Tiny::on_device("session-command");
     let (path, run) = (tiny.folder.to_str().unwrap(), tiny.folder.join("run"));
     let file = tiny.folder.join("settings.json");

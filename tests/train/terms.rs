@@ -1,6 +1,6 @@
 //! The terms of the loss and the cameras' own parameters inside a training.
 
-use super::{Tiny, as_it_is, nothing_moves};
+use super::{Tiny, as_it_is, nothing_moves, trainer};
 use crate::common::prelude::*;
 use ivv::internals::scene::capture::Extent;
 use ivv::internals::train::{Agreement, Loss, fit_offset, logged};
@@ -9,8 +9,7 @@ use ivv_conformance::fixtures::lpips::{TRUNKS, narrow, save};
 /// What a step dispatches, by section, and how often.
 fn dispatches(tiny: &Tiny, config: &Config) -> std::collections::BTreeMap<String, usize> {
     let begin = from_points(&tiny.capture.points, &tiny.capture, config);
-    let setup = Setup::new(&tiny.capture, config);
-    let mut trainer = Trainer::new(gpu().clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
+    let mut trainer = trainer(&tiny.capture, config, &begin, 100);
     let (camera, frame) = tiny.capture.training_frames()[0];
     let plan = PriorPlan { flow: true, depth: [((camera, frame), [1.0, 0.1])].into() };
     let picture = tiny.capture.picture_with(camera, frame, &plan).unwrap();

@@ -1,6 +1,6 @@
 //! N15 and N16 of training: where a capture's origin is and how long its unit changes nothing.
 
-use super::{Tiny, drive};
+use super::{Tiny, drive, trainer};
 use crate::common::frames::{psnr, render_with};
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
@@ -15,8 +15,7 @@ fn train(capture: Capture) -> (Splats, Capture, Similarity) {
     let capture = capture.transformed(&world);
     let config = Config { sh_degree: 1, ..Config::default() };
     let begin = from_points(&capture.points, &capture, &config);
-    let setup = Setup::new(&capture, &config);
-    let mut trainer = Trainer::new(gpu().clone(), &begin, Constants::default(), config.clone(), 100, setup).unwrap();
+    let mut trainer = trainer(&capture, &config, &begin, 100);
     drive(&mut trainer, &capture, config.seed, 30);
     let trained = trainer.splats().unwrap();
     assert!(trained.len() > begin.len() && trained.motion.iter().any(|m| m.velocity != [0.0; 3]));

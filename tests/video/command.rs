@@ -118,7 +118,7 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
     assert!(command.starts_with("ffmpeg ") && !Path::new(&whole).exists(), "{command}");
     let sound = std::fs::read(folder.0.join("film.wav")).unwrap();
     assert_same("sound", &std::fs::read(folder.0.join("without/film.wav")).unwrap(), &sound);
-    if super::has_ffmpeg() {
+    if has_program("ffmpeg") {
         let joined = Command::new("sh").args(["-c", command]).output().unwrap();
         assert!(joined.status.success(), "{command}: {}", String::from_utf8_lossy(&joined.stderr));
         let pixels = super::decoded(Path::new(&whole), &["-map", "0:v", "-f", "rawvideo", "-pix_fmt", "gray"]);
@@ -142,9 +142,7 @@ fn a_path_becomes_a_video_with_what_is_heard_on_it() {
 
 #[test]
 fn a_name_with_a_colon_is_a_name() {
-    if !super::has_ffmpeg() {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("film-colon");
     let path = folder.write("path.txt", "0 -0.3 0 -4 0 0 0 1\n0.05 0.3 0 -4 0 0 0 1\n");
     let still = still_scene(&folder);

@@ -10,11 +10,6 @@ const SIZE: (u32, u32) = (32, 18);
 const FLASH: usize = 17;
 const N_FRAMES: usize = 40;
 
-#[track_caller]
-fn has_ffmpeg() -> bool {
-    crate::common::notes::has_program("ffmpeg")
-}
-
 fn frame(color: [f32; 3]) -> Frame {
     let (width, height) = SIZE;
     Frame { width, height, color: vec![color; (width * height) as usize], ..Frame::default() }
@@ -58,9 +53,7 @@ fn click(path: &Path, seconds: f64, at: f64) {
 /// T38, the file: the click stands at the flash.
 #[test]
 fn sound_is_in_step_with_the_pictures() {
-    if !has_ffmpeg() {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("video");
     let flash = FLASH as f64 / FPS;
     // Shorter than the pictures, and beginning half of a second before them.
@@ -97,9 +90,7 @@ fn sound_is_in_step_with_the_pictures() {
 
 #[test]
 fn colours_arrive() {
-    if !has_ffmpeg() {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("video-colours");
     let color = [0.8_f32, 0.3, 0.1];
     for name in ["a.mp4", "a.y4m"] {
@@ -151,9 +142,7 @@ fn a_file_of_pictures_needs_no_program() {
 
 #[test]
 fn what_ffmpeg_refuses_is_told() {
-    if !has_ffmpeg() {
-        return;
-    }
+    needs!("ffmpeg");
     let folder = Folder::new("video-refused");
     let sound = folder.write("no.wav", "this is no sound");
     let settings = VideoSettings { width: 32, height: 18, fps: FPS, sound: Some((sound, 0.0)) };
