@@ -6,7 +6,7 @@ use std::str::FromStr;
 /// Frames of a clip. As text `A:B:S`: every `S`-th frame from `A` up to, but not including, `B`; also `A:B`, `A:` and `:B`, and a number
 /// of first frames.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-#[serde(into = "Option<String>", try_from = "Option<Written>")]
+#[serde(into = "Option<String>", try_from = "Option<String>")]
 pub struct Frames {
     /// The first.
     pub from: u32,
@@ -14,14 +14,6 @@ pub struct Frames {
     pub to: Option<u32>,
     /// Every n-th is used, at least 1.
     pub every: u32,
-}
-
-/// As a run folder holds it; a number in those that older versions wrote.
-#[derive(serde::Deserialize)]
-#[serde(untagged)]
-enum Written {
-    Number(u32),
-    Text(String),
 }
 
 impl Default for Frames {
@@ -96,15 +88,11 @@ impl From<Frames> for Option<String> {
     }
 }
 
-impl TryFrom<Option<Written>> for Frames {
+impl TryFrom<Option<String>> for Frames {
     type Error = String;
 
-    fn try_from(written: Option<Written>) -> Result<Self, String> {
-        match written {
-            None => Ok(Frames::default()),
-            Some(Written::Number(n)) => n.to_string().parse(),
-            Some(Written::Text(text)) => text.parse(),
-        }
+    fn try_from(written: Option<String>) -> Result<Self, String> {
+        written.map_or(Ok(Frames::default()), |text| text.parse())
     }
 }
 
@@ -136,10 +124,9 @@ mod tests {
     }
 
     #[test]
-    fn a_run_folder_of_an_older_version_has_a_number() {
+    fn run_folders_have_the_text() {
         let read = |text: &str| serde_json::from_str::<Frames>(text).unwrap();
         assert_eq!(read("null"), Frames::default());
-        assert_eq!(read("4"), Frames::first(4));
         let frames = Frames { from: 3, to: Some(9), every: 2 };
         assert_eq!(read(&serde_json::to_string(&frames).unwrap()), frames);
         assert!(serde_json::from_str::<Frames>("\"9:3\"").is_err());

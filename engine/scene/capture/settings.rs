@@ -25,7 +25,6 @@ pub struct CaptureSettings {
     /// Colour behind images that have an alpha channel, and of the views; in [0, 1].
     pub background: [f32; 3],
     /// Which frames of the clip are used. Flow leads to the next frame of the clip: it is left out where that is.
-    #[serde(alias = "max_frames")]
     pub frames: Frames,
     /// Frames per second of a capture that does not specify it.
     pub fps: f64,
