@@ -5,7 +5,7 @@ use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use super::{Capture, Fault, Picture, PriorPlan, Source, decode_or_fault, pixel_bytes};
+use super::{Capture, Fault, Picture, PriorPlan, Source, picture, pixel_bytes};
 use crate::error::Result;
 use crate::parallel::memory;
 
@@ -200,7 +200,7 @@ impl Shared {
             let begin = Instant::now();
             let source = &self.sources[index as usize];
             let outcome = tracing::debug_span!("decode", image = %source.image.display())
-                .in_scope(|| decode_or_fault(source).map(Arc::new));
+                .in_scope(|| picture::decode(source).map(Arc::new));
             let took = begin.elapsed();
             state = self.lock();
             state.stats.n_decoded += 1;

@@ -134,12 +134,6 @@ pub struct Extent {
 /// Median distance of the points over the radius of the cameras: up to the first the cameras are the measure, from the second the points.
 const MEASURED_BY: [f64; 2] = [3.0, 4.0];
 
-/// The line from `radius` at the first of [`MEASURED_BY`] to the median distance at the second.
-fn steep(median: f64, radius: f64) -> f64 {
-    let [from, to] = MEASURED_BY;
-    radius + (to - 1.0) / (to - from) * (median - from * radius)
-}
-
 /// Refuses a place that is not finite or too far away.
 pub(super) fn check_place(at: [f64; 3]) -> Result<(), String> {
     let is_near = at.iter().all(|v| v.is_finite() && v.abs() <= MAX_COORDINATE);
@@ -156,9 +150,12 @@ pub(super) fn extent(cameras: &[Camera], points: &[Point]) -> Extent {
     let size = center.abs().max_element().max(1.0);
     let distances = points.iter().map(|point| DVec3::from(point.position).distance(center));
     let median = median_high(distances.filter(|distance| *distance > 0.0));
+    let [from, to] = MEASURED_BY;
+    // From `radius`, where the median distance is the first of these, to that distance, where it is the second.
+    let steep = |median: f64| radius + (to - 1.0) / (to - from) * (median - from * radius);
     let radius = match median {
         // The scene of a rig that is small beside it is not measured by the rig.
-        Some(median) if radius > 1e-9 * size => radius.max(median.min(steep(median, radius))),
+        Some(median) if radius > 1e-9 * size => radius.max(median.min(steep(median))),
         None if radius > 1e-9 * size => radius,
         _ => median.unwrap_or(1.0),
     };

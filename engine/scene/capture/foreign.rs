@@ -8,8 +8,6 @@ use super::is_hidden;
 use crate::files::open_file;
 
 const START: u64 = 4096;
-const EXPORT: &str = "export them as a COLMAP model or transforms.json";
-
 /// Programs whose poses are not read: by the ending of a file, and by what its first bytes hold, one of these.
 const PROGRAMS: [(&str, &str, &[&str]); 16] = [
     ("RealityScan", "csv", &["#name,", "#cameras", "Name,X,Y,", "#Image"]),
@@ -38,7 +36,8 @@ pub(crate) fn unread_poses(folder: &Path) -> Vec<String> {
     files.sort();
     let named = |file: &std::path::PathBuf| {
         let (program, name) = (program(file)?, file.file_name()?.display());
-        Some(format!("the poses of {program} in {name} are not read; to use them, {EXPORT}"))
+        let remedy = "to use them, export them as a COLMAP model or transforms.json";
+        Some(format!("the poses of {program} in {name} are not read; {remedy}"))
     };
     files.iter().filter_map(named).collect()
 }

@@ -57,7 +57,7 @@ use header::{BROKEN, DECODER_SLACK, MAX_SIDE, decoder_of, fault, guarded, is_tur
 use locate::{Wanted, images_of, listed};
 use named::Named;
 use names::{Spelled, flat, is_picture, spelled, with_image_extension};
-use picture::{MAX_PIXELS, Source, decode_or_fault};
+use picture::{MAX_PIXELS, Source};
 use points::read_cloud;
 use priors::{PriorSource, is_prior};
 use truth::read_true_offsets;

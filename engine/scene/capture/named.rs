@@ -45,7 +45,7 @@ impl Named {
         let is_sparse = |path: &Path| path.file_name().is_some_and(|name| name == "sparse");
         // A model lies in `sparse` of its project.
         match path.parent() {
-            Some(parent) if is_sparse(path) && holds_models(path) => folder(&or_here(parent)),
+            Some(parent) if is_sparse(path) && (is_model(path) || !models(path).is_empty()) => folder(&or_here(parent)),
             Some(parent) if is_sparse(parent) && is_model(path) => {
                 let project = parent.parent().map(or_here).unwrap_or_default();
                 Named { model: Some(path.to_owned()), ..folder(&project) }
@@ -57,10 +57,6 @@ impl Named {
 
 fn is_of_model(name: &str) -> bool {
     ["cameras.", "images.", "points3D."].iter().any(|stem| name.starts_with(stem))
-}
-
-fn holds_models(sparse: &Path) -> bool {
-    is_model(sparse) || !models(sparse).is_empty()
 }
 
 fn or_here(path: &Path) -> PathBuf {

@@ -117,13 +117,13 @@ impl Capture {
     /// # Errors
     /// [`Error::Data`] when there is no such image, when it does not decode or is of another size than its camera.
     pub fn picture(&self, camera: usize, frame: u32) -> Result<Picture> {
-        picture::decode(&self.source(camera, frame, &PriorPlan::default())?)
+        self.picture_with(camera, frame, &PriorPlan::default())
     }
 
     /// As [`Capture::picture`], with the priors that `plan` names.
     #[doc(hidden)]
     pub fn picture_with(&self, camera: usize, frame: u32, plan: &PriorPlan) -> Result<Picture> {
-        picture::decode(&self.source(camera, frame, plan)?)
+        Ok(picture::decode(&self.source(camera, frame, plan)?)?)
     }
 
     /// By pixel, row by row, true where the image shows something that moves; `None` where the capture has no such mask.

@@ -121,12 +121,8 @@ pub(super) struct Source {
     pub reduction: u32,
 }
 
-pub(super) fn decode(source: &Source) -> error::Result<Picture> {
-    Ok(decode_or_fault(source)?)
-}
-
-/// As [`decode`], with an error that can be cloned.
-pub(super) fn decode_or_fault(source: &Source) -> Result<Picture, Fault> {
+/// Decodes an image with its mask and priors, and reduces them.
+pub(super) fn decode(source: &Source) -> Result<Picture, Fault> {
     let mut pixels = pack(pixels_of(&source.image, source.width, source.height)?, source.background);
     if let Some(mask) = &source.mask {
         let mask = pixels_of(mask, source.width, source.height)?.into_luma8();
