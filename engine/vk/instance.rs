@@ -46,7 +46,6 @@ pub(super) struct Instance {
     pub(super) validation: Arc<Validation>,
     pub(super) has_debug_utils: bool,
     // Last: the loader's library must outlive everything made from it.
-    #[cfg_attr(not(feature = "window"), expect(dead_code, reason = "it is held; surfaces are made from it too"))]
     pub(super) entry: Entry,
 }
 

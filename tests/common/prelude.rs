@@ -20,9 +20,9 @@ pub use ivv::internals::formats::{
 pub use ivv::internals::gpu::table::KERNELS;
 pub use ivv::internals::gpu::{Grid, KernelInfo, Recording, Rewrite};
 pub use ivv::internals::prepare::{PrepareSettings, Triangulate};
-pub use ivv::internals::reference::{Params, Projected, Rules, render_f64};
+pub use ivv::internals::reference::{Camera, Params, Projected, Rules, render_f64};
 pub use ivv::internals::scene::capture::{
-    Camera, Capture, CaptureSettings, Frames, Manifest, Picture, Point, PriorPlan, check_capture,
+    Capture, CaptureSettings, Frames, Manifest, Picture, Point, PriorPlan, check_capture,
 };
 pub use ivv::internals::scene::prior::{read_depth, read_flow};
 pub use ivv::internals::scene::undistort::Distortion;

@@ -5,6 +5,7 @@ use crate::capture::assert_told;
 use crate::capture::model::{Model, write_cameras};
 use crate::common::prelude::*;
 use ivv::internals::prepare::{Prepared, Share, ShiftBy, Stage, estimate, prepare_share};
+use ivv::internals::scene::capture::Camera;
 use ivv::internals::sound::wav;
 use ivv::internals::synth::Options;
 

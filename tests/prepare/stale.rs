@@ -6,9 +6,6 @@ use crate::capture::model::{Model, write_to};
 use crate::capture::png;
 use crate::common::prelude::*;
 use ivv::internals::scene::prior::{write_depth, write_flow, write_flow_halves};
-use ivv::internals::scene::prior::{write_depth, write_flow, write_flow_halves};
-use std::os::unix::fs::PermissionsExt;
-use std::time::SystemTime;
 use std::time::SystemTime;
 
 const N: usize = 64 * 48;

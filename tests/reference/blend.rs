@@ -3,6 +3,7 @@
 use super::single;
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
+use ivv::internals::reference::render;
 use ivv::internals::reference::{Outputs, project};
 
 fn together(splats: &[Splats]) -> Splats {

@@ -4,6 +4,7 @@ use super::{relative_l2, tensors, zero_like};
 use crate::common::golden::group;
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
+use ivv::internals::reference::render;
 use ivv::internals::reference::{Dual, Real, jvp, project};
 
 const GROUPS: [&str; 10] =

@@ -4,6 +4,7 @@ use super::{relative_l2, tensors, zero_like};
 use crate::common::golden::{CASES, Tensors, group, load};
 use crate::common::prelude::*;
 use ivv::internals::reference::jvp_of;
+use ivv::internals::reference::render;
 
 /// The golden program's constants: the decimals of SPEC 3 in double precision, not rounded to f32.
 const RULES: Rules<f64> = Rules { alpha_min: 1.0 / 255.0, alpha_max: 0.99, t_min: 1e-4, blur: 0.3, near: 0.01 };

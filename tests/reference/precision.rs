@@ -4,6 +4,7 @@ use super::{relative_l2, tensors, with_motion};
 use crate::common::golden::{CASES, load};
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
+use ivv::internals::reference::render;
 use ivv::internals::reference::{Outputs, Real};
 
 fn render_as<R: Real>(splats: &Splats, view: &View) -> Outputs<R> {

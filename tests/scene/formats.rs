@@ -3,8 +3,6 @@
 use super::{Folder, fault};
 use crate::common::prelude::*;
 use ivv::internals::formats::World;
-use ivv::internals::formats::{World, read_splat, read_spz};
-use std::io::Write;
 use std::io::Write;
 
 /// What the quantisation of both formats can tell apart on the model they share.

@@ -3,8 +3,6 @@
 use super::{Folder, fault};
 use crate::common::prelude::*;
 use image::codecs::webp::WebPEncoder;
-use image::codecs::webp::WebPEncoder;
-use ivv::internals::formats::read_sog;
 
 #[test]
 fn the_levels_of_a_real_scene_agree() {

@@ -4,7 +4,7 @@
 use crate::common::prelude::*;
 use crate::common::program::json;
 use crate::synth::{Body, bodies};
-use ivv::internals::scene::capture::FramePoint;
+use ivv::internals::scene::capture::{Camera, FramePoint};
 use ivv::internals::stage::DepthSpace;
 use ivv::internals::synth::Options;
 use ivv::internals::train::{Initial, PointCounts, Unfit, fit_depths};

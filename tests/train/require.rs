@@ -2,7 +2,7 @@
 
 use super::{Tiny, trainer};
 use crate::common::prelude::*;
-use ivv::internals::scene::capture::Shot;
+use ivv::internals::scene::capture::{Camera, Shot};
 use ivv::internals::stage::Response;
 use ivv::internals::train::{Due, Evidence, Review, Seen, merge_resting, psnr, review, review_due};
 

@@ -4,7 +4,7 @@ use super::require::{BACKGROUND, cameras, config, look, shown};
 use super::trainer;
 use crate::common::prelude::*;
 use ivv::internals::scene::SH_C0;
-use ivv::internals::scene::capture::Shot;
+use ivv::internals::scene::capture::{Camera, Shot};
 use ivv::internals::train::{Due, Review};
 
 fn push(splats: &mut Splats, place: [f64; 3], deviation: f32, sh: [[f32; 3]; 4], motion: Option<Motion>) {

@@ -5,7 +5,7 @@ use crate::common::frames::{psnr, render_with};
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
 use ivv::internals::reference::cleared;
-use ivv::internals::scene::capture::TRAINING_RADIUS;
+use ivv::internals::scene::capture::{Camera, TRAINING_RADIUS};
 
 const LEAST_PSNR: f64 = 80.0;
 

@@ -6,7 +6,7 @@ use ivv::Constants;
 use ivv::internals::gpu::{Gpu, Options, Recording, StandIn, shaders_hash};
 use ivv::internals::profile::{CARDS, Card, Recorded};
 use ivv::internals::scene::capture::{Extent, Picture};
-use ivv::internals::scene::{Motion, Splats, View};
+use ivv::internals::scene::{Intrinsics, Motion, Splats, View};
 use ivv::internals::stage::Counters;
 use ivv::internals::train::{Config, Preset, Setup, TermData, Trainer};
 use ivv::internals::vk::DeviceChoice;
@@ -144,7 +144,7 @@ fn recorded(card: &Card, config: &Config, device: &DeviceChoice, work: &Work) ->
     let options = Options { device: device.clone(), stands_in: Some(stands_in), ..Options::default() };
     let gpu = Arc::new(Gpu::open(&options)?);
     let [width, height] = work.size;
-    let forward = View::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], (width, height), 53.0);
+    let forward = View::look_at([0.0; 3], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0], Intrinsics::of_fov(width, height, 53.0));
     let view = View { time: 0.0, flow_dt: 1.0 / FRAMES, ..forward };
     // Halves: a depth of 1, no motion.
     let n_pixels = (width * height) as usize;
