@@ -42,12 +42,14 @@ pub enum Range {
 /// Declares a group of settings, a `struct`: a field's comment is the meaning that the manual and `ivv train --list-settings` show, then
 /// come type, default, unit and range. Gives `Default` and `SETTINGS`. Groups within a group follow `with`.
 macro_rules! settings {
+    (@group) => { Default::default() };
+    (@group $default:expr) => { $default };
     (
         $(#[$attribute:meta])*
         pub struct $group:ident in $prefix:literal {
             $($(#[doc = $meaning:literal])+ $name:ident: $of:ty = $default:expr, $unit:literal, $range:expr;)*
         }
-        $(with { $($(#[$inner_attribute:meta])* $inner:ident: $inner_of:ty,)* })?
+        $(with { $($(#[$inner_attribute:meta])* $inner:ident: $inner_of:ty $(= $of_group:expr)?,)* })?
     ) => {
         $(#[$attribute])*
         #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -59,7 +61,7 @@ macro_rules! settings {
 
         impl Default for $group {
             fn default() -> Self {
-                $group { $($name: $default,)* $($($inner: Default::default(),)*)? }
+                $group { $($name: $default,)* $($($inner: $crate::settings::settings!(@group $($of_group)?),)*)? }
             }
         }
 

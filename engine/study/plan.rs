@@ -3,7 +3,7 @@
 use super::measure::Measure;
 use crate::error::{Error, Result};
 use crate::files::read_text;
-use crate::train::{Config, LearningRates, Preset, check_settings, merge};
+use crate::train::{Config, LearningRates, check_settings, merge};
 use serde::Deserialize;
 use serde::de::Error as _;
 use serde_json::{Value, json};
@@ -153,9 +153,8 @@ impl Study {
         let mut value = serde_json::to_value(shared).map_err(json)?;
         self.base.apply(&mut value);
         if let Some(name) = &arm.preset {
-            let preset = Preset::find(name)?;
-            merge(&mut value, &preset.settings);
-            value["preset"] = serde_json::to_value(preset.id).map_err(json)?;
+            let config: Config = serde_json::from_value(value).map_err(json)?;
+            value = serde_json::to_value(config.with_preset(name)?).map_err(json)?;
         }
         merge(&mut value, &arm.settings);
         let config: Config = serde_json::from_value(value).map_err(json)?;

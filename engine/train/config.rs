@@ -70,7 +70,7 @@ settings! {
         /// Which Gaussians take a step: all, or those in view after catching up.
         adam: AdamMode = AdamMode::default(), "", Range::Word(&["dense", "lazy"]);
         /// Size of each of Adam's moments in memory.
-        moment_bits: u32 = 32, "bits", Range::OneOf(&[16, 32]);
+        moment_bits: u32 = 16, "bits", Range::OneOf(&[16, 32]);
         /// How gradients are added up. Auto is slots on a CPU and fixed_point on a GPU. Both give the same bits in every run.
         accumulation: Accumulation = Accumulation::default(), "", Range::Word(&["auto", "slots", "fixed_point"]);
     } with {
@@ -83,7 +83,7 @@ settings! {
         /// Whether the first part of the run sees smaller images.
         resolution: Resolution,
         /// How the frames of the run are computed. What is scored, and what others render of its scene, is exact.
-        frame: Knobs,
+        frame: Knobs = Knobs { depth_bits: 24, temporal_cut: 0.0156, ..Knobs::default() },
         /// What is kept of the model: everything, or only what the scene requires.
         required: Required,
         /// No setting: true in a run on top of another (`--base`), which keeps that run's static Gaussians as they are.
@@ -111,9 +111,9 @@ settings! {
     #[derive(Copy)]
     pub struct Resolution in "resolution." {
         /// The run begins on images reduced by this factor; 1 leaves them whole.
-        reduction: u32 = 1, "pixels", Range::Whole(1, 8);
+        reduction: u32 = 2, "pixels", Range::Whole(1, 8);
         /// How long the run sees reduced images.
-        until: f64 = 0.5, "of the run", Range::SHARE;
+        until: f64 = 0.4, "of the run", Range::SHARE;
     }
 }
 
@@ -138,7 +138,7 @@ settings! {
         /// Weight of the squared time offsets.
         offset: f64 = 1e-4, "", Range::NOT_NEGATIVE;
         /// SSIM at every pixel (1), or at every second pixel of every second row (2).
-        ssim_stride: u32 = 1, "pixels", Range::OneOf(&[1, 2]);
+        ssim_stride: u32 = 2, "pixels", Range::OneOf(&[1, 2]);
         /// Weight of LPIPS, where loss.lpips_weights names a file.
         lpips: f64 = 0.1, "", Range::NOT_NEGATIVE;
         /// The weights of LPIPS, as tools/lpips_weights.py writes them.

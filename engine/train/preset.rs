@@ -66,6 +66,21 @@ impl Preset {
     }
 }
 
+impl Config {
+    /// These settings with those of the preset `name`: exact, balanced (the defaults), fast, small, or the path of a .json file.
+    ///
+    /// # Errors
+    /// [`Error::Data`] where there is no such preset, or its file has a setting that does not exist or cannot be.
+    pub fn with_preset(&self, name: &str) -> Result<Config> {
+        let Preset { id, settings, .. } = Preset::find(name)?;
+        let fault =
+            |e: serde_json::Error| Error::data(Path::new("--preset"), name, e.to_string(), "check its settings");
+        let mut value = serde_json::to_value(self).map_err(fault)?;
+        merge(&mut value, &settings);
+        Ok(Config { preset: Some(id), ..serde_json::from_value(value).map_err(fault)? })
+    }
+}
+
 /// Puts the settings of `patch` in the place of those of `base`: objects key by key, all else as a whole.
 pub fn merge(base: &mut Value, patch: &Value) {
     match (base, patch) {
@@ -84,11 +99,11 @@ mod tests {
     use serde_json::json;
 
     #[test]
-    fn the_engines_presets_are_settings_and_exact_is_the_default() {
+    fn the_engines_presets_are_settings_and_balanced_is_the_default() {
         let presets = PRESETS.map(|(name, _)| Preset::find(name).unwrap());
         let config = |preset: &Preset| serde_json::from_value::<Config>(preset.settings.clone()).unwrap();
-        assert_eq!(config(&presets[0]), Config::default());
-        let others = presets.iter().filter(|preset| preset.id.name != "exact");
+        assert_eq!(config(&presets[1]), Config::default());
+        let others = presets.iter().filter(|preset| preset.id.name != "balanced");
         others.for_each(|preset| assert_ne!(config(preset), Config::default(), "{}", preset.id.name));
         let mut hashes = presets.map(|preset| preset.id.hash);
         hashes.sort();

@@ -228,7 +228,7 @@ fn training_has_the_same_bits_in_another_order() {
     write_capture(&folder.0, &Synthesis { frames: 4, ..Preset::Tiny.options(7) }, 2, &mut |_, _| {}).unwrap();
     let capture = Capture::open(&folder.0).unwrap();
     let train = |device: Watched| {
-        let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
+        let config = Config { sh_degree: 1, init_points: 300, ..exact() };
         let options = SessionOptions {
             total: Some(24),
             world: Some(Similarity::default()),

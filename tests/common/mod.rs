@@ -60,3 +60,8 @@ pub fn python_with(module: &str) -> Option<std::path::PathBuf> {
 }
 
 pub use ivv_conformance::{one, random};
+
+/// Settings of the preset `exact`, as if they were nobody's: references leave nothing out either.
+pub fn exact() -> ivv::train::Config {
+    ivv::train::Config { preset: None, ..ivv::train::Config::default().with_preset("exact").unwrap() }
+}

@@ -10,7 +10,7 @@ pub use crate::common::program::{fails, ivv, tells, text, works};
 pub use crate::common::random::{Random, wild_scene};
 pub(crate) use crate::common::references::tested;
 pub use crate::common::same::{assert_same, assert_same_frame, assert_same_gradients, assert_same_splats};
-pub use crate::common::zip;
+pub use crate::common::{exact, zip};
 pub use glam::{DMat3, DQuat, DVec2, DVec3};
 pub use image::ExtendedColorType;
 pub use ivv::Constants;

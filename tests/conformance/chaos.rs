@@ -81,7 +81,11 @@ fn poisoned_cotangents(bench: &Bench, tally: &mut Tally) -> Result<()> {
 
 /// Trains on noise; gives how many Gaussians are left.
 fn ten_steps(bench: &Bench, seed: u64, splats: &Splats) -> Result<usize> {
-    let mut config = Config { sh_degree: splats.sh_degree, seed, ..Config::default() };
+    let mut config = Config {
+        sh_degree: splats.sh_degree,
+        seed,
+        ..Config::default().with_preset("exact").expect("a preset of the engine")
+    };
     if seed % 2 == 1 {
         config.density.strategy = Strategy::Mcmc;
     }

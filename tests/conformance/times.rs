@@ -210,7 +210,7 @@ fn hundred_steps(bench: &Bench, origin: f64, frame_dt: f64) -> Result<(Splats, F
     let view = View { time: origin + 0.375, time_offset: 0.0, flow_dt: frame_dt, ..random::small_view() };
     // Large Gaussians that move at the pace of their size carry the rounding of t_center further than it goes by itself.
     let lr = LearningRates { position_size: 0.0, ..LearningRates::default() };
-    let config = Config { sh_degree: 0, lr, ..Config::default() };
+    let config = Config { sh_degree: 0, lr, ..Config::default().with_preset("exact").expect("a preset of the engine") };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };
     let gpu = bench.gpu();
     let setup = Setup::plain(extent, frame_dt);

@@ -8,7 +8,7 @@ use ivv::internals::profile::{read_dispatch, write_dispatch};
 use ivv::internals::train::{Average, CameraState, DueEvents, Kind, Log, PRESETS, Preset, StepRoom};
 
 pub fn config() -> Vec<Seed> {
-    let config = serde_json::to_string_pretty(&Config::default()).unwrap();
+    let config = serde_json::to_string_pretty(&exact()).unwrap();
     let read_config = |folder: &Path| {
         let text = std::fs::read_to_string(folder.join("config.json")).unwrap_or_default();
         serde_json::from_str::<Config>(&text).is_ok_and(|config| config.check().is_ok())
@@ -28,7 +28,7 @@ pub fn checkpoint() -> Vec<Seed> {
     let checkpoint = Checkpoint {
         step: 7,
         total: 20,
-        config: Config::default(),
+        config: exact(),
         world: Similarity::default(),
         origin: [0.0; 3],
         first: params.clone(),

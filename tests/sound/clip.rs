@@ -129,7 +129,7 @@ pub fn run_of_some_frames(folder: &Folder, constants: Constants) {
     let path = folder.file("run");
     std::fs::create_dir_all(&path).unwrap();
     write_ply(&path.join("scene.ply"), &demo().0).unwrap();
-    std::fs::write(path.join("config.json"), serde_json::to_vec(&Config::default()).unwrap()).unwrap();
+    std::fs::write(path.join("config.json"), serde_json::to_vec(&exact()).unwrap()).unwrap();
     let held = CaptureSummary {
         cameras: 2,
         frames: 12,

@@ -21,7 +21,7 @@ fn varies(tiny: &Tiny, config: &Config) -> bool {
 #[test]
 fn a_background_that_images_show_does_not_vary() {
     let tiny = Tiny::new("shown");
-    let config = Config::default();
+    let config = exact();
     assert!(varies(&tiny, &config));
     assert!(!varies(&tiny, &Config { vary_background: false, ..config.clone() }));
     // A tenth of each image is cut out.
@@ -73,13 +73,13 @@ fn a_clip_that_fades_in_from_black_does_not_show_the_background() {
         let image = image::open(&shot.image).unwrap();
         RgbImage::new(image.width(), image.height()).save(&shot.image).unwrap();
     }
-    assert!(varies(&tiny, &Config::default()));
+    assert!(varies(&tiny, &exact()));
 }
 
 #[test]
 fn a_background_does_not_vary_where_cameras_look_outward() {
     let tiny = outward("around");
-    assert!(!varies(&tiny, &Config::default()));
+    assert!(!varies(&tiny, &exact()));
 }
 
 fn outward(name: &str) -> Tiny {
@@ -119,7 +119,7 @@ fn a_scene_before_backgrounds_that_vary_lets_less_of_them_through() {
     let world = tiny.capture.normalisation();
     let capture = Capture::open(&tiny.folder).unwrap().transformed(&world);
     let through = |vary_background: bool| {
-        let config = Config { vary_background, backdrop: 0, ..Config::default() };
+        let config = Config { vary_background, backdrop: 0, ..exact() };
         let first = initialise(&capture, &config, &mut |_, _| {}).unwrap().splats;
         background_in(&train(&capture, &config, &first, 120).0, &views(&capture, false))
     };
@@ -132,10 +132,10 @@ fn a_scene_before_backgrounds_that_vary_lets_less_of_them_through() {
 fn a_backdrop_fills_what_no_training_camera_sees_leaves_the_rest_as_it_is_and_is_left_out_where_it_is_too_much() {
     let tiny = outward("backdrop");
     let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
-    let first = initialise(&capture, &Config::default(), &mut |_, _| {}).unwrap().splats;
+    let first = initialise(&capture, &exact(), &mut |_, _| {}).unwrap().splats;
     let _device = gpu();
     let session = |backdrop: u32, max_gaussians: usize| {
-        let config = Config { backdrop, max_gaussians, steps: 60, ..Config::default() };
+        let config = Config { backdrop, max_gaussians, steps: 60, ..exact() };
         let options = SessionOptions { first: Some(first.clone()), priors: Some(Priors::default()), ..as_it_is() };
         Session::begin(gpu().clone(), &capture, config, options).unwrap()
     };

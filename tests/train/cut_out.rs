@@ -58,7 +58,7 @@ fn cube(name: &str, distance: f64, transparent: bool) -> PathBuf {
 fn first(folder: &Path, init: Init, reach: f32) -> (Initial, Splats, usize) {
     let capture = Capture::open(folder).unwrap();
     let world = capture.normalisation();
-    let config = Config { init, init_points: 2000, sh_degree: 0, ..Config::default() };
+    let config = Config { init, init_points: 2000, sh_degree: 0, ..exact() };
     let initial = initialise(&capture.transformed(&world), &config, &mut |_, _| {}).unwrap();
     let splats = world.inverse().splats(&initial.splats);
     let is_near = |at: &&[f32; 3]| at.iter().all(|x| x.abs() < 1.0 + reach);
@@ -93,6 +93,6 @@ fn random_points_are_where_most_cameras_look() {
     assert!(n_near > 600, "{n_near}");
     // The same seed, the same points.
     let capture = Capture::open(&folder).unwrap();
-    let config = Config { init_points: 100, ..Config::default() };
+    let config = Config { init_points: 100, ..exact() };
     assert_eq!(random_points(&capture, &config), random_points(&capture, &config));
 }

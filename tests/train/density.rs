@@ -44,7 +44,7 @@ fn the_settings_of_density_control_make_its_rounds() {
     let extent = Extent { center: [100.0, 2.0, 3.0], radius: 4.0 };
     let round =
         |config: &Config, step| density_round(config, (step, 10_000), (90_000, 90_000), &extent, [90.0, 0.0, 0.0], 7);
-    let adc = Config::default();
+    let adc = exact();
     assert_eq!(round(&adc, 550), None);
     let first = round(&adc, 600).unwrap();
     assert_eq!(first.choice, Choice::Pulled { gradient: 2e-4, split_above: 0.04 });
@@ -54,12 +54,12 @@ fn the_settings_of_density_control_make_its_rounds() {
     // Opacity 0.05 from the reset on step 3000; MCMC has none.
     let ceiling = |config: &Config, step| round(config, step).unwrap().opacity_ceiling;
     assert!((ceiling(&adc, 3000) + 2.944_439).abs() < 1e-5 && ceiling(&adc, 2900) == f32::MAX);
-    let mcmc = Config { density: Density { strategy: Strategy::Mcmc, ..Density::default() }, ..Config::default() };
+    let mcmc = Config { density: Density { strategy: Strategy::Mcmc, ..Density::default() }, ..exact() };
     assert_eq!(ceiling(&mcmc, 3000), f32::MAX);
     let drawn = round(&mcmc, 600).unwrap();
     assert_eq!((drawn.choice, drawn.growth), (Choice::Drawn, 0.05));
     // A reset between two rounds adds nothing.
-    let often = Config { density: Density { reset_every: 50, ..Density::default() }, ..Config::default() };
+    let often = Config { density: Density { reset_every: 50, ..Density::default() }, ..exact() };
     assert_eq!((round(&often, 650).unwrap().growth, round(&often, 650).unwrap().choice), (0.0, first.choice));
     assert_eq!(round(&often, 6050), None);
     // After half of the run rounds remove, with either strategy, until scenes are averaged; without density control there are none.
@@ -84,7 +84,7 @@ fn the_settings_of_density_control_make_its_rounds() {
     let late = round(&mcmc, 5100).unwrap();
     assert!(matches!(late.choice, Choice::Pulled { .. }) && late.growth == 0.0);
     assert_eq!([drawn, late].map(|round| round.limits.log_scale), [f32::INFINITY; 2]);
-    let never = Config { density: Density { stop: 0.0, ..Density::default() }, ..Config::default() };
+    let never = Config { density: Density { stop: 0.0, ..Density::default() }, ..exact() };
     assert!((1..=10_000).all(|step| round(&never, step).is_none()));
 
     let (rate, key) = noise(&mcmc, 1, 1000, 2.0).unwrap();

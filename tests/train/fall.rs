@@ -17,7 +17,7 @@ fn at(scores: &[(f64, f64)]) -> Vec<(u64, f64)> {
 }
 
 fn never_reset() -> Config {
-    Config { density: Density { reset_every: 0, ..Density::default() }, ..Config::default() }
+    Config { density: Density { reset_every: 0, ..Density::default() }, ..exact() }
 }
 
 #[test]
@@ -42,7 +42,7 @@ fn the_dip_after_a_reset_of_the_opacities_is_expected() {
     // Resets after every 3,000 steps, the last one before half of the run.
     let config = Config {
         density: Density { strategy: Strategy::Adc, reset_every: 3000, stop: 0.5, ..Density::default() },
-        ..Config::default()
+        ..exact()
     };
     assert_eq!(warned(&at(&[(2.9, 25.0), (3.0, 15.0), (3.5, 20.0), (4.0, 24.0)]), &config), [0; 0]);
     assert_eq!(warned(&at(&[(2.9, 25.0), (3.0, 15.0), (4.5, 24.0)]), &config), [4500], "it should have recovered");

@@ -27,7 +27,7 @@ fn images_that_stay_on_the_device_give_the_bits_of_those_that_pass() {
     // Reduced images leave when whole ones come, and reviews continue with another trainer.
     let required = Required { reviews: 2, grids_at: 0.2 };
     let resolution = Resolution { reduction: 2, until: 0.3 };
-    let config = Config { sh_degree: 1, steps: 30, max_gaussians: 2_000, required, resolution, ..Config::default() };
+    let config = Config { sh_degree: 1, steps: 30, max_gaussians: 2_000, required, resolution, ..exact() };
     let run = |bytes| {
         let mut session = begin(&gpu, &tiny, &config, bytes);
         let mut most = 0;
@@ -57,7 +57,7 @@ fn images_that_stay_on_the_device_give_the_bits_of_those_that_pass() {
 fn a_step_on_an_image_that_has_stayed_copies_none() {
     let Some(gpu) = timed() else { return };
     let tiny = Tiny::new("feed-copies");
-    let config = Config { sh_degree: 0, steps: STEPS, ..Config::default() };
+    let config = Config { sh_degree: 0, steps: STEPS, ..exact() };
     let mut session = begin(&gpu, &tiny, &config, Some(u64::MAX));
     let mut copies = || {
         let step = session.profile().unwrap().unwrap();
@@ -80,7 +80,7 @@ fn a_step_in_the_steady_state_makes_no_buffer() {
     let gpu = opened(&Options { device, ..options });
     let tiny = Tiny::new("feed-steady");
     let density = Density { stop: 0.0, ..Density::default() };
-    let config = Config { sh_degree: 1, steps: STEPS, density, ..Config::default() };
+    let config = Config { sh_degree: 1, steps: STEPS, density, ..exact() };
     for bytes in [0, u64::MAX] {
         let mut session = begin(&gpu, &tiny, &config, Some(bytes));
         // The first steps make theirs, an epoch those of images that stay, and the middle of the run looks at the time offsets.

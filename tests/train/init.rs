@@ -38,7 +38,7 @@ fn training(with_foreground: bool) -> (Capture, Similarity) {
 }
 
 fn config() -> Config {
-    Config { sh_degree: 0, init_points: 3000, ..Config::default() }
+    Config { sh_degree: 0, init_points: 3000, ..exact() }
 }
 
 fn first(capture: &Capture, config: &Config) -> Initial {

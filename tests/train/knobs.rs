@@ -8,7 +8,7 @@ use ivv::internals::settings::{Culls, Knobs, TileBound};
 use ivv::internals::train::{Preset, Resolution, merge};
 
 fn preset(name: &str) -> Config {
-    let mut settings = serde_json::to_value(Config::default()).unwrap();
+    let mut settings = serde_json::to_value(exact()).unwrap();
     merge(&mut settings, &Preset::find(name).unwrap().settings);
     merge(&mut settings, &serde_json::json!({ "sh_degree": 1 }));
     serde_json::from_value(settings).unwrap()
@@ -85,10 +85,10 @@ fn reports(tiny: &Tiny, config: &Config, begin: &Splats, steps: u64) -> Vec<ivv:
 fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
     let tiny = Tiny::on_device("coarse");
     let resolution = Resolution { reduction: 2, until: 0.5 };
-    let config = Config { sh_degree: 0, resolution, ..Config::default() };
+    let config = Config { sh_degree: 0, resolution, ..exact() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let coarse = reports(&tiny, &config, &begin, 8);
-    let whole = reports(&tiny, &Config { resolution: Resolution::default(), ..config.clone() }, &begin, 8);
+    let whole = reports(&tiny, &Config { resolution: exact().resolution, ..config.clone() }, &begin, 8);
     // Fewer tiles in the first half; errors in the units of whole pictures.
     let pairs: Vec<[u32; 2]> = coarse.iter().zip(&whole).map(|(c, w)| [c.intersections, w.intersections]).collect();
     assert!(pairs[..4].iter().all(|[coarse, whole]| coarse < whole) && pairs[4][0] > pairs[3][0], "{pairs:?}");
@@ -102,7 +102,7 @@ fn a_run_begins_on_reduced_pictures_and_ends_on_whole_ones() {
 #[test]
 fn ssim_at_every_second_place_is_near_that_at_all() {
     let tiny = Tiny::on_device("stride");
-    let whole = Config { sh_degree: 0, ..Config::default() };
+    let whole = Config { sh_degree: 0, ..exact() };
     let mut config = whole.clone();
     config.loss.ssim_stride = 2;
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
@@ -119,14 +119,14 @@ fn settings_that_cannot_be_are_told() {
         (Knobs { t_cut: f32::NAN, ..Knobs::default() }, "frame.t_cut"),
         (Knobs { temporal_cut: 1.0, ..Knobs::default() }, "frame.temporal_cut"),
     ] {
-        let fault = Config { frame: knobs, ..Config::default() }.check().unwrap_err();
+        let fault = Config { frame: knobs, ..exact() }.check().unwrap_err();
         assert!(fault.contains(told), "{fault}");
     }
     for moment_bits in [0, 8, 31, 64] {
-        assert!(Config { moment_bits, ..Config::default() }.check().unwrap_err().contains("moment_bits"));
+        assert!(Config { moment_bits, ..exact() }.check().unwrap_err().contains("moment_bits"));
     }
     let resolution = Resolution { reduction: 0, until: 0.5 };
-    assert!(Config { resolution, ..Config::default() }.check().unwrap_err().contains("resolution"));
+    assert!(Config { resolution, ..exact() }.check().unwrap_err().contains("resolution"));
 }
 
 #[test]

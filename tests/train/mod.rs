@@ -52,7 +52,7 @@ struct Tiny {
 fn steady() -> Config {
     let pace = Pace { steps: 0 };
     let lr = LearningRates { pace, position_size: 0.0, ..LearningRates::default() };
-    Config { lr, ..Config::default() }
+    Config { lr, ..exact() }
 }
 
 /// Rates of 0: a run that learns only what a test gives a rate. Poses and colour maps, where there are any, learn too.
@@ -149,7 +149,7 @@ impl Drop for Tiny {
 fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
     let (gpu, test) = (gpu(), capture.test_frames());
     let mut renderer = Renderer::new(gpu.clone(), splats, Constants::default()).unwrap();
-    let mut meter = Meter::new(gpu.clone(), &Config::default()).unwrap();
+    let mut meter = Meter::new(gpu.clone(), &exact()).unwrap();
     assert!(!test.is_empty());
     let score = |(camera, frame): &(usize, u32)| {
         let (rendered, _) = renderer.render(&capture.view(*camera, *frame).unwrap(), Outputs::Color).unwrap();
@@ -192,7 +192,7 @@ fn train(capture: &Capture, config: &Config, splats: &Splats, steps: u64) -> (Sp
 #[test]
 fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_seen() {
     let tiny = Tiny::on_device("learns");
-    let config = Config { sh_degree: 1, ..Config::default() };
+    let config = Config { sh_degree: 1, ..exact() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     assert!(begin.len() > 50 && begin.n_static == 0);
     let (end, first, last) = train(&tiny.capture, &config, &begin, 250);
@@ -205,7 +205,7 @@ fn training_halves_the_loss_of_a_dynamic_capture_and_improves_views_it_has_not_s
 #[test]
 fn two_runs_of_the_same_command_give_the_same_bits_and_another_seed_does_not() {
     let tiny = Tiny::on_device("repeats");
-    let config = Config { sh_degree: 1, init_points: 300, ..Config::default() };
+    let config = Config { sh_degree: 1, init_points: 300, ..exact() };
     let begin = from_points(&random_points(&tiny.capture, &config), &tiny.capture, &config);
     assert_eq!(begin.len(), 300);
     let run = |seed| train(&tiny.capture, &Config { seed, ..config.clone() }, &begin, 30).0;
@@ -219,7 +219,7 @@ fn tau_stays_above_half_a_frame() {
     let tiny = Tiny::on_device("tau");
     // A rate that would carry log tau far down within a few steps.
     let lr = LearningRates { t_scale: Rate { start: 1.0, end: 1.0 }, ..LearningRates::default() };
-    let config = Config { sh_degree: 0, lr, ..Config::default() };
+    let config = Config { sh_degree: 0, lr, ..exact() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let (end, ..) = train(&tiny.capture, &config, &begin, 30);
     let floor = (0.5 / f64::from(tiny.capture.n_frames)).ln() as f32;
@@ -233,7 +233,7 @@ fn a_static_clip_trains_static_gaussians_without_temporal_parameters() {
     let mut still = tiny.capture.clone();
     still.n_frames = 1;
     still.cameras.iter_mut().for_each(|camera| camera.shots.retain(|shot| shot.frame == 0));
-    let config = Config { sh_degree: 1, ..Config::default() };
+    let config = Config { sh_degree: 1, ..exact() };
     let begin = from_points(&still.points, &still, &config);
     let (end, first, last) = train(&still, &config, &begin, 40);
     assert!(last < first && end.n_static == end.len() && end.motion == Vec::<Motion>::new());
@@ -241,7 +241,7 @@ fn a_static_clip_trains_static_gaussians_without_temporal_parameters() {
 
 #[test]
 fn rates_decay_exponentially_and_bands_join_one_by_one() {
-    let config = Config::default();
+    let config = exact();
     let ends = |total: u64| (rates(&config, 1, total, 2.0), rates(&config, total + 1, total, 2.0));
     // 3DGS's in a run of its length and in longer ones; larger in shorter ones, most of all at their begin.
     for total in [30_000, 300_000] {
@@ -270,7 +270,7 @@ fn a_rate_may_be_written_as_one_number_and_must_not_change_its_sign() {
     assert_eq!(read(&serde_json::to_string(&config).unwrap()).unwrap(), config);
     for wrong in [(1e-3, 0.0), (-1.0, -1.0), (f64::NAN, 1.0), (1.0, f64::INFINITY)] {
         let lr = LearningRates { sh: Rate { start: wrong.0, end: wrong.1 }, ..LearningRates::default() };
-        let fault = Config { lr, ..Config::default() }.check().unwrap_err();
+        let fault = Config { lr, ..exact() }.check().unwrap_err();
         assert!(fault.contains("lr.sh is "), "{fault}");
     }
     assert!(read(r#"{"lr": {"scales": 0.25}}"#).is_err() && read(r#"{"lr": {"scale": "fast"}}"#).is_err());
@@ -297,12 +297,12 @@ fn drive_with(trainer: &mut Trainer, capture: &Capture, seed: u64, until: u64, p
 
 #[test]
 fn a_run_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
-    resumes_to_the_same_bits("resume", &Config { sh_degree: 1, ..Config::default() });
+    resumes_to_the_same_bits("resume", &Config { sh_degree: 1, ..exact() });
 }
 
 #[test]
 fn a_run_with_moments_in_16_bits_that_was_killed_and_resumed_gives_the_bits_of_one_that_was_not() {
-    let lazy = Config { sh_degree: 1, adam: AdamMode::Lazy, moment_bits: 16, ..Config::default() };
+    let lazy = Config { sh_degree: 1, adam: AdamMode::Lazy, moment_bits: 16, ..exact() };
     resumes_to_the_same_bits("resume 16", &lazy);
 }
 
@@ -334,7 +334,7 @@ fn resumes_to_the_same_bits(name: &str, config: &Config) {
 #[test]
 fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
     let tiny = Tiny::on_device("damage");
-    let config = Config { sh_degree: 0, ..Config::default() };
+    let config = Config { sh_degree: 0, ..exact() };
     let begin = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
     let mut trainer = trainer(&tiny.capture, &config, &begin, 100);
     let folder = tiny.folder.join("checkpoints");
@@ -363,7 +363,7 @@ fn a_damaged_checkpoint_is_told_apart_and_the_one_before_serves() {
 #[test]
 fn a_step_that_is_replayed_with_more_room_leaves_the_bits_of_one_that_is_not() {
     let tiny = Tiny::on_device("replay");
-    let config = Config { sh_degree: 0, ..Config::default() };
+    let config = Config { sh_degree: 0, ..exact() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let run = |room: Option<u32>| {
         let mut trainer = trainer(&tiny.capture, &config, &begin, 100);
@@ -383,7 +383,7 @@ fn a_step_that_is_replayed_with_more_room_leaves_the_bits_of_one_that_is_not() {
 fn a_run_goes_on_with_the_room_that_it_had() {
     let tiny = Tiny::new("room");
     let gpu = gpu();
-    let config = Config { sh_degree: 0, adam: AdamMode::Lazy, ..Config::default() };
+    let config = Config { sh_degree: 0, adam: AdamMode::Lazy, ..exact() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let setup = Setup::new(&tiny.capture, &config);
     let mut trainer =

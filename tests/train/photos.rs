@@ -20,7 +20,7 @@ fn a_photograph_shows_and_teaches_what_rests_alone() {
     assert!(scene.n_static > 50 && scene.motion.len() > 20, "{} {}", scene.n_static, scene.motion.len());
     let opened = Capture::open(&clip.0).unwrap();
     // A colour map each, but the gauge is of those that film.
-    let setup = Setup::new(&opened, &Config::default());
+    let setup = Setup::new(&opened, &exact());
     assert_eq!((setup.n_filming, setup.first_photo, setup.most_grids), (3, 4, 6));
     assert!(setup.has_grid[4..].iter().all(|has| *has));
     let (photo, frame) = (opened.view(4, 0).unwrap(), opened.view(0, 1).unwrap());

@@ -52,7 +52,7 @@ fn the_plan_is_what_a_trainer_allocates_buffer_by_buffer() {
         let required = Required { grids_at: 0.0, ..Required::default() };
         let batch = if (sh_degree, moment_bits) == (3, 16) { 4 } else { 1 };
         let poses = if is_dynamic { PoseKind::Auto } else { PoseKind::Learnt };
-        let config = Config { batch, sh_degree, moment_bits, accumulation, required, poses, ..Config::default() };
+        let config = Config { batch, sh_degree, moment_bits, accumulation, required, poses, ..exact() };
         let begin = from_points(&points, &capture, &config);
         let before = gpu.device().memory().0;
         let mut trainer = trainer(&capture, &config, &begin, 1000);

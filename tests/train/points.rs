@@ -49,7 +49,7 @@ fn first(capture: &Capture, config: &Config) -> (Initial, Splats) {
 
 /// With what stands still as static Gaussians, so that it can be told apart.
 fn config(init: Init) -> Config {
-    Config { init, sh_degree: 0, init_static_tau: 0.0, ..Config::default() }
+    Config { init, sh_degree: 0, init_static_tau: 0.0, ..exact() }
 }
 
 /// What the capture begins with by its flow, and by default. Found once.
@@ -300,7 +300,7 @@ fn without_flow_all_is_static_and_what_a_capture_lacks_is_told() {
     let counts = none.counts.unwrap();
     assert_eq!((counts.n_static, counts.n_dynamic), (600, 0));
     assert_eq!((none.splats.n_static, none.splats.motion.len()), (600, 0));
-    let usual = Config::default().init_static_tau;
+    let usual = exact().init_static_tau;
     let (paper, _) = first(capture, &Config { init_static_tau: usual, ..config(Init::Flow) });
     let counts = paper.counts.unwrap();
     assert_eq!((paper.splats.n_static, paper.splats.motion.len()), (0, counts.after()));

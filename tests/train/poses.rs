@@ -68,7 +68,7 @@ fn learns_poses(data: TermData) {
         .collect();
     let lr = nothing_moves(Pace { steps: 0 });
     let density = Density { stop: 0.0, ..Density::default() };
-    let config = Config { lr, density, sh_degree: 0, ..Config::default() };
+    let config = Config { lr, density, sh_degree: 0, ..exact() };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };
     let flow_model = FlowModel::Displacement;
     let learns_pose = centers.iter().copied().map(Some).collect();
@@ -100,7 +100,7 @@ fn learns_poses(data: TermData) {
 
 /// A run on `capture`: the cameras whose poses are learnt just before they are judged and soon after, and what was said then.
 fn judged(capture: &Capture, poses: PoseKind) -> ([usize; 2], Vec<(f64, bool)>) {
-    let config = Config { sh_degree: 0, steps: 240, max_gaussians: 2_000, poses, ..Config::default() };
+    let config = Config { sh_degree: 0, steps: 240, max_gaussians: 2_000, poses, ..exact() };
     let mut session = Session::begin(gpu().clone(), capture, config, as_it_is()).unwrap();
     while session.steps() < 71 {
         session.step().unwrap();
@@ -135,7 +135,7 @@ fn poses_that_show_what_the_calibration_shows_are_the_captures_again() {
     let (learnt, said) = judged(&bent, PoseKind::Auto);
     assert!(matches!(said[..], [(0.15.., true)]) && learnt == [n, n], "{said:?}, {learnt:?}");
     // A run that is made shorter than what was to come judges at once.
-    let config = Config { sh_degree: 0, steps: 240, max_gaussians: 2_000, ..Config::default() };
+    let config = Config { sh_degree: 0, steps: 240, max_gaussians: 2_000, ..exact() };
     let mut session = Session::begin(gpu().clone(), &capture, config.clone(), as_it_is()).unwrap();
     while session.steps() < 60 {
         session.step().unwrap();
@@ -152,7 +152,7 @@ fn poses_that_show_what_the_calibration_shows_are_the_captures_again() {
 fn a_run_that_is_made_much_longer_keeps_the_poses_that_it_has_learnt() {
     let tiny = Tiny::on_device("poses-longer");
     let capture = tiny.capture.clone().transformed(&tiny.capture.normalisation());
-    let config = Config { sh_degree: 0, steps: 20, max_gaussians: 2_000, poses: PoseKind::Learnt, ..Config::default() };
+    let config = Config { sh_degree: 0, steps: 20, max_gaussians: 2_000, poses: PoseKind::Learnt, ..exact() };
     let options = as_it_is();
     let mut session = Session::begin(gpu().clone(), &capture, config.clone(), options).unwrap();
     while session.step().unwrap() {}

@@ -106,7 +106,7 @@ fn config() -> Config {
         poses: PoseKind::Learnt,
         grids: GridKind::Bilateral,
         average: 0.2,
-        ..Config::default()
+        ..exact()
     }
 }
 
@@ -274,10 +274,10 @@ fn a_batch_learns_and_lists_that_overflow_leave_no_trace() {
 
 #[test]
 fn batches_pass_over_all_images_as_often_as_single_ones() {
-    let config = Config { batch: 4, ..Config::default() };
-    assert_eq!((config.total(100), Config::default().total(100)), (750, 3000));
+    let config = Config { batch: 4, ..exact() };
+    assert_eq!((config.total(100), exact().total(100)), (750, 3000));
     assert_eq!(Config { epochs: 1, ..config }.total(5), 2);
-    let lazy = Config { batch: 2, adam: AdamMode::Lazy, ..Config::default() };
+    let lazy = Config { batch: 2, adam: AdamMode::Lazy, ..exact() };
     assert!(lazy.check().unwrap_err().contains("batch"));
 }
 

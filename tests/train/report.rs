@@ -88,7 +88,7 @@ fn scores() -> SceneScores {
 
 fn html(name: &str, totals: &Value, log: &Log, scores: Option<&SceneScores>, examples: &[Example]) -> String {
     let file = std::env::temp_dir().join(format!("ivv-report-{name}-{}.html", std::process::id()));
-    let (run, config) = (run(), Config { max_gaussians: 123_457, ..Config::default() });
+    let (run, config) = (run(), Config { max_gaussians: 123_457, ..exact() });
     let report = Report { name: "a <run>", run: &run, config: &config, totals, log, scores, examples };
     report.write(&file).unwrap();
     let html = std::fs::read_to_string(&file).unwrap();

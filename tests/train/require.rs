@@ -297,7 +297,7 @@ fn test_psnr(capture: &Capture, splats: &Splats) -> f64 {
 fn cameras_have_their_turn_though_gaussians_are_looked_at_after_the_same_step() {
     let due_of = |reviews: u32, grids_at: f64| -> Vec<(u64, Due)> {
         let required = Required { reviews, grids_at };
-        let config = Config { grids: GridKind::Affine, required, ..Config::default() };
+        let config = Config { grids: GridKind::Affine, required, ..exact() };
         (0..=10).filter_map(|step| Some((step, review_due(&config, step, 10)?))).collect()
     };
     let due = |grids_at: f64| due_of(2, grids_at);

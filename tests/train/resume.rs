@@ -246,7 +246,7 @@ fn a_trainer_begins_with_more_gaussians_than_four_pairs_of_each_fit_a_binding() 
         source_row: (0..n as u32).collect(),
         ..Splats::new(0)
     };
-    let config = Config { sh_degree: 0, max_gaussians: 1_000_000, ..Config::default() };
+    let config = Config { sh_degree: 0, max_gaussians: 1_000_000, ..exact() };
     let mut trainer = trainer(&tiny.capture, &config, &begin, 9);
     let (camera, frame) = tiny.capture.training_frames()[0];
     let picture = tiny.capture.picture(camera, frame).unwrap();
@@ -259,7 +259,7 @@ fn a_trainer_begins_with_more_gaussians_than_four_pairs_of_each_fit_a_binding() 
 fn a_checkpoint_of_many_cameras_is_read_again() {
     let _device = gpu();
     let tiny = Tiny::of_frames("many-cameras", 2);
-    let config = Config { sh_degree: 0, ..Config::default() };
+    let config = Config { sh_degree: 0, ..exact() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let setup = Setup::plain(tiny.capture.extent(), 0.5);
     let mut trainer = Trainer::new(gpu().clone(), &begin, Constants::default(), config, 9, setup).unwrap();
@@ -275,7 +275,7 @@ fn a_checkpoint_of_many_cameras_is_read_again() {
 fn colour_maps_that_one_binding_cannot_hold_are_refused_before_the_run() {
     let gpu = gpu();
     let tiny = Tiny::of_frames("maps", 2);
-    let config = Config { sh_degree: 0, ..Config::default() };
+    let config = Config { sh_degree: 0, ..exact() };
     let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
     let most = (gpu.caps().max_binding_bytes / (4 * GRID_NUMBERS as u64)) as usize;
     // Cameras get theirs during the run.
@@ -294,7 +294,7 @@ fn an_extended_trainer_owes_nothing_of_the_schedule_that_it_leaves() {
     let tiny = Tiny::of_frames("owes", 2);
     let frames = tiny.capture.training_frames();
     for adam in [AdamMode::Lazy, AdamMode::Dense] {
-        let config = Config { adam, sh_degree: 1, ..Config::default() };
+        let config = Config { adam, sh_degree: 1, ..exact() };
         let begin = from_points(&tiny.capture.points, &tiny.capture, &config);
         let setup = Setup::new(&tiny.capture, &config);
         let new = |total| {

@@ -25,7 +25,7 @@ fn reach_of_lenses(capture: &Capture, center: [f64; 3]) -> f64 {
 /// The first Gaussians from the points, and of each the mean distance to its three nearest neighbours; in the frame of training.
 fn first(capture: &Capture) -> (Capture, Splats, Vec<f64>) {
     let capture = capture.clone().transformed(&capture.normalisation());
-    let splats = from_points(&capture.points, &capture, &Config { sh_degree: 0, ..Config::default() });
+    let splats = from_points(&capture.points, &capture, &Config { sh_degree: 0, ..exact() });
     let spacing = |at: &ivv::internals::scene::capture::Point| {
         let mut all: Vec<f64> = capture.points.iter().map(|other| distance(at.position, other.position)).collect();
         all.sort_unstable_by(f64::total_cmp);
@@ -83,7 +83,7 @@ fn first_gaussians_of_an_inward_rig_are_at_most_a_tenth_of_the_extent() {
 fn first_gaussians_fill_the_pictures_of_an_outward_rig_its_plain_ceilings_too() {
     let capture = capture("fill", Rig::Outward);
     let capture = capture.clone().transformed(&capture.normalisation());
-    let config = Config { sh_degree: 0, ..Config::default() };
+    let config = Config { sh_degree: 0, ..exact() };
     let splats = initialise(&capture, &config, &mut |_, _| {}).unwrap().splats;
     for (index, camera) in capture.cameras.iter().enumerate().filter(|(_, camera)| !camera.is_test) {
         let view = capture.view(index, 0).unwrap();
@@ -113,7 +113,7 @@ fn first_gaussians_fill_the_pictures_of_an_outward_rig_its_plain_ceilings_too() 
 /// The lenses before which training leaves room: those of cameras, and those between them.
 fn lenses(capture: &Capture) -> (Vec<View>, Vec<View>) {
     let of_cameras = capture.lens_views();
-    let mut all = Setup::new(capture, &Config::default()).lenses;
+    let mut all = Setup::new(capture, &exact()).lenses;
     let between = all.split_off(of_cameras.len());
     assert_eq!(all, of_cameras);
     (of_cameras, between)
@@ -153,7 +153,7 @@ fn no_room_is_left_where_no_camera_looks_or_cameras_move() {
 #[test]
 fn the_places_of_a_camera_that_moved_are_no_rig() {
     let rig = capture("one-shot", Rig::Inward);
-    let config = Config::default();
+    let config = exact();
     // A clip that one camera took, a place for each image: a camera each, as in transforms.json with times.
     let mut walk = rig.clone();
     for (index, camera) in walk.cameras.iter_mut().enumerate() {

@@ -284,7 +284,7 @@ fn the_first_gaussians_alone_are_those_of_the_run_that_is_asked_for() {
     let (capture, file) = (tiny.folder.to_str().unwrap(), tiny.folder.join("first.ply"));
     let only = ["train", capture, "--only-init", file.to_str().unwrap(), "--json"];
     let told: Value = serde_json::from_str(&works(&[&only[..], &["--max-gaussians", "300"]].concat())).unwrap();
-    let config = Config { max_gaussians: 300, ..Config::default() };
+    let config = Config { max_gaussians: 300, ..exact() };
     let training = tiny.capture.clone().transformed(&tiny.capture.normalisation());
     let initial = initialise(&training, &config, &mut |_, _| {}).unwrap().splats;
     let written = read_ply(&file).unwrap();

@@ -42,7 +42,7 @@ fn examples_are_the_extremes_and_an_even_spread() {
 
 /// Of the scene that a run on `tiny` begins with.
 fn renderer_and_meter(tiny: &Tiny) -> (Renderer, Meter) {
-    let config = Config { sh_degree: 0, ..Config::default() };
+    let config = Config { sh_degree: 0, ..exact() };
     let splats = from_points(&tiny.capture.points, &tiny.capture, &config);
     let renderer = Renderer::new(gpu().clone(), &splats, Constants::default()).unwrap();
     (renderer, Meter::new(gpu().clone(), &config).unwrap())
@@ -155,7 +155,7 @@ fn a_log_keeps_what_was_done_before_a_resumption_and_says_each_thing_once() {
 fn the_best_checkpoint_outlives_the_last_three() {
     let tiny = Tiny::on_device("best");
     let gpu = gpu();
-    let config = Config { sh_degree: 0, ..Config::default() };
+    let config = Config { sh_degree: 0, ..exact() };
     let splats = from_points(&tiny.capture.points[..20], &tiny.capture, &config);
     let setup = Setup::plain(tiny.capture.extent(), 0.25);
     let mut trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, 100, setup).unwrap();
@@ -200,7 +200,7 @@ fn a_view_that_lpips_cannot_take_has_none_and_the_reason_is_told_once() {
     let tiny = Tiny::of_frames("no-lpips", 2);
     let weights = tiny.folder.join("narrow.safetensors");
     save(&weights, &narrow(1, Trunk::SqueezeNet)).unwrap();
-    let mut config = Config { sh_degree: 0, ..Config::default() };
+    let mut config = Config { sh_degree: 0, ..exact() };
     config.loss.lpips_weights = Some(weights);
     let mut meter = Meter::new(gpu().clone(), &config).unwrap();
     let mut scores = |width: u32, height: u32| {

@@ -11,7 +11,7 @@ const STEPS: u64 = 30;
 /// A run in which all is learnt and due that can be: poses, reviews, grids, a look at the time offsets.
 fn config() -> Config {
     let required = Required { reviews: 2, grids_at: 0.2 };
-    Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, poses: PoseKind::Auto, required, ..Config::default() }
+    Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, poses: PoseKind::Auto, required, ..exact() }
 }
 
 fn steps(event: &Event) -> Option<u64> {
@@ -106,7 +106,7 @@ fn images_follow_one_another_by_epochs_from_any_step() {
 fn a_run_lists_few_of_its_images_at_a_time_and_has_the_same_bits() {
     let gpu = gpu();
     let tiny = Tiny::new("listed");
-    let config = Config { sh_degree: 0, steps: 26, max_gaussians: 300, init: Init::Points, ..Config::default() };
+    let config = Config { sh_degree: 0, steps: 26, max_gaussians: 300, init: Init::Points, ..exact() };
     let begin = |listed_images: u64, total: u64, batch: u32| {
         let config = Config { batch, ..config.clone() };
         let options = SessionOptions { listed_images, total: Some(total), ..SessionOptions::default() };
@@ -134,7 +134,7 @@ fn a_run_lists_few_of_its_images_at_a_time_and_has_the_same_bits() {
 #[test]
 fn a_run_ends_with_the_mean_of_its_last_scenes() {
     let tiny = Tiny::on_device("mean");
-    let config = Config { sh_degree: 1, steps: 40, max_gaussians: 2_000, average: 0.25, ..Config::default() };
+    let config = Config { sh_degree: 1, steps: 40, max_gaussians: 2_000, average: 0.25, ..exact() };
     let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), as_it_is()).unwrap();
     let (mut truth, mut last) = (Average::default(), None);
     while session.step().unwrap() {
@@ -168,7 +168,7 @@ fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() 
         [(bilateral, 0.5, Some(5)), (affine, 0.5, Some(5)), (bilateral, 0.0, None), (none, 0.5, None)]
     {
         let required = Required { grids_at, ..Required::default() };
-        let config = Config { sh_degree: 0, steps: 10, grids, required, ..Config::default() };
+        let config = Config { sh_degree: 0, steps: 10, grids, required, ..exact() };
         let session = Session::begin(gpu().clone(), &tiny.capture, config, as_it_is()).unwrap();
         let (_, events) = end(session);
         let asked =
@@ -190,8 +190,7 @@ fn cameras_are_asked_once_whether_they_need_a_grid_unless_all_or_none_has_one() 
 fn a_run_that_is_made_shorter_makes_up_for_the_reviews_that_it_is_past() {
     let tiny = Tiny::on_device("shorter");
     let reviews = |required: &Required, [stop, total]: [u64; 2]| {
-        let config =
-            Config { sh_degree: 0, steps: 20, init: Init::Points, required: required.clone(), ..Config::default() };
+        let config = Config { sh_degree: 0, steps: 20, init: Init::Points, required: required.clone(), ..exact() };
         let mut session = Session::begin(gpu().clone(), &tiny.capture, config.clone(), as_it_is()).unwrap();
         while session.steps() < stop {
             session.step().unwrap();
@@ -231,7 +230,7 @@ fn a_step_of_a_full_run_has_so_many_passes_and_barriers() {
     let Some(gpu) = timed() else { return };
     let tiny = Tiny::new("passes");
     let required = Required { grids_at: 0.0, ..Required::default() };
-    let config = Config { steps: 60, max_gaussians: 2_000, required, ..Config::default() };
+    let config = Config { steps: 60, max_gaussians: 2_000, required, ..exact() };
     let mut session = Session::begin(gpu.clone(), &tiny.capture, config, as_it_is()).unwrap();
     // All terms of the loss, brightness grids, time offsets; Gaussians that move.
     let step = session.profile().unwrap().unwrap();

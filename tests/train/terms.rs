@@ -34,8 +34,8 @@ fn a_term_that_is_off_dispatches_nothing() {
         offsets: false,
         poses: PoseKind::Given,
         grids: GridKind::None,
-        loss: Loss { depth: 0.0, flow: 0.0, ..Loss::default() },
-        ..Config::default()
+        loss: Loss { depth: 0.0, flow: 0.0, ..exact().loss },
+        ..exact()
     };
     let least = dispatches(&tiny, &off);
     assert!(least["blend bwd"] > 0 && least["loss"] == 2, "{least:?}");
@@ -64,8 +64,8 @@ const NOT_TERMS: [&str; 8] =
 #[test]
 fn a_step_logs_the_terms_that_are_on_and_its_loss_is_their_weighted_sum() {
     let tiny = Tiny::on_device("logged");
-    let loss = Loss { depth: 0.7, flow: 0.3, ..Loss::default() };
-    let all = Config { sh_degree: 0, loss, required: grids_from_the_start(), ..Config::default() };
+    let loss = Loss { depth: 0.7, flow: 0.3, ..exact().loss };
+    let all = Config { sh_degree: 0, loss, required: grids_from_the_start(), ..exact() };
     let without = Config { grids: GridKind::None, loss: Loss { depth: 0.0, ..all.loss.clone() }, ..all.clone() };
     for (config, keys) in [
         (all, vec!["depth", "flow", "grid_variation", "l1", "psnr", "ssim"]),
@@ -114,7 +114,7 @@ fn what_is_on_is_the_same_to_the_priors_the_plan_and_the_setup() {
     }
     let has_depth = |capture: &Capture| capture.cameras.iter().any(|c| c.shots.iter().any(|s| s.depth.is_some()));
     assert!(has_depth(&of_test_cameras), "depth of test cameras alone is none to train on");
-    let weights = |depth, flow| Loss { depth, flow, ..Loss::default() };
+    let weights = |depth, flow| Loss { depth, flow, ..exact().loss };
     for (capture, loss, depth, flow) in [
         (&tiny.capture, weights(1.0, 1.0), true, true),
         (&tiny.capture, weights(0.0, 1.0), false, true),
@@ -122,7 +122,7 @@ fn what_is_on_is_the_same_to_the_priors_the_plan_and_the_setup() {
         (&of_test_cameras, weights(1.0, 1.0), false, true),
         (&bare, weights(1.0, 1.0), false, false),
     ] {
-        let config = Config { sh_degree: 0, loss, ..Config::default() };
+        let config = Config { sh_degree: 0, loss, ..exact() };
         assert_eq!(Setup::new(capture, &config).data, TermData { depth, flow });
         let first = Some(from_points(&capture.points, capture, &config));
         let options = SessionOptions { first, total: Some(1), ..as_it_is() };
@@ -169,7 +169,7 @@ fn offsets_are_learnt_where_everything_else_is_known() {
     const STEPS: u64 = 240;
     let truth = [0.4, -0.4];
     let (splats, pictures) = moving_scene(truth);
-    let config = Config { lr: nothing_moves(Pace::default()), sh_degree: 0, ..Config::default() };
+    let config = Config { lr: nothing_moves(Pace::default()), sh_degree: 0, ..exact() };
     let extent = Extent { center: [0.0; 3], radius: 4.0 };
     let setup = Setup { learns_offset: vec![true, true], ..Setup::plain(extent, 1.0 / 8.0) };
     let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, STEPS, setup).unwrap();
@@ -199,7 +199,7 @@ fn an_image_of_which_hardly_anything_is_shown_moves_nothing() {
         let mut pixels = vec![0; order.len()];
         order[..n_visible].iter().for_each(|pixel| pixels[*pixel] = 0xff00_0000);
         let setup = Setup::plain(Extent { center: [0.0; 3], radius: 4.0 }, 1.0 / 8.0);
-        let config = Config { sh_degree: 0, ..Config::default() };
+        let config = Config { sh_degree: 0, ..exact() };
         let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, 100, setup).unwrap();
         let before = trainer.checkpoint().unwrap();
         trainer.train(*camera, view, &Picture::new(48, 40, pixels)).unwrap();
@@ -222,8 +222,8 @@ fn an_image_that_is_too_small_for_lpips_is_trained_on_without_it() {
     for (trunk, smallest) in TRUNKS {
         let file = folder.file("weights.safetensors");
         save(&file, &narrow(3, trunk)).unwrap();
-        let loss = Loss { lpips_weights: Some(file), ..Loss::default() };
-        let config = Config { sh_degree: 0, loss, ..Config::default() };
+        let loss = Loss { lpips_weights: Some(file), ..exact().loss };
+        let config = Config { sh_degree: 0, loss, ..exact() };
         let setup = Setup::plain(Extent { center: [0.0; 3], radius: 4.0 }, 1.0 / 8.0);
         let mut trainer = Trainer::new(gpu().clone(), &splats, Constants::default(), config, 100, setup).unwrap();
         for height in [smallest - 1, smallest] {

@@ -13,7 +13,7 @@ const LEAST_PSNR: f64 = 80.0;
 fn train(capture: Capture) -> (Splats, Capture, Similarity) {
     let world = capture.normalisation();
     let capture = capture.transformed(&world);
-    let config = Config { sh_degree: 1, ..Config::default() };
+    let config = Config { sh_degree: 1, ..exact() };
     let begin = from_points(&capture.points, &capture, &config);
     let mut trainer = trainer(&capture, &config, &begin, 100);
     drive(&mut trainer, &capture, config.seed, 30);
@@ -42,7 +42,7 @@ fn the_space_before_a_lens_is_a_twentieth_of_the_extent_deep_or_half_as_deep_as_
         capture.cameras.iter().filter(|c| c.is_test == is_test).map(|camera| before(camera, depth)).collect()
     };
     let depths = |capture: &Capture| -> Vec<f32> {
-        Setup::new(capture, &Config::default()).clearings.iter().map(|clearing| clearing.depth).collect()
+        Setup::new(capture, &exact()).clearings.iter().map(|clearing| clearing.depth).collect()
     };
     let n_trained = capture.cameras.iter().filter(|camera| !camera.is_test).count();
     capture.points = Vec::new();
@@ -80,7 +80,7 @@ fn dome(capture: &Capture) -> Capture {
 fn what_hangs_before_lenses_of_a_dome_goes_behind_them_and_the_rest_stays() {
     let tiny = Tiny::new("dome");
     let dome = dome(&tiny.capture);
-    let clearings = Setup::new(&dome, &Config::default()).clearings;
+    let clearings = Setup::new(&dome, &exact()).clearings;
     let moved = |place: glam::DVec3| {
         let to = glam::DVec3::from(cleared(&clearings, place.to_array(), [0.06, 1e-4]));
         (to.distance(place) > 0.0).then_some(to)

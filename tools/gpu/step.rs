@@ -8,7 +8,7 @@ use ivv::internals::profile::{CARDS, Card, Recorded};
 use ivv::internals::scene::capture::{Extent, Picture};
 use ivv::internals::scene::{Intrinsics, Motion, Splats, View};
 use ivv::internals::stage::Counters;
-use ivv::internals::train::{Config, Preset, Setup, TermData, Trainer};
+use ivv::internals::train::{Config, Setup, TermData, Trainer};
 use ivv::internals::vk::DeviceChoice;
 use ivv_gpu_model::{Budgets, Estimate, side_by_side};
 use std::path::{Path, PathBuf};
@@ -117,7 +117,7 @@ impl Args {
 pub fn run(args: &Args, device: &DeviceChoice, json: bool) -> anyhow::Result<()> {
     let (cards, work, compiled) = (args.cards()?, args.work()?, args.compiled()?);
     let config = match &args.preset {
-        Some(name) => serde_json::from_value(Preset::find(name)?.settings)?,
+        Some(name) => Config::default().with_preset(name)?,
         None => Config::default(),
     };
     let mut estimates = Vec::with_capacity(cards.len());

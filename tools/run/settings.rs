@@ -2,7 +2,7 @@
 
 use crate::run::files::read_json;
 use anyhow::Context;
-use ivv::internals::train::{Config, Preset, check_name, check_settings, merge};
+use ivv::internals::train::{Config, check_name, check_settings, merge};
 use serde_json::{Value, json};
 use std::fmt::Display;
 use std::path::PathBuf;
@@ -93,12 +93,10 @@ impl SettingArgs {
     }
 
     fn on(&self, config: &Config) -> anyhow::Result<Config> {
-        let mut value = serde_json::to_value(config)?;
-        if let Some(name) = &self.preset {
-            let preset = Preset::find(name)?;
-            merge(&mut value, &preset.settings);
-            value["preset"] = serde_json::to_value(preset.id)?;
-        }
+        let mut value = serde_json::to_value(match &self.preset {
+            Some(name) => config.with_preset(name)?,
+            None => config.clone(),
+        })?;
         if let Some(file) = &self.config {
             let remedy = "start from the config.json of a run";
             let settings: Value = read_json(file, remedy)?;
