@@ -23,7 +23,9 @@ fn nothing_prints_past_the_screen() {
     let direct = |file: &String| text(file).contains("io::stdout()") || text(file).contains("io::stderr()");
     let sources = files("tools").into_iter().filter(|file| file.ends_with(".rs") && !may_print(file));
     let writers: Vec<String> = sources.filter(direct).collect();
-    assert_eq!(writers, ["tools/gpu/main.rs", "tools/play/screen.rs", "tools/ui/screen.rs", "tools/ui/stderr.rs"]);
+    // The main of the player only asks whether standard error is a terminal.
+    let known = "tools/gpu/main.rs tools/play/main.rs tools/play/screen.rs tools/ui/screen.rs tools/ui/stderr.rs";
+    assert_eq!(writers.join(" "), known);
 }
 
 /// The lines of code below `folder` that cite a specification which no user has; comments of the code may.
