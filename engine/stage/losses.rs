@@ -166,8 +166,8 @@ impl PriorLoss {
 pub const MOST_TERMS: usize = 4;
 
 pub struct Report<'a> {
-    /// Four sums for each of [`MOST_TERMS`] terms.
-    pub totals: &'a Buf<[f32; 4]>,
+    /// Four sums for each term, [`MOST_TERMS`] terms in a buffer. One buffer at least.
+    pub totals: &'a [Buf<[f32; 4]>],
     pub status: &'a Buf<Status>,
     pub n_bad: &'a Buf<u32>,
 }
@@ -189,13 +189,17 @@ pub fn record_report(
     to: &Report,
 ) {
     let none = n_bad.cast();
+    let (terms, more) = terms.split_at(terms.len().min(MOST_TERMS));
+    for (terms, totals) in more.chunks(MOST_TERMS).zip(&to.totals[1..]) {
+        record_totals(rec, terms, totals);
+    }
     let ([sums0, sums1, sums2, sums3], [n0, n1, n2, n3]) = padded(terms, terms.first().unwrap_or(&none));
     let args = loss_sum_report::Args {
         sums0,
         sums1,
         sums2,
         sums3,
-        loss: to.totals,
+        loss: &to.totals[0],
         frame_status: status,
         n_bad,
         left_status: to.status,

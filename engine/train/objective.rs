@@ -25,7 +25,7 @@ pub(super) struct Truth {
 
 /// Host memory for the results of a step, and which terms it has.
 pub(super) struct Report {
-    totals: Buf<[f32; 4]>,
+    totals: Vec<Buf<[f32; 4]>>,
     pub status: Buf<Status>,
     pub n_bad: Buf<u32>,
     has: Vec<bool>,
@@ -90,8 +90,10 @@ impl Objective {
         n_bad: &Buf<u32>,
     ) -> Result<Report> {
         let there: Vec<_> = self.left.iter().flatten().cloned().collect();
+        let n_totals = there.len().div_ceil(MOST_TERMS).max(1);
+        let totals = (0..n_totals).map(|_| Ok(staging.readback::<[f32; 4]>("loss of a step", MOST_TERMS)?.of()));
         let report = Report {
-            totals: staging.readback::<[f32; 4]>("loss of a step", MOST_TERMS)?.of(),
+            totals: totals.collect::<Result<_>>()?,
             status: staging.readback::<Status>("status of a step", 1)?.of(),
             n_bad: staging.readback::<u32>("bad gradients of a step", 1)?.of(),
             has: self.left.iter().map(Option::is_some).collect(),
@@ -103,7 +105,8 @@ impl Objective {
 
     /// The loss of a picture, and its logged numbers by key.
     pub fn values(&self, gpu: &Gpu, target: &Truth, report: &Report) -> Result<(f64, BTreeMap<&'static str, f64>)> {
-        let totals = gpu.peek::<[f32; 4]>(&report.totals.slice())?;
+        let totals = report.totals.iter().map(|totals| gpu.peek::<[f32; 4]>(&totals.slice()));
+        let totals = totals.collect::<Result<Vec<_>>>()?.concat();
         let there = self.terms.iter().zip(&report.has).filter(|(_, has)| **has);
         let (mut loss, mut logged) = (0.0, BTreeMap::new());
         for ((term, _), sums) in there.zip(totals) {
