@@ -32,7 +32,7 @@ const fn two(id: i32, name: &'static str, n_params: usize) -> ModelKind {
 }
 
 /// COLMAP's camera models (its `src/colmap/sensor/models.h`); those from 12 on are of version 4.
-pub(super) const MODELS: [ModelKind; 18] = [
+pub(super) const MODELS: &[ModelKind] = &[
     one(0, "SIMPLE_PINHOLE", 3),
     two(1, "PINHOLE", 4),
     one(2, "SIMPLE_RADIAL", 4),
