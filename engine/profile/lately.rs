@@ -9,9 +9,9 @@ const NEWEST: f64 = 0.1;
 /// Mean milliseconds of a pass that is not run any more, below which it is forgotten.
 const FORGOTTEN_MS: f64 = 1e-4;
 
-/// The last [`Lately::FRAMES`] frames, the oldest first.
+/// The last [`FrameTimes::FRAMES`] frames, the oldest first.
 #[derive(Clone, Debug, Default)]
-pub struct Lately {
+pub struct FrameTimes {
     /// Milliseconds that each took.
     pub ms: VecDeque<f64>,
     /// Milliseconds from each of them to the next, where both were shown.
@@ -21,7 +21,7 @@ pub struct Lately {
     passes: Vec<(String, f64)>,
 }
 
-impl Lately {
+impl FrameTimes {
     pub const FRAMES: usize = 240;
 
     /// Adds a frame that took `ms` milliseconds, `between` after the one before, if there was one.

@@ -10,7 +10,7 @@ use crate::vk::DeviceKind;
 use serde::Serialize;
 use std::time::Instant;
 
-/// Seconds for which [`Heat`] keeps a device busy before the first of what is timed, and before each other.
+/// Seconds for which [`WarmUp`] keeps a device busy before the first of what is timed, and before each other.
 const HEATED: [f64; 2] = [1.0, 0.05];
 
 /// Threads of a workgroup, steps of a round, and chains of the kernels in `shaders-glsl/probe`.
@@ -178,16 +178,16 @@ fn record_copy(gpu: &Gpu, rec: &mut Recording, size: u32) -> Result<(f64, Buf<u3
 
 /// Keeps a GPU busy before what is timed, so that its clock is that of a long run: one that waits for the host lowers it (an H200
 /// from 1980 to 345 MHz) and takes a while to raise it again.
-pub struct Heat {
+pub struct WarmUp {
     work: Option<Prepared>,
     is_hot: bool,
 }
 
-impl Heat {
+impl WarmUp {
     pub fn new(gpu: &Gpu) -> Result<Self> {
         let largest = 8;
         let work = if is_cpu(gpu) { None } else { Some(Probe::Fma.prepare(gpu, largest)?) };
-        Ok(Heat { work, is_hot: false })
+        Ok(WarmUp { work, is_hot: false })
     }
 
     pub fn before(&mut self, gpu: &Gpu) -> Result<()> {

@@ -2,7 +2,7 @@
 //! others stay.
 
 use super::exponent::Exponent;
-use super::probe::Heat;
+use super::probe::WarmUp;
 use crate::error::{Error, Result};
 use crate::gpu::Gpu;
 use crate::random::Random;
@@ -276,7 +276,7 @@ impl Work {
         };
         let mut trainer = Trainer::new(gpu.clone(), &splats, Constants::default(), config, TOTAL, setup)?;
         let picture = noise(self.size);
-        let mut heat = Heat::new(gpu)?;
+        let mut heat = WarmUp::new(gpu)?;
         let mut taken = 0;
         let mut steps = |trainer: &mut Trainer, n: usize| {
             for _ in 0..n {
@@ -310,7 +310,7 @@ impl Work {
             renderer.draw(&self.view_of(drawn).1, Outputs::Color)
         };
         draw()?;
-        Heat::new(gpu)?.before(gpu)?;
+        WarmUp::new(gpu)?.before(gpu)?;
         sampled(time, || draw().map(drop))
     }
 }

@@ -1,6 +1,6 @@
 //! Points that the depths of several cameras confirm, and guesses in the gaps.
 
-use super::eye::{Eye, Ground};
+use super::eye::{Ground, ViewBuffers};
 use super::points::{Found, median_color};
 use super::sweep::Depths;
 use crate::error::Result;
@@ -27,7 +27,7 @@ pub(super) struct Agreed {
 }
 
 /// The points that cameras see, then guesses in the gaps between them and `before`; no guesses if nothing is known.
-pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found], threads: usize) -> Result<Vec<Agreed>> {
+pub(super) fn agree(eyes: &[ViewBuffers], depths: &[Depths], before: &[Found], threads: usize) -> Result<Vec<Agreed>> {
     let mut all = Vec::new();
     let mut known: Vec<Vec<f32>> = Vec::new();
     let of_eye = |i: usize| Ok((0..eyes[i].ground.len()).map(|pixel| confirm(eyes, depths, i, pixel)).collect());
@@ -49,7 +49,7 @@ pub(super) fn agree(eyes: &[Eye], depths: &[Depths], before: &[Found], threads: 
 }
 
 /// The pixels of an eye that are far from all known depths.
-fn guess(eyes: &[Eye], known: &[Vec<f32>], i: usize, places: &[Vec3]) -> Vec<Agreed> {
+fn guess(eyes: &[ViewBuffers], known: &[Vec<f32>], i: usize, places: &[Vec3]) -> Vec<Agreed> {
     let eye = &eyes[i];
     let Some(distance) = median_high(places.iter().map(|place| eye.center.distance(*place).into())) else {
         return Vec::new();
@@ -63,7 +63,8 @@ fn guess(eyes: &[Eye], known: &[Vec<f32>], i: usize, places: &[Vec3]) -> Vec<Agr
             None => eye.ray(pixel).length() / distance as f32,
         };
         let position = place(eye, pixel, inverse);
-        let is_known = |(other, known): (&Eye, &Vec<f32>)| other.sees(position).is_some_and(|(at, _)| known[at] > 0.0);
+        let is_known =
+            |(other, known): (&ViewBuffers, &Vec<f32>)| other.sees(position).is_some_and(|(at, _)| known[at] > 0.0);
         let found = Found { position: position.as_dvec3().to_array(), color: eye.color[pixel] };
         (!eyes.iter().zip(known).any(is_known)).then_some(Agreed { found, n_cameras: 0 })
     };
@@ -71,7 +72,7 @@ fn guess(eyes: &[Eye], known: &[Vec<f32>], i: usize, places: &[Vec3]) -> Vec<Agr
 }
 
 /// The static points of a capture: most foreground masks that see a point say so.
-pub(super) fn still(points: &[Point], eyes: &[Eye]) -> Vec<Found> {
+pub(super) fn still(points: &[Point], eyes: &[ViewBuffers]) -> Vec<Found> {
     let rests = |found: &Found| {
         let position = found.at();
         let grounds: Vec<Ground> = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(position)?.0])).collect();
@@ -81,12 +82,12 @@ pub(super) fn still(points: &[Point], eyes: &[Eye]) -> Vec<Found> {
     points.iter().map(Found::from).filter(rests).collect()
 }
 
-fn place(eye: &Eye, pixel: usize, inverse_depth: f32) -> Vec3 {
+fn place(eye: &ViewBuffers, pixel: usize, inverse_depth: f32) -> Vec3 {
     eye.center + eye.ray(pixel) / inverse_depth
 }
 
 /// The point of a pixel, if another camera's depth confirms it and fewer see through it.
-fn confirm(eyes: &[Eye], depths: &[Depths], i: usize, pixel: usize) -> Option<Agreed> {
+fn confirm(eyes: &[ViewBuffers], depths: &[Depths], i: usize, pixel: usize) -> Option<Agreed> {
     let eye = &eyes[i];
     let inverse = depths[i].inverse[pixel];
     if inverse.is_nan() {
@@ -116,7 +117,7 @@ fn confirm(eyes: &[Eye], depths: &[Depths], i: usize, pixel: usize) -> Option<Ag
 }
 
 /// For each pixel the nearest known inverse depth, along rows and columns, and how many pixels away it is.
-fn spread(eye: &Eye, known: &[f32]) -> Vec<Option<(f32, u32)>> {
+fn spread(eye: &ViewBuffers, known: &[f32]) -> Vec<Option<(f32, u32)>> {
     let mut all: Vec<Option<(f32, u32)>> =
         known.iter().map(|inverse| (*inverse > 0.0).then_some((*inverse, 0))).collect();
     let mut edge: Vec<usize> = (0..all.len()).filter(|pixel| all[*pixel].is_some()).collect();

@@ -40,7 +40,7 @@ impl Seen {
 }
 
 /// A pinhole camera with a reduced picture, in f32: the capture is in the frame of training.
-pub(super) struct Eye {
+pub(super) struct ViewBuffers {
     pub width: usize,
     pub height: usize,
     /// The lens, world.
@@ -73,7 +73,7 @@ impl Axis {
 
 /// The line on which a camera sees a ray.
 pub(super) struct Trace<'a> {
-    eye: &'a Eye,
+    eye: &'a ViewBuffers,
     at: Vec3,
     along: Vec3,
 }
@@ -94,7 +94,7 @@ fn block(width: usize, height: usize, longest: usize) -> usize {
     width.max(height).div_ceil(longest).max(1)
 }
 
-impl Eye {
+impl ViewBuffers {
     /// Reduces a picture by the least whole number that leaves at most `longest` pixels on each side.
     pub fn new(seen: &Seen, longest: usize) -> Self {
         let Seen { view, picture, foreground, opaque } = seen;
@@ -125,7 +125,7 @@ impl Eye {
                 () => Ground::Still,
             });
         }
-        Eye { color, ground, ..Eye::blank(view, longest) }
+        ViewBuffers { color, ground, ..ViewBuffers::blank(view, longest) }
     }
 
     /// The camera with a reduced picture without colours, all static.
@@ -134,7 +134,7 @@ impl Eye {
         let (full_width, full_height) = (intrinsics.width as usize, intrinsics.height as usize);
         let block = block(full_width, full_height, longest);
         let (width, height) = (full_width.div_ceil(block), full_height.div_ceil(block));
-        Eye {
+        ViewBuffers {
             width,
             height,
             center: pose.center().as_vec3(),

@@ -1,6 +1,6 @@
 //! The visual hull: the space that every camera sees as foreground, which moves or was cut out.
 
-use super::eye::{Axis, Eye, Ground};
+use super::eye::{Axis, Ground, ViewBuffers};
 use super::points::{Found, median_color};
 use crate::random::{Keyed, permutation};
 use crate::report::statistics::median_high;
@@ -63,7 +63,7 @@ impl Cube {
 
 /// A camera's foreground, summed from the first pixel on.
 struct Silhouette<'a> {
-    eye: &'a Eye,
+    eye: &'a ViewBuffers,
     /// Counts of moving or unknown pixels in the rows above and the columns to the left; one row and one column more.
     sums: Vec<u32>,
 }
@@ -78,7 +78,7 @@ enum Occupancy {
 
 impl<'a> Silhouette<'a> {
     /// Counts the pixels of the class `of`.
-    fn new(eye: &'a Eye, of: Ground) -> Self {
+    fn new(eye: &'a ViewBuffers, of: Ground) -> Self {
         let stride = eye.width + 1;
         let mut sums = vec![0; stride * (eye.height + 1)];
         for (row, pixels) in eye.ground.chunks_exact(eye.width).enumerate() {
@@ -151,8 +151,8 @@ impl Carved {
     }
 
     /// Carves the space that the eyes look at. A small hull, as before long lenses, is carved in a cube of its own.
-    fn around(eyes: &[Eye], silhouettes: &[Silhouette]) -> Self {
-        let mut cube = Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>());
+    fn around(eyes: &[ViewBuffers], silhouettes: &[Silhouette]) -> Self {
+        let mut cube = Cube::around(&eyes.iter().map(ViewBuffers::axis).collect::<Vec<_>>());
         for _ in 0..MOST_ZOOMS {
             let coarse = Carved::new(silhouettes, &cube, COARSE_LEVELS, false);
             let corners = coarse.cells.iter().copied();
@@ -172,8 +172,8 @@ impl Carved {
 /// At most `most` random points of the space that the cameras `views` share, in an order by `key`; none unless most of
 /// them look at the space between them.
 pub(super) fn shared_space(views: &[View], most: usize, key: &[u64]) -> Vec<Vec3> {
-    let eyes: Vec<Eye> = views.iter().map(|view| Eye::blank(view, BLANK_SIDE)).collect();
-    if eyes.is_empty() || !Cube::around(&eyes.iter().map(Eye::axis).collect::<Vec<_>>()).is_inward {
+    let eyes: Vec<ViewBuffers> = views.iter().map(|view| ViewBuffers::blank(view, BLANK_SIDE)).collect();
+    if eyes.is_empty() || !Cube::around(&eyes.iter().map(ViewBuffers::axis).collect::<Vec<_>>()).is_inward {
         return Vec::new();
     }
     let silhouettes: Vec<Silhouette> = eyes.iter().map(|eye| Silhouette::new(eye, Ground::Still)).collect();
@@ -189,7 +189,7 @@ pub(super) fn shared_space(views: &[View], most: usize, key: &[u64]) -> Vec<Vec3
 }
 
 /// At most `most` points of the surface of the hull of this ground, chosen at random with `key`.
-pub(super) fn surface(eyes: &[Eye], of: Ground, most: usize, key: &[u64]) -> Vec<Found> {
+pub(super) fn surface(eyes: &[ViewBuffers], of: Ground, most: usize, key: &[u64]) -> Vec<Found> {
     let silhouettes: Vec<Silhouette> = eyes.iter().map(|eye| Silhouette::new(eye, of)).collect();
     let carved = Carved::around(eyes, &silhouettes);
     let inside: HashSet<IVec3> = carved.cells.iter().copied().collect();
@@ -206,7 +206,7 @@ pub(super) fn surface(eyes: &[Eye], of: Ground, most: usize, key: &[u64]) -> Vec
 }
 
 /// True if a point may belong to the object that was cut out: enough cameras see its place, and few see nothing there.
-pub(super) fn may_be_shown(eyes: &[Eye], found: &Found) -> bool {
+pub(super) fn may_be_shown(eyes: &[ViewBuffers], found: &Found) -> bool {
     let at = found.at();
     let seen = eyes.iter().filter_map(|eye| Some(eye.ground[eye.sees(at)?.0]));
     let (n_seen, n_empty) =
@@ -230,7 +230,7 @@ fn may_be_inside(silhouettes: &[Silhouette], least_seen: f32, center: Vec3, radi
 }
 
 /// The least depth of the shell behind each pixel.
-fn depth_buffer(eye: &Eye, shell: &[Vec3], side: f32) -> Vec<f32> {
+fn depth_buffer(eye: &ViewBuffers, shell: &[Vec3], side: f32) -> Vec<f32> {
     let mut nearest = vec![f32::INFINITY; eye.width * eye.height];
     for position in shell {
         let Some((at, depth)) = eye.project(*position) else { continue };
@@ -247,8 +247,8 @@ fn depth_buffer(eye: &Eye, shell: &[Vec3], side: f32) -> Vec<f32> {
 }
 
 /// The median colour over the cameras that see the point unhidden.
-fn color(eyes: &[Eye], of: Ground, nearest: &[Vec<f32>], position: Vec3, side: f32) -> Option<[f32; 3]> {
-    let sees = |(eye, nearest): (&Eye, &Vec<f32>)| {
+fn color(eyes: &[ViewBuffers], of: Ground, nearest: &[Vec<f32>], position: Vec3, side: f32) -> Option<[f32; 3]> {
+    let sees = |(eye, nearest): (&ViewBuffers, &Vec<f32>)| {
         let (pixel, depth) = eye.sees(position)?;
         let is_visible = eye.ground[pixel] == of && depth <= nearest[pixel] + 2.0 * side;
         is_visible.then(|| eye.color[pixel])

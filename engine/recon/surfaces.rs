@@ -2,7 +2,7 @@
 
 use super::agree::{self, Agreed};
 use super::chosen::shown;
-use super::eye::{Eye, Ground, Seen};
+use super::eye::{Ground, Seen, ViewBuffers};
 use super::points::Found;
 use super::settings::Settings;
 use super::sizing::Lenses;
@@ -59,16 +59,16 @@ impl Views<'_> {
                 let camera = self.cameras[i];
                 let Some(shown) = shown(self.capture, camera, frame, is_reference) else { return Ok((None, None)) };
                 let seen = Seen::read(self.capture, camera, shown, self.cut_out)?;
-                let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| Eye::new(&seen, longest));
+                let eye = |is_wanted: bool, longest: usize| is_wanted.then(|| ViewBuffers::new(&seen, longest));
                 // A camera without a mask at this frame does not mark moving objects.
                 let carves = has_hull && shown == frame && seen.foreground.is_some();
                 Ok((eye(is_reference, SWEEP_SIDE), eye(carves || is_reference && self.cut_out, HULL_SIDE)))
             };
             let eyes = in_parallel(self.cameras.len(), threads, eyes_of, |_| done())?;
-            let (swept, carving): (Vec<Option<Eye>>, Vec<Option<Eye>>) = eyes.into_iter().unzip();
-            let carving: Vec<Eye> = carving.into_iter().flatten().collect();
+            let (swept, carving): (Vec<Option<ViewBuffers>>, Vec<Option<ViewBuffers>>) = eyes.into_iter().unzip();
+            let carving: Vec<ViewBuffers> = carving.into_iter().flatten().collect();
             if is_reference {
-                let eyes: Vec<Eye> = swept.into_iter().flatten().collect();
+                let eyes: Vec<ViewBuffers> = swept.into_iter().flatten().collect();
                 let known = known.map_or_else(|| agree::still(self.points, &eyes), <[Found]>::to_vec);
                 surfaces.n_known = known.len();
                 let depths = sweep::sweep(&eyes, threads, &mut *done)?;

@@ -1,7 +1,7 @@
 //! Surfaces from photo-consistency: each camera sweeps a fan of depths for the one at which its neighbours show the
 //! same (plane sweep; Collins 1996), smoothed along the picture (semi-global matching; Hirschmüller 2008).
 
-use super::eye::{Eye, Ground};
+use super::eye::{Ground, ViewBuffers};
 use crate::error::Result;
 use crate::parallel::in_parallel;
 use crate::report::statistics::median_high;
@@ -34,14 +34,14 @@ pub(super) struct Depths {
 type Feature = [Vec3A; 2];
 
 /// The depths of static surfaces, by camera. `done` is called after each of them.
-pub(super) fn sweep(eyes: &[Eye], threads: usize, mut done: impl FnMut()) -> Result<Vec<Depths>> {
+pub(super) fn sweep(eyes: &[ViewBuffers], threads: usize, mut done: impl FnMut()) -> Result<Vec<Depths>> {
     let features: Vec<Vec<Feature>> = eyes.iter().map(features).collect();
     let sweep = |i: usize| Ok(depths(eyes, &features, i));
     in_parallel(eyes.len(), threads, sweep, |_| done())
 }
 
 /// The cameras that share most of the view of camera `i`, at a good angle.
-fn neighbours(eyes: &[Eye], i: usize) -> Vec<usize> {
+fn neighbours(eyes: &[ViewBuffers], i: usize) -> Vec<usize> {
     let eye = &eyes[i];
     // Rays of a coarse grid; depths from a tenth of the training radius to about ten of it.
     let middle = |part: usize, n: usize, size: usize| (2 * part + 1) * size / (2 * n);
@@ -49,22 +49,22 @@ fn neighbours(eyes: &[Eye], i: usize) -> Vec<usize> {
     let pixels = pixels.map(|(x, y)| middle(y, 6, eye.height) * eye.width + middle(x, 8, eye.width));
     let depths: [f32; 12] = std::array::from_fn(|k| 0.1 * TRAINING_RADIUS as f32 * 1.5f32.powi(k as i32));
     let samples: Vec<Vec3> = pixels.flat_map(|pixel| depths.map(|depth| eye.center + eye.ray(pixel) * depth)).collect();
-    let weight = |other: &Eye, at: Vec3| {
+    let weight = |other: &ViewBuffers, at: Vec3| {
         if other.sees(at).is_none() {
             return 0.0;
         }
         let angle = (at - eye.center).angle_between(at - other.center);
         (angle / GOOD_ANGLES[0]).min(GOOD_ANGLES[1] / angle.max(1e-6)).min(1.0).powi(2)
     };
-    let score = |other: &Eye| samples.iter().map(|at| weight(other, *at)).sum::<f32>();
+    let score = |other: &ViewBuffers| samples.iter().map(|at| weight(other, *at)).sum::<f32>();
     let mut scored: Vec<(f32, usize)> = (0..eyes.len()).filter(|j| *j != i).map(|j| (score(&eyes[j]), j)).collect();
     scored.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
     scored.into_iter().filter(|(score, _)| *score > 0.0).take(NEIGHBOURS).map(|(_, j)| j).collect()
 }
 
 /// The features of every pixel; their means are over static pixels.
-fn features(eye: &Eye) -> Vec<Feature> {
-    let Eye { width, height, color, ground, .. } = eye;
+fn features(eye: &ViewBuffers) -> Vec<Feature> {
+    let ViewBuffers { width, height, color, ground, .. } = eye;
     let log = |c: f32| (c + 0.02).ln();
     // Log-colours and counts, summed from the first pixel on: one row and one column more.
     let stride = width + 1;
@@ -92,7 +92,7 @@ fn features(eye: &Eye) -> Vec<Feature> {
     (0..width * height).map(feature).collect()
 }
 
-fn depths(eyes: &[Eye], features: &[Vec<Feature>], i: usize) -> Depths {
+fn depths(eyes: &[ViewBuffers], features: &[Vec<Feature>], i: usize) -> Depths {
     let eye = &eyes[i];
     let neighbours = neighbours(eyes, i);
     let baselines = neighbours.iter().map(|j| f64::from(eye.center.distance(eyes[*j].center)));
@@ -100,7 +100,7 @@ fn depths(eyes: &[Eye], features: &[Vec<Feature>], i: usize) -> Depths {
     let step = 1.0 / (baseline * eye.focal.x).max(1e-6);
     let n = eye.ground.len();
     let mut costs = vec![MOST_COST; n * DEPTHS];
-    let others: Vec<(&Eye, &Vec<Feature>)> = neighbours.iter().map(|j| (&eyes[*j], &features[*j])).collect();
+    let others: Vec<(&ViewBuffers, &Vec<Feature>)> = neighbours.iter().map(|j| (&eyes[*j], &features[*j])).collect();
     for pixel in (0..n).filter(|pixel| eye.ground[*pixel] == Ground::Still) {
         let ray = eye.ray(pixel);
         let own = &features[i][pixel];

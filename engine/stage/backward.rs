@@ -5,8 +5,8 @@ use super::blend::{SEGMENT, coprime_stride};
 use super::chunks::Chunks;
 use super::cull::{ARGS_FIRST_GROUP, indirect};
 use super::{
-    Batch, Blend, Cull, Eye, Group, Lists, Optimiser, Outputs, Planes, Projected, Purpose, Room, SceneBuffers, Size,
-    Sums, Tiles, Zeros,
+    Batch, Blend, Capacity, Cull, Group, Lists, Optimiser, Outputs, Planes, Projected, Purpose, SceneBuffers, Size,
+    Sums, Tiles, ViewBuffers, Zeros,
 };
 use crate::error::Result;
 use crate::gpu::generated::constants::types::{CAMERA_ALONE, CAMERA_WITH_NEXT};
@@ -47,7 +47,7 @@ pub struct Backward {
 #[derive(Clone, Copy)]
 pub struct Drawn<'a> {
     pub cull: &'a Cull,
-    pub eye: Eye<'a>,
+    pub eye: ViewBuffers<'a>,
     pub tiles: &'a Tiles,
     pub lists: &'a Lists,
     pub blend: &'a Blend,
@@ -66,22 +66,22 @@ pub enum Target<'a> {
 
 impl Backward {
     /// Words of slots, and of fixed point: of either, those that are summed up are zero before each picture.
-    fn words(room: &Room) -> [usize; 2] {
-        let n_slots = if room.sums.is_fixed() { room.active } else { room.intersections };
-        let n_fixed = if room.sums.is_fixed() { FIXED_WORDS * room.active.max(1) as usize } else { 0 };
+    fn words(capacity: &Capacity) -> [usize; 2] {
+        let n_slots = if capacity.sums.is_fixed() { capacity.active } else { capacity.intersections };
+        let n_fixed = if capacity.sums.is_fixed() { FIXED_WORDS * capacity.active.max(1) as usize } else { 0 };
         [2 * SLOT_PAIRS * n_slots.max(1) as usize, n_fixed]
     }
 
-    pub fn n_zeros(room: &Room) -> usize {
-        let [slots, fixed] = Self::words(room);
-        if room.sums.is_fixed() { fixed } else { slots }
+    pub fn n_zeros(capacity: &Capacity) -> usize {
+        let [slots, fixed] = Self::words(capacity);
+        if capacity.sums.is_fixed() { fixed } else { slots }
     }
 
-    /// Buffers for pictures within `room`, blended as `blend` does. Each needs its part of `zeros` to be zero.
-    pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, room: &Room, zeros: &mut Zeros) -> Result<Self> {
-        let Room { active, pixels, outputs, purpose, sums, camera, is_batched, .. } = *room;
+    /// Buffers for pictures within `capacity`, blended as `blend` does. Each needs its part of `zeros` to be zero.
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, blend: &Blend, capacity: &Capacity, zeros: &mut Zeros) -> Result<Self> {
+        let Capacity { active, pixels, outputs, purpose, sums, camera, is_batched, .. } = *capacity;
         let wants_camera = camera || purpose == Purpose::Gradient;
-        let [n_slots, n_fixed] = Self::words(room);
+        let [n_slots, n_fixed] = Self::words(capacity);
         let groups = if purpose == Purpose::Gradient || is_batched { &scene.groups[..] } else { &[] };
         let gradients = groups.iter().map(|group| Planes::like(gpu, &group.params, "gradients"));
         let n_camera = if wants_camera { 2 * active as usize } else { 1 };
@@ -152,7 +152,7 @@ impl Backward {
 
     /// The projection's adjoint for one group, which writes gradients or moves the parameters at once.
     fn record_project(&self, rec: &mut Recording, index: usize, group: &Group, drawn: Drawn, target: &Target) {
-        let Drawn { cull, eye: Eye { view, status, projected }, tiles, .. } = drawn;
+        let Drawn { cull, eye: ViewBuffers { view, status, projected }, tiles, .. } = drawn;
         let (Cull { ranges, active_id, .. }, Projected { splats, tile_counts, .. }) = (cull, projected);
         let (slot_first, d_slots, d_camera) = (&tiles.slot_first, &self.d_slots, &self.d_camera_each);
         let is_summed = u32::from(self.sums.is_fixed());
@@ -248,7 +248,7 @@ impl Backward {
     }
 
     fn record_chunks(&self, rec: &mut Recording, drawn: Drawn, chunks: &Chunks, d_slots: &Buf<[f32; 2]>) {
-        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
+        let Drawn { eye: ViewBuffers { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
         for block in 0..self.dispatches(blend) {
             let args = blend_bwd_p4::Args {
                 view,
@@ -276,7 +276,7 @@ impl Backward {
     }
 
     fn record_rounds(&self, rec: &mut Recording, drawn: Drawn, d_slots: &Buf<[f32; 2]>) {
-        let Drawn { eye: Eye { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
+        let Drawn { eye: ViewBuffers { view, projected, .. }, tiles, lists, blend, tail, size, .. } = drawn;
         let Size { n_tiles, rounds, .. } = size;
         let kernel = self.sums.kernel(self.outputs, blend.pixels_per_lane);
         let subgroups_per_group = kernel.local / blend.subgroup_size;

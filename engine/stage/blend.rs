@@ -2,7 +2,7 @@
 
 use super::chunks::{self, Chunks};
 use super::params::TILE;
-use super::{Eye, Lists, Outputs, Purpose, Tiles, Zeros};
+use super::{Lists, Outputs, Purpose, Tiles, ViewBuffers, Zeros};
 use crate::error::Result;
 pub use crate::gpu::generated::constants::block::SEGMENT;
 use crate::gpu::generated::{self, blend_fwd_p4, blend_fwd_p8, blend_fwd_train_p8};
@@ -71,7 +71,15 @@ impl Blend {
     }
 
     /// Appends blending of `lists` in `rounds` rounds, enough for lists of [`Blend::longest`] entries.
-    pub fn record(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32, rounds: u32) {
+    pub fn record(
+        &self,
+        rec: &mut Recording,
+        tiles: &Tiles,
+        lists: &Lists,
+        eye: ViewBuffers,
+        n_tiles: u32,
+        rounds: u32,
+    ) {
         rec.section("blend");
         match &self.chunks {
             Some(chunks) => self.record_chunks(rec, chunks, tiles, lists, eye, n_tiles),
@@ -85,7 +93,7 @@ impl Blend {
         chunks: &Chunks,
         tiles: &Tiles,
         lists: &Lists,
-        eye: Eye,
+        eye: ViewBuffers,
         n_tiles: u32,
     ) {
         chunks.record_list(rec, tiles, lists, eye, n_tiles);
@@ -112,7 +120,15 @@ impl Blend {
         chunks.record_merge(rec, tiles, eye, self);
     }
 
-    fn record_rounds(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32, rounds: u32) {
+    fn record_rounds(
+        &self,
+        rec: &mut Recording,
+        tiles: &Tiles,
+        lists: &Lists,
+        eye: ViewBuffers,
+        n_tiles: u32,
+        rounds: u32,
+    ) {
         let n_blocks = n_tiles * self.blocks_per_tile();
         let subgroups_per_group = self.kernel.local / self.subgroup_size;
         let Tiles { tile_order, tile_first, tile_last, .. } = tiles;

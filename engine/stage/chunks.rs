@@ -1,7 +1,7 @@
 //! Long lists on GPUs: cut into chunks that are blended at once, and merged. See `include/chunk.glsl`.
 
 use super::params::TILE_PIXELS;
-use super::{Blend, Eye, Lists, Outputs, Purpose, Tiles, Zeros};
+use super::{Blend, Lists, Outputs, Purpose, Tiles, ViewBuffers, Zeros};
 use crate::error::Result;
 use crate::gpu::generated::constants::chunk::{CHUNK, CHUNK_ALL, CHUNK_ITEMS, CHUNK_LONG};
 use crate::gpu::generated::{self, blend_merge, chunk_light, chunk_list};
@@ -56,7 +56,7 @@ impl Chunks {
         Grid::Indirect(self.args.range(4 * at as usize, 4).slice())
     }
 
-    pub fn record_list(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: Eye, n_tiles: u32) {
+    pub fn record_list(&self, rec: &mut Recording, tiles: &Tiles, lists: &Lists, eye: ViewBuffers, n_tiles: u32) {
         let Chunks { args: chunk_args, items: chunk_items, long_lists, light: chunk_light, .. } = self;
         let (tile_first, tile_last) = (&tiles.tile_first, &tiles.tile_last);
         rec.pass(
@@ -73,7 +73,7 @@ impl Chunks {
     }
 
     /// Appends the merging of the blended chunks into the images of `blend` and, before a backward pass, its tail.
-    pub fn record_merge(&self, rec: &mut Recording, tiles: &Tiles, eye: Eye, blend: &Blend) {
+    pub fn record_merge(&self, rec: &mut Recording, tiles: &Tiles, eye: ViewBuffers, blend: &Blend) {
         let Blend { image0, image1, tail, .. } = blend;
         let no_tail = image0.cast();
         let args = blend_merge::Args {

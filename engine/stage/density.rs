@@ -1,6 +1,6 @@
 //! Density control (SPEC 6): which Gaussians go, which grow and where each is stored, decided and carried out on the device.
 
-use super::room::too_large;
+use super::capacity::too_large;
 use super::scan::SCAN_BLOCK;
 use super::scene::BUCKETS;
 use super::sort::SORT_BLOCK;

@@ -2,7 +2,7 @@
 //! renders it, its images in one behind that: the host waits only at the end, and may hand over another strip meanwhile.
 
 use super::backward::Backward;
-use super::{Lists, Outcome, Outputs, Purpose, Renderer, Room, Size, Strip, Target, Workspace, view_params};
+use super::{Capacity, Lists, Outcome, Outputs, Purpose, Renderer, Size, Strip, Target, Workspace, view_params};
 use crate::error::Result;
 use crate::gpu::generated::Status;
 use crate::gpu::{Buf, Gpu, PassTime, Recording, Running, Slice};
@@ -20,7 +20,7 @@ impl Renderer {
         self.make_room(job, &extent);
         let view = self.gpu.staged("view", &[view_params(job.view, &self.constants, self.scene.origin, strip)])?;
         let status = self.slice(size_of::<Status>())?;
-        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
+        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.capacity)?;
         if let (Some(cotangents), Some(backward)) = (job.cotangents, &work.backward) {
             write_cotangents(&self.gpu, backward, cotangents, job.view, strip)?;
         }
@@ -41,17 +41,17 @@ impl Renderer {
         };
         let copies = self.copy_back(&images, extent.n_pixels as usize)?;
         let n = (self.scene.n, self.scene.n_bad);
-        Ok(Launched { running, copies, recording, lists, extent, status, room: self.room, rounds, n })
+        Ok(Launched { running, copies, recording, lists, extent, status, capacity: self.capacity, rounds, n })
     }
 
     fn make_room(&mut self, job: &Job, extent: &Extent) {
-        let room = &mut self.room;
-        room.tiles = room.tiles.max(extent.n_tiles);
-        room.pixels = room.pixels.max(extent.n_pixels as usize);
-        room.outputs = job.outputs;
-        room.purpose = if job.cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture };
-        room.active = room.active_of(self.scene.n, self.gpu.caps());
-        room.intersections = room.intersections.min(room.max_intersections(&self.gpu));
+        let capacity = &mut self.capacity;
+        capacity.tiles = capacity.tiles.max(extent.n_tiles);
+        capacity.pixels = capacity.pixels.max(extent.n_pixels as usize);
+        capacity.outputs = job.outputs;
+        capacity.purpose = if job.cotangents.is_some() { Purpose::Gradient } else { Purpose::Picture };
+        capacity.active = capacity.active_of(self.scene.n, self.gpu.caps());
+        capacity.intersections = capacity.intersections.min(capacity.max_intersections(&self.gpu));
     }
 
     /// Starts the copies of the first `n` pixels of `images`: by themselves, so that it is known when the picture was there.
@@ -80,7 +80,7 @@ impl Renderer {
     pub(super) fn land(&self, launched: &Launched) -> Result<Landed> {
         let times = launched.running.wait()?;
         let status: Status = self.gpu.peek(&launched.status)?.first().copied().unwrap_or_default();
-        let outcome = launched.room.outcome(&self.gpu, &status, launched.rounds);
+        let outcome = launched.capacity.outcome(&self.gpu, &status, launched.rounds);
         let begun = Instant::now();
         let images = match &launched.copies {
             Some(copies) if outcome == Outcome::Complete => {
@@ -166,7 +166,7 @@ pub(super) struct Launched {
     pub lists: Lists,
     pub extent: Extent,
     pub status: Slice,
-    pub room: Room,
+    pub capacity: Capacity,
     pub rounds: u32,
     /// Gaussians on the device, and those of them that are never drawn.
     pub n: (u32, u32),

@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
+use super::capacity;
 use super::lpips_tiles::{Share, Tile};
 use super::lpips_trunk::{Conv, Extent, Layer, Network, TAP_PIXELS, Trunk, tap_planes};
-use super::room;
 use crate::error::{Error, Result};
 use crate::gpu::generated::constants::lpips_conv::{BLOCKS, PIXELS};
 use crate::gpu::generated::{
@@ -193,7 +193,7 @@ const SUMS: &str = "lpips sums";
 
 fn too_large(name: &str, needed: u64, limit: u64) -> Error {
     let remedy = "compare a smaller crop: --set loss.lpips_crop=512";
-    room::too_large(format!("bytes of `{name}` in one binding"), needed, limit, remedy)
+    capacity::too_large(format!("bytes of `{name}` in one binding"), needed, limit, remedy)
 }
 
 /// Gives `buf` room for `len` items, unless it has it.

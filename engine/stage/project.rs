@@ -20,7 +20,7 @@ pub struct Projected {
 
 /// A view, the frame's counts, and the buffers that its projection is written to.
 #[derive(Clone, Copy)]
-pub struct Eye<'a> {
+pub struct ViewBuffers<'a> {
     pub view: &'a Buf<ViewParams>,
     pub status: &'a Buf<Status>,
     pub projected: &'a Projected,

@@ -1,10 +1,10 @@
 //! One frame from a view, in strips where a device's bindings are shorter than the picture, replayed with more room where it overflows.
 
 use super::blend::SEGMENT;
+use super::capacity::too_large;
 use super::fisher::Fisher;
 use super::launch::{Extent, Job, Landed, Launched, Measure};
 use super::params::TILE;
-use super::room::too_large;
 use super::{
     Census, Counters, Destination, Gradients, Layer, Outcome, Outputs, PassReport, Renderer, Response, SceneBuffers,
     Screen, Size, Strip, Workspace, add_passes, view_params,
@@ -169,7 +169,7 @@ impl Renderer {
         let rounds = (report.max_tile_list as u32).div_ceil(SEGMENT).max(1);
         let strip = Strip::whole(view);
         let Extent { n_tiles, n_pixels, .. } = Extent::new(view, strip);
-        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.room)?;
+        let work = Workspace::fit(&mut self.work, &self.gpu, &self.scene, self.capacity)?;
         self.gpu.write(&work.view, &[view_params(view, &self.constants, self.scene.origin, strip)])?;
         let mut rec = Recording::new();
         work.record_forward(&mut rec, &self.scene, Size { n_tiles, n_pixels, rounds }, |_| ());
@@ -296,9 +296,9 @@ impl Renderer {
             let landed = self.land(&launched)?;
             match landed.outcome {
                 Outcome::Complete => {}
-                Outcome::Replay(room, new_rounds) => {
+                Outcome::Replay(capacity, new_rounds) => {
                     report.replays += 1;
-                    (self.room, rounds) = (room, new_rounds);
+                    (self.capacity, rounds) = (capacity, new_rounds);
                     continue;
                 }
                 Outcome::TooMuch { .. } if strip.n_rows > TILE => {

@@ -1,7 +1,7 @@
 //! The renderer: a scene on the device, with what its frames are made in.
 
 use super::window::Windows;
-use super::{Outputs, Purpose, Room, SceneBuffers, Sums, Workspace, constants_on};
+use super::{Capacity, Outputs, Purpose, SceneBuffers, Sums, Workspace, constants_on};
 use crate::error::Result;
 use crate::gpu::{Gpu, Slice};
 use crate::scene::{Parts, Splats, View};
@@ -14,7 +14,7 @@ pub struct Renderer {
     pub(super) scene: SceneBuffers,
     pub(super) constants: Constants,
     pub(super) work: Option<Workspace>,
-    pub(super) room: Room,
+    pub(super) capacity: Capacity,
     /// Slices of the host's memory that are free again.
     pub(super) spare: Vec<Slice>,
     /// None where the whole scene is on the device.
@@ -63,7 +63,7 @@ impl Renderer {
     }
 
     fn of_scene(gpu: Arc<Gpu>, scene: SceneBuffers, constants: Constants, windows: Option<Windows>) -> Self {
-        let mut room = Room {
+        let mut capacity = Capacity {
             active: 1,
             intersections: 1,
             tiles: 1,
@@ -77,9 +77,9 @@ impl Renderer {
             is_batched: false,
             depth_bits: constants.knobs.depth_bits,
         };
-        room.active = room.active_of(scene.n, gpu.caps());
-        room.intersections = room.active.saturating_mul(2).max(1 << 16);
-        Renderer { gpu, scene, constants, work: None, room, spare: Vec::new(), windows }
+        capacity.active = capacity.active_of(scene.n, gpu.caps());
+        capacity.intersections = capacity.active.saturating_mul(2).max(1 << 16);
+        Renderer { gpu, scene, constants, work: None, capacity, spare: Vec::new(), windows }
     }
 
     /// The device.
@@ -90,7 +90,7 @@ impl Renderer {
     /// Starts with room for so few intersections; the first frame that needs more grows it.
     #[doc(hidden)]
     pub fn limit_intersections(&mut self, n: u32) {
-        self.room.intersections = n.max(1);
+        self.capacity.intersections = n.max(1);
         self.work = None;
     }
 
@@ -98,7 +98,7 @@ impl Renderer {
     #[doc(hidden)]
     pub fn accumulate(&mut self, sums: Sums) -> Result<()> {
         sums.check(self.gpu.caps())?;
-        self.room.sums = sums;
+        self.capacity.sums = sums;
         Ok(())
     }
 

@@ -1,9 +1,9 @@
 //! A scene on the device: groups of Gaussians of one population and one SH degree, each short enough for the device's
 //! bindings.
 
+use super::capacity::too_large;
 use super::live::CULL_BLOCK;
 use super::planes::{Arrays, BAND_PLANES, FISHER_PLANES};
-use super::room::too_large;
 use super::{Among, Live, Planes, Purpose};
 use crate::error::Result;
 use crate::gpu::generated::{bound_dynamic, bound_static};

@@ -2,7 +2,7 @@
 
 use super::cull::{ARGS_SCAN, ARGS_SORT, ARGS_THREADS, indirect};
 use super::workspace::APART;
-use super::{Carried, Cull, Eye, PairGrids, Projected, Scan, Sort, Unsorted, Zeros};
+use super::{Carried, Cull, PairGrids, Projected, Scan, Sort, Unsorted, ViewBuffers, Zeros};
 use crate::error::Result;
 use crate::gpu::generated::{Status, emit, emit_slots, gather, tile_order, tile_ranges};
 use crate::gpu::table::Count;
@@ -110,7 +110,7 @@ impl Tiles {
         &self,
         rec: &mut Recording,
         cull: &Cull,
-        eye: Eye,
+        eye: ViewBuffers,
         order: &Buf<u32>,
         n_tiles: u32,
         longest: u32,
@@ -123,8 +123,8 @@ impl Tiles {
     }
 
     /// Appends the pairs of a Gaussian and a tile, near to far; from here on `cull.args` are grids over those.
-    fn record_pairs(&self, rec: &mut Recording, cull: &Cull, eye: Eye, order: &Buf<u32>) {
-        let Eye { view, status: frame_status, projected: Projected { splats, tile_counts, .. } } = eye;
+    fn record_pairs(&self, rec: &mut Recording, cull: &Cull, eye: ViewBuffers, order: &Buf<u32>) {
+        let ViewBuffers { view, status: frame_status, projected: Projected { splats, tile_counts, .. } } = eye;
         let Tiles { offsets, tile_keys, splat_ids, slot_first, emit_args, capacity, .. } = self;
         let (n_active, args, blocks) = (&cull.n_active, &cull.args, indirect(&cull.args, ARGS_SCAN));
         let grids = PairGrids { blocks, args, emit_args, frame_status, capacity: *capacity };

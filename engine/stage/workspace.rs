@@ -1,7 +1,7 @@
 //! The buffers of all stages of a frame, and their passes in order.
 
 use super::backward::Backward;
-use super::{Blend, Cull, Drawn, Eye, Lists, Projected, Purpose, Room, SceneBuffers, Size, Target, Tiles};
+use super::{Blend, Capacity, Cull, Drawn, Lists, Projected, Purpose, SceneBuffers, Size, Target, Tiles, ViewBuffers};
 use crate::error::Result;
 use crate::gpu::generated::{Status, ViewParams};
 use crate::gpu::{Buf, Gpu, Recording};
@@ -9,7 +9,7 @@ use crate::gpu::{Buf, Gpu, Recording};
 const STATUS_WORDS: usize = size_of::<Status>() / 4;
 
 pub struct Workspace {
-    pub room: Room,
+    pub capacity: Capacity,
     pub view: Buf<ViewParams>,
     // The status, counters and sums of a backward pass, which begin at zero.
     pub(super) zeros: Zeros,
@@ -23,39 +23,44 @@ pub struct Workspace {
 }
 
 impl Workspace {
-    pub fn new(gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<Self> {
-        let Room { active, intersections, tiles, pixels, outputs, purpose, .. } = room;
+    pub fn new(gpu: &Gpu, scene: &SceneBuffers, capacity: Capacity) -> Result<Self> {
+        let Capacity { active, intersections, tiles, pixels, outputs, purpose, .. } = capacity;
         let is_seen_only = purpose == Purpose::Picture;
         let lists = [active, intersections, tiles];
-        let n_backward = if is_seen_only { 0 } else { Backward::n_zeros(&room) };
+        let n_backward = if is_seen_only { 0 } else { Backward::n_zeros(&capacity) };
         let parts = [STATUS_WORDS, Tiles::n_zeros(lists), Blend::n_zeros(gpu), n_backward];
         let mut zeros = Zeros::new(gpu, &parts)?;
         let status = zeros.take(STATUS_WORDS).cast();
         gpu.write(&status, &[Status::default()])?;
-        let mut tiles = Tiles::new(gpu, lists, room.has_slots(), &mut zeros)?;
-        tiles.depth_bits = room.depth_bits;
+        let mut tiles = Tiles::new(gpu, lists, capacity.has_slots(), &mut zeros)?;
+        tiles.depth_bits = capacity.depth_bits;
         let blend = Blend::new(gpu, pixels, intersections, outputs, purpose, &mut zeros)?;
         Ok(Workspace {
-            room,
+            capacity,
             view: gpu.alloc("view", 1)?,
             status,
-            cull: Cull::new(gpu, scene, room.active, room.idle)?,
-            projected: Projected::new(gpu, room.active)?,
+            cull: Cull::new(gpu, scene, capacity.active, capacity.idle)?,
+            projected: Projected::new(gpu, capacity.active)?,
             tiles,
-            backward: (!is_seen_only).then(|| Backward::new(gpu, scene, &blend, &room, &mut zeros)).transpose()?,
+            backward: (!is_seen_only).then(|| Backward::new(gpu, scene, &blend, &capacity, &mut zeros)).transpose()?,
             blend,
             zeros,
         })
     }
 
     /// The workspace in `place`, made anew where it is for another room; the old one's buffers go first.
-    pub fn fit<'a>(place: &'a mut Option<Workspace>, gpu: &Gpu, scene: &SceneBuffers, room: Room) -> Result<&'a Self> {
-        if place.as_ref().is_none_or(|work| work.room != room) {
+    pub fn fit<'a>(
+        place: &'a mut Option<Workspace>,
+        gpu: &Gpu,
+        scene: &SceneBuffers,
+        capacity: Capacity,
+    ) -> Result<&'a Self> {
+        if place.as_ref().is_none_or(|work| work.capacity != capacity) {
             *place = None;
         }
         Ok(match place {
             Some(work) => work,
-            None => place.insert(Workspace::new(gpu, scene, room)?),
+            None => place.insert(Workspace::new(gpu, scene, capacity)?),
         })
     }
 
@@ -72,7 +77,7 @@ impl Workspace {
         let Size { n_tiles, rounds, .. } = size;
         let (view, status) = (&self.view, &self.status);
         rec.section("cull");
-        self.zeros.record(rec, usize::from(self.room.purpose == Purpose::Training));
+        self.zeros.record(rec, usize::from(self.capacity.purpose == Purpose::Training));
         self.cull.record(rec, scene, view, status);
         seen(rec);
         self.projected.record(rec, scene, &self.cull, view, status);
@@ -97,8 +102,8 @@ impl Workspace {
         }
     }
 
-    fn eye(&self) -> Eye<'_> {
-        Eye { view: &self.view, status: &self.status, projected: &self.projected }
+    fn eye(&self) -> ViewBuffers<'_> {
+        ViewBuffers { view: &self.view, status: &self.status, projected: &self.projected }
     }
 }
 

@@ -2,8 +2,8 @@
 
 use super::session::work;
 use super::{
-    Average, CameraState, Checkpoint, Config, Correction, DueEvents, Notice, Phase, PoseKind, Required, Run, StepRoom,
-    Strategy, Watch, initialise,
+    Average, CameraState, Checkpoint, Config, Correction, DueEvents, Notice, Phase, PoseKind, Required, Run,
+    StepCapacity, Strategy, Watch, initialise,
 };
 use crate::error::{Error, Result};
 use crate::scene::Splats;
@@ -138,7 +138,7 @@ impl Base {
             params,
             cameras: CameraState { clocks: vec![], learns_offset: vec![], poses: vec![], ..self.cameras.clone() },
             due: DueEvents::default(),
-            room: StepRoom::default(),
+            room: StepCapacity::default(),
             average: Average::default(),
         })
     }

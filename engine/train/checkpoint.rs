@@ -35,7 +35,7 @@ pub struct Checkpoint {
     pub cameras: CameraState,
     /// Events that were due after the step and have not happened, because the run failed there.
     pub due: DueEvents,
-    pub room: StepRoom,
+    pub room: StepCapacity,
     /// The mean of the scenes near the end of the run so far.
     pub average: Average,
 }
@@ -43,7 +43,7 @@ pub struct Checkpoint {
 /// The sizes of the buffers of a step. A run that continues with others may end with other last bits: lazy Adam has
 /// moved Gaussians already when a step that did not fit runs again.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub struct StepRoom {
+pub struct StepCapacity {
     /// Pairs of a Gaussian and a tile; 0 where it is not known.
     pub intersections: u32,
     pub rounds: u32,
@@ -96,7 +96,7 @@ struct Header {
     #[serde(default, rename = "owed")]
     due: DueEvents,
     #[serde(default)]
-    room: StepRoom,
+    room: StepCapacity,
     #[serde(default)]
     averaged: u64,
     sections: Vec<Section>,

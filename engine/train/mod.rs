@@ -33,7 +33,7 @@ pub use crate::recon::{Init, Initial, PointCounts};
 pub use average::Average;
 pub use base::Base;
 pub use cameras::Correction;
-pub use checkpoint::{CameraState, Checkpoint, DueEvents, StepRoom};
+pub use checkpoint::{CameraState, Checkpoint, DueEvents, StepCapacity};
 pub use config::{
     Config, Density, GridKind, LearningRates, Loss, Pace, PoseKind, PresetId, Rate, Required, Resolution, Round,
     Strategy, all_settings,

@@ -6,7 +6,7 @@ use ivv::internals::gpu::generated::{Status, ViewParams};
 use ivv::internals::gpu::{Buf, Recording};
 use ivv::internals::scene::{Splats, View};
 use ivv::internals::stage::{
-    Blend, Cull, Eye, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, Zeros, view_params,
+    Blend, Cull, Outputs, Projected, Purpose, SceneBuffers, Strip, Tiles, ViewBuffers, Zeros, view_params,
 };
 
 const INTERSECTIONS: u32 = 1 << 20;
@@ -101,8 +101,8 @@ impl Fixture {
         }
     }
 
-    fn eye(&self) -> Eye<'_> {
-        Eye { view: &self.view, status: &self.status, projected: &self.projected }
+    fn eye(&self) -> ViewBuffers<'_> {
+        ViewBuffers { view: &self.view, status: &self.status, projected: &self.projected }
     }
 
     pub fn bin(&self, view: &View) -> (Active, Lists) {

@@ -5,7 +5,7 @@ use super::{file, mend};
 use crate::common::prelude::*;
 use crate::common::random;
 use ivv::internals::profile::{read_dispatch, write_dispatch};
-use ivv::internals::train::{Average, CameraState, DueEvents, Kind, Log, PRESETS, Preset, StepRoom};
+use ivv::internals::train::{Average, CameraState, DueEvents, Kind, Log, PRESETS, Preset, StepCapacity};
 
 pub fn config() -> Vec<Seed> {
     let config = serde_json::to_string_pretty(&exact()).unwrap();
@@ -38,7 +38,7 @@ pub fn checkpoint() -> Vec<Seed> {
         params,
         cameras,
         due: DueEvents::default(),
-        room: StepRoom { intersections: 1 << 14, rounds: 2 },
+        room: StepCapacity { intersections: 1 << 14, rounds: 2 },
     };
     let folder = Folder::new("fuzz-checkpoint");
     checkpoint.write(&folder.0).unwrap();

@@ -8,7 +8,7 @@ use crate::common::prelude::*;
 use crate::common::random::{scene, view};
 use ivv::internals::reference::pull;
 use ivv::internals::scene::SH_C0;
-use ivv::internals::stage::{Accumulation, Room};
+use ivv::internals::stage::{Accumulation, Capacity};
 use ivv::internals::vk::Caps;
 use ivv_conformance::adjoint::group_error;
 use ivv_conformance::fixtures::adam::{Scene, Step};
@@ -228,7 +228,7 @@ fn as_many_gaussians_are_active_as_a_binding_holds_splats_and_sums_of() {
     let caps = Caps { max_binding_bytes: 128 << 20, ..gpu().caps().clone() };
     let purposes = [Purpose::Picture, Purpose::Gradient, Purpose::Training];
     for (sums, purpose) in Sums::ALL.into_iter().flat_map(|sums| purposes.map(|purpose| (sums, purpose))) {
-        let room = Room {
+        let capacity = Capacity {
             active: 1,
             intersections: 1,
             tiles: 1,
@@ -243,7 +243,7 @@ fn as_many_gaussians_are_active_as_a_binding_holds_splats_and_sums_of() {
         };
         let is_fixed = sums != Sums::Slots && purpose != Purpose::Picture;
         let most = if is_fixed { 1_290_555 } else { 2_097_152 };
-        let found = [0, 1000, most, most + 1, u32::MAX].map(|n| room.active_of(n, &caps));
+        let found = [0, 1000, most, most + 1, u32::MAX].map(|n| capacity.active_of(n, &caps));
         assert_eq!(found, [1, 1000, most, most, most], "{sums:?}, {purpose:?}");
     }
 }

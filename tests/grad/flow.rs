@@ -4,7 +4,7 @@ use super::check::{check_adjoint, cotangents, flat, smooth_cotangents, vjp};
 use crate::adversary::slack;
 use crate::common::prelude::*;
 use crate::common::random::{scene, view};
-use ivv::internals::stage::{Room, Size, Target, Workspace};
+use ivv::internals::stage::{Capacity, Size, Target, Workspace};
 
 /// [`view`], and a frame on turned by 0.05 about its y axis and shifted.
 fn moving_view() -> View {
@@ -75,7 +75,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
     let scene = SceneBuffers::upload(&gpu, &splats, &Constants::default(), Purpose::Gradient).unwrap();
     let (tiles_x, tiles_y) = Strip::whole(&view).tiles(&view);
     let n_pixels = view.intrinsics.width * view.intrinsics.height;
-    let room = Room {
+    let capacity = Capacity {
         active: scene.n,
         intersections: 1 << 14,
         tiles: tiles_x * tiles_y,
@@ -88,7 +88,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
         is_batched: false,
         depth_bits: 32,
     };
-    let work = Workspace::new(&gpu, &scene, room).unwrap();
+    let work = Workspace::new(&gpu, &scene, capacity).unwrap();
     let mut params = view_params(&view, &Constants::default(), scene.origin, Strip::whole(&view));
     params.depth_to_alpha = 0.0;
     gpu.write(&work.view, &[params]).unwrap();
@@ -98,7 +98,7 @@ fn a_detached_depth_moves_places_and_no_opacities() {
     gpu.write(&backward.d_image0, &vec![[0.0; 4]; n_pixels as usize]).unwrap();
     gpu.write(backward.d_image1.as_ref().unwrap(), &image1).unwrap();
     let mut rec = Recording::new();
-    let size = Size { n_tiles: room.tiles, n_pixels, rounds: 1 };
+    let size = Size { n_tiles: capacity.tiles, n_pixels, rounds: 1 };
     let lists = work.record_forward(&mut rec, &scene, size, |_| ());
     work.record_backward(&mut rec, &scene, &lists, size, &Target::Gradients);
     gpu.run(&rec).unwrap();

@@ -12,13 +12,15 @@ use crate::common::random;
 use ivv::Error;
 use ivv::internals::gpu::table::{Cost, Count};
 use ivv::internals::gpu::{Dispatch, PassTime, kernel_named};
-use ivv::internals::profile::{Bound, Difference, Lately, Moment, Peaks, Replay, read_dispatch, trace, write_dispatch};
+use ivv::internals::profile::{
+    Bound, Difference, FrameTimes, Moment, Peaks, Replay, read_dispatch, trace, write_dispatch,
+};
 
 #[test]
 fn of_the_last_frames_it_knows_the_rate_the_quantiles_and_the_slowest_passes() {
     let pass = |label: &str, ms: f64| PassTime { label: label.to_owned(), begin_ns: 0.0, ns: 1e6 * ms };
     let report = |times: Vec<PassTime>| FrameReport { times, ..FrameReport::default() };
-    let mut lately = Lately::default();
+    let mut lately = FrameTimes::default();
     assert!(lately.rate() == 0.0 && lately.quantile(0.5).is_nan() && lately.slowest(3).is_empty());
     // Twice in the frame, so it counts twice, from the first frame on.
     lately.add(9.0, None, report(vec![pass("blend", 2.0), pass("sort", 3.0), pass("blend", 2.0)]));
@@ -33,11 +35,11 @@ fn of_the_last_frames_it_knows_the_rate_the_quantiles_and_the_slowest_passes() {
     near(&lately.slowest(9), &[("blend", 4.2), ("sort", 2.7), ("cull", 1.0)]);
     assert_eq!((lately.rate(), lately.quantile(0.5), lately.quantile(1.0)), (50.0, 5.0, 9.0));
     // What comes no more is forgotten, and so are old frames.
-    for _ in 0..2 * Lately::FRAMES {
+    for _ in 0..2 * FrameTimes::FRAMES {
         lately.add(2.0, Some(40.0), report(vec![pass("cull", 1.0)]));
     }
     near(&lately.slowest(9), &[("cull", 1.0)]);
-    assert_eq!((lately.ms.len(), lately.rate(), lately.quantile(1.0)), (Lately::FRAMES, 25.0, 2.0));
+    assert_eq!((lately.ms.len(), lately.rate(), lately.quantile(1.0)), (FrameTimes::FRAMES, 25.0, 2.0));
 }
 
 #[test]

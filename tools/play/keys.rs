@@ -1,7 +1,7 @@
 //! The table of keys, for the window and for `ivv-play --help`.
 
 use crate::window::{OUTPUTS, Player};
-use ivv::internals::profile::Lately;
+use ivv::internals::profile::FrameTimes;
 use winit::keyboard::KeyCode::{self, *};
 
 /// Seconds of the clip per second.
@@ -39,7 +39,7 @@ const ROWS: &[Row] = &[
     ("M", "mute", &[KeyM], |p, _| p.state.is_muted = !p.state.is_muted),
     ("F", "full screen", &[KeyF], |p, _| p.fill_the_display()),
     ("I", "times of frames and passes", &[KeyI], |p, _| {
-        (p.state.has_stats, p.state.lately) = (!p.state.has_stats, Lately::default());
+        (p.state.has_stats, p.state.lately) = (!p.state.has_stats, FrameTimes::default());
     }),
     ("Esc", "the end", &[Escape], |p, _| p.end(Ok(()))),
 ];

@@ -1,7 +1,7 @@
 //! What lies over the picture: the time bar, and a graph of the frames' times with the slowest passes.
 
 use font8x8::legacy::BASIC_LEGACY;
-use ivv::internals::profile::Lately;
+use ivv::internals::profile::FrameTimes;
 use ivv::internals::stage::FrameReport;
 
 /// Height of the time bar and of the graph, and the margin, in points.
@@ -67,7 +67,7 @@ pub fn draw(
     [width, height]: [usize; 2],
     scale: usize,
     bar: Option<(f64, [&str; 2])>,
-    lately: Option<&Lately>,
+    lately: Option<&FrameTimes>,
 ) -> Vec<u32> {
     let bar_rows = if bar.is_some() { bar_height(scale) } else { 0 };
     let rows = (bar_rows + if lately.is_some() { GRAPH * scale } else { 0 }).min(height);
@@ -89,7 +89,7 @@ pub fn draw(
     canvas.words
 }
 
-fn graph(canvas: &mut Canvas, lately: &Lately) {
+fn graph(canvas: &mut Canvas, lately: &FrameTimes) {
     let scale = canvas.scale;
     let (left, top, floor) = (MARGIN * scale, 18 * scale, (GRAPH - 6) * scale);
     let FrameReport { active, gaussians, intersections, .. } = lately.report;
@@ -106,10 +106,10 @@ fn graph(canvas: &mut Canvas, lately: &Lately) {
     }
     for rate in [60.0, 30.0] {
         let y = floor - tall(1e3 / rate);
-        canvas.fill([left, y], [Lately::FRAMES * scale, 1], FAINT);
-        canvas.text([left + (Lately::FRAMES + 3) * scale, y.saturating_sub(3 * scale)], &format!("{rate}"), FAINT);
+        canvas.fill([left, y], [FrameTimes::FRAMES * scale, 1], FAINT);
+        canvas.text([left + (FrameTimes::FRAMES + 3) * scale, y.saturating_sub(3 * scale)], &format!("{rate}"), FAINT);
     }
-    let x = left + (Lately::FRAMES + 30) * scale;
+    let x = left + (FrameTimes::FRAMES + 30) * scale;
     for (k, (name, ms)) in lately.slowest(PASSES).into_iter().enumerate() {
         canvas.text([x, top + 11 * k * scale], &format!("{ms:7.2} ms {name}"), TEXT);
     }

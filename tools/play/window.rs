@@ -7,7 +7,7 @@ use crate::ui::screen::say;
 use crate::{Args, keys};
 use anyhow::Context;
 use glam::{DVec2, DVec3};
-use ivv::internals::profile::Lately;
+use ivv::internals::profile::FrameTimes;
 use ivv::internals::scene::{Navigator, Playhead, Push, View};
 use ivv::internals::sound::pose::HeadPose;
 use ivv::internals::stage::{Layer, Renderer, Screen};
@@ -66,7 +66,7 @@ pub struct State {
     pub output: Output,
     pub has_stats: bool,
     pub is_muted: bool,
-    pub lately: Lately,
+    pub lately: FrameTimes,
     open: Option<Open>,
     /// Of the last picture, pixels, and pixels of a point of its overlay.
     size: [u32; 2],

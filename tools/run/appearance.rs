@@ -9,14 +9,14 @@ use std::ffi::OsStr;
 use std::path::Path;
 
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Look {
+pub struct Appearance {
     /// In the scene's own frame.
     pub constants: Constants,
     /// The background that it was made over, where run or file says that.
     pub background: Option<[f32; 3]>,
 }
 
-impl Look {
+impl Appearance {
     /// How the run in the folder `path` is rendered, or what the file `path` says, which is `clip` if it is a `.4dgs`; a `scene.ply` that
     /// does not say it takes the constants of the run beside it. Also the notes on impossible values, already printed.
     pub fn of(path: &Path, clip: Option<&FourDgs>) -> ivv::Result<(Self, Vec<String>)> {
@@ -31,7 +31,7 @@ impl Look {
         if let Some(own) = own {
             let Rendering { constants, background, notes } = Rendering::of(&own);
             notes.iter().for_each(|note| alert!("{}: {note}", path.display()));
-            return Ok((Look { constants, background }, notes));
+            return Ok((Appearance { constants, background }, notes));
         }
         let is_scene = path.file_name() == Some(OsStr::new("scene.ply"));
         let folder = path.parent().filter(|folder| is_scene && is_run(folder));
@@ -44,7 +44,7 @@ impl Look {
     }
 
     pub fn new(run: &Run, config: &Config) -> Self {
-        Look { constants: run.constants_of_capture(), background: Some(config.background) }
+        Appearance { constants: run.constants_of_capture(), background: Some(config.background) }
     }
 
     /// How the run in `folder` is rendered; as usual, with a warning, where its files cannot be read.
@@ -54,11 +54,11 @@ impl Look {
             // Segments that were joined have none of their own.
             let has_config = folder.join("config.json").is_file();
             let config = has_config.then(|| config_of(folder)).transpose()?;
-            Ok(Look { constants, background: config.map(|config| config.background) })
+            Ok(Appearance { constants, background: config.map(|config| config.background) })
         };
         read().unwrap_or_else(|fault| {
             alert!("rendered as usual, since it is not known how the run was: {fault}");
-            Look::default()
+            Appearance::default()
         })
     }
 

@@ -1,6 +1,6 @@
 //! The clip of a scene: its length and start, the views to begin from, its sound, and how it is rendered.
 
-use crate::run::appearance::Look;
+use crate::run::appearance::Appearance;
 use crate::run::files::config_of;
 use crate::run::source::{Source, is_run};
 use crate::ui::screen::say;
@@ -43,7 +43,7 @@ pub fn setting(source: &Source, seconds: Option<f64>, cameras: Option<&Path>) ->
         Some(views) => views,
         None => file.map(FourDgs::views).transpose()?.unwrap_or_default(),
     };
-    let Look { constants, background } = source.look;
+    let Appearance { constants, background } = source.look;
     let sounds = file.map_or_else(Sounds::default, FourDgs::sounds);
     let background = Some(background.or(views.first().map(|view| view.background)).unwrap_or_default());
     let is_as_long = |run: &Run| {

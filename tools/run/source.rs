@@ -1,6 +1,6 @@
 //! The scene that a verb is given: a scene file, or the folder of a run, which may not have ended.
 
-use crate::run::appearance::Look;
+use crate::run::appearance::Appearance;
 use crate::run::files::{config_of, totals};
 use crate::ui::screen::say;
 use ivv::internals::formats::{self, FourDgs, FourDgsParts, PlyParts};
@@ -74,7 +74,7 @@ pub struct Source<'a> {
     pub path: &'a Path,
     /// The file without its Gaussians, if it is a `.4dgs`.
     pub clip: Option<FourDgs>,
-    pub look: Look,
+    pub look: Appearance,
     /// The notes on `look`, already printed.
     notes: Vec<String>,
 }
@@ -83,7 +83,7 @@ impl<'a> Source<'a> {
     /// Reads how a scene is rendered, and all of a `.4dgs` but its Gaussians.
     pub fn open(path: &'a Path) -> ivv::Result<Self> {
         let clip = if FourDgs::is(path) { Some(FourDgs::open(path)?) } else { None };
-        let (look, notes) = Look::of(path, clip.as_ref())?;
+        let (look, notes) = Appearance::of(path, clip.as_ref())?;
         Ok(Source { path, clip, look, notes })
     }
 

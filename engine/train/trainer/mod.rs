@@ -24,7 +24,7 @@ use crate::scene::capture::Picture;
 use crate::scene::{Clearing, Cone, Splats, View};
 use crate::settings::Constants;
 use crate::stage::{
-    AdamMode, Batch, Clearings, DensityRound, Lists, Moments, Optimiser, Purpose, Room, SceneBuffers, Size, State,
+    AdamMode, Batch, Capacity, Clearings, DensityRound, Lists, Moments, Optimiser, Purpose, SceneBuffers, Size, State,
     StepSettings, Workspace, adam_params, constants_on, lazy_sums,
 };
 use report::ImageReport;
@@ -63,7 +63,7 @@ pub struct Trainer {
     staging: Arc<Staging>,
     // Gaussians that cannot be drawn, counted once per step; density control removes them.
     n_undrawable: Buf<u32>,
-    room: Room,
+    capacity: Capacity,
     // Rounds of the blend that the longest list so far needed.
     rounds: u32,
     in_flight: VecDeque<Step>,
@@ -158,7 +158,7 @@ impl Trainer {
         let staging = Arc::new(Staging::new(&gpu));
         let images = ImageStore::new(gpu.clone(), staging.clone(), setup.data)?;
         let clearings = clearings(&gpu, &setup, scene.origin)?;
-        let mut room = Room {
+        let mut capacity = Capacity {
             active: 1,
             intersections: scene.n.saturating_mul(4).max(1 << 14),
             tiles: 1,
@@ -171,8 +171,8 @@ impl Trainer {
             is_batched: config.batch > 1,
             depth_bits: constants.knobs.depth_bits,
         };
-        room.active = room.active_of(scene.n, gpu.caps());
-        room.intersections = room.intersections.min(room.max_intersections(&gpu));
+        capacity.active = capacity.active_of(scene.n, gpu.caps());
+        capacity.intersections = capacity.intersections.min(capacity.max_intersections(&gpu));
         Ok(Trainer {
             objective,
             images,
@@ -192,7 +192,7 @@ impl Trainer {
             batch: None,
             ranks: None,
             shared: Shared::default(),
-            room,
+            capacity,
             rounds: 1,
             in_flight: VecDeque::new(),
             reports: Vec::new(),
@@ -201,7 +201,7 @@ impl Trainer {
 
     /// Limits the first buffers; a step that needs more is run again.
     pub fn limit_intersections(&mut self, n: u32) {
-        self.room.intersections = n.max(1);
+        self.capacity.intersections = n.max(1);
     }
 
     /// Submitted steps.
@@ -346,7 +346,7 @@ impl Trainer {
     /// Leaves room for the backdrop at the end.
     fn most_gaussians(&self) -> u32 {
         let backdrop = if self.shows_background() { 0 } else { self.config.backdrop };
-        most_gaussians(&self.config, self.room.active_of(u32::MAX, self.gpu.caps()), backdrop)
+        most_gaussians(&self.config, self.capacity.active_of(u32::MAX, self.gpu.caps()), backdrop)
     }
 
     /// Gaussians that density control may still add; none once it adds no more.
@@ -371,7 +371,7 @@ impl Trainer {
         self.scene = grown.scene;
         (self.optimiser.moments, self.optimiser.state) = (grown.moments, grown.state);
         self.controlled = self.step;
-        self.room.active = self.room.active_of(self.scene.n, self.gpu.caps());
+        self.capacity.active = self.capacity.active_of(self.scene.n, self.gpu.caps());
         if let Some(report) = self.reports.last_mut() {
             report.density = Some(grown.counts);
         }

@@ -5,7 +5,7 @@ use crate::error::Result;
 use crate::gpu::generated::Status;
 use crate::gpu::{Gpu, Recording};
 use crate::internals::train::checkpoint::placed;
-use crate::internals::train::{Average, Checkpoint, Config, DueEvents, Setup, StepRoom, rates};
+use crate::internals::train::{Average, Checkpoint, Config, DueEvents, Setup, StepCapacity, rates};
 use crate::scene::{Similarity, Splats};
 use crate::settings::Constants;
 use crate::stage::{AdamMode, Moments, Optimiser, Purpose, SceneBuffers, lazy_sums};
@@ -19,10 +19,10 @@ impl Trainer {
         let setup = Setup { has_grid: cameras.has_grid.clone(), ..setup };
         let mut trainer = Self::begin(gpu, params, constants, config.clone(), *total, setup)?;
         trainer.objective.cameras.restore(&trainer.gpu, cameras)?;
-        trainer.room.camera = trainer.objective.cameras.wants_gradient();
+        trainer.capacity.camera = trainer.objective.cameras.wants_gradient();
         if room.intersections > 0 {
-            trainer.room.intersections = room.intersections.min(trainer.room.max_intersections(&trainer.gpu));
-            trainer.rounds = room.rounds.clamp(1, trainer.room.max_rounds());
+            trainer.capacity.intersections = room.intersections.min(trainer.capacity.max_intersections(&trainer.gpu));
+            trainer.rounds = room.rounds.clamp(1, trainer.capacity.max_rounds());
         }
         trainer.scene.origin = *origin;
         trainer.clearings = clearings(&trainer.gpu, &trainer.setup, *origin)?;
@@ -73,7 +73,7 @@ impl Trainer {
             state: self.state()?,
             cameras: self.objective.cameras.state(&self.gpu)?,
             due: DueEvents::default(),
-            room: StepRoom { intersections: self.room.intersections, rounds: self.rounds },
+            room: StepCapacity { intersections: self.capacity.intersections, rounds: self.rounds },
             average: Average::default(),
         })
     }

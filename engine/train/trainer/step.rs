@@ -12,7 +12,7 @@ use crate::internals::train::objective::Report;
 use crate::random::Keyed;
 use crate::scene::View;
 use crate::stage::{
-    AdamMode, Among, Batch, Lists, Optimiser, Outcome, Room, Size, Strip, Target, Workspace, record_mcmc_noise,
+    AdamMode, Among, Batch, Capacity, Lists, Optimiser, Outcome, Size, Strip, Target, Workspace, record_mcmc_noise,
     view_params,
 };
 use bytemuck::bytes_of;
@@ -107,13 +107,13 @@ impl Trainer {
         for (image, report) in own.iter().zip(reports) {
             let status: Status = self.gpu.peek(&report.status.slice())?.first().copied().unwrap_or_default();
             let Some(work) = &self.work else { return Ok(false) };
-            match work.room.outcome(&self.gpu, &status, self.rounds) {
+            match work.capacity.outcome(&self.gpu, &status, self.rounds) {
                 Outcome::Complete => {}
-                Outcome::Replay(room, rounds) => {
+                Outcome::Replay(capacity, rounds) => {
                     self.step = inputs.step - 1;
                     self.gpu.write(&work.status, &[Status::default()])?;
                     self.batch.as_ref().map_or(Ok(()), |batch| batch.clear(&self.gpu))?;
-                    (self.room, self.rounds) = (room, rounds);
+                    (self.capacity, self.rounds) = (capacity, rounds);
                     return Ok(false);
                 }
                 Outcome::TooMuch { what, needed, limit } => {
@@ -144,26 +144,26 @@ impl Trainer {
 
     /// A workspace with room for the images of a step.
     fn fitted(&mut self, inputs: &Inputs) -> Result<Workspace> {
-        let mut room = self.room;
+        let mut capacity = self.capacity;
         for image in &inputs.images[inputs.own()] {
             let (tiles_x, tiles_y) = Strip::whole(&image.view).tiles(&image.view);
-            room.tiles = room.tiles.max(tiles_x * tiles_y);
-            room.pixels = room.pixels.max(image.view.intrinsics.n_pixels() as usize);
+            capacity.tiles = capacity.tiles.max(tiles_x * tiles_y);
+            capacity.pixels = capacity.pixels.max(image.view.intrinsics.n_pixels() as usize);
         }
-        if room.pixels > self.room.pixels || self.work.as_ref().is_some_and(|work| work.room != room) {
+        if capacity.pixels > self.capacity.pixels || self.work.as_ref().is_some_and(|work| work.capacity != capacity) {
             // The mark of a failure is in the workspace of the failed step.
             self.end_all()?;
         }
-        if room.pixels > self.room.pixels {
+        if capacity.pixels > self.capacity.pixels {
             self.with_memory(|trainer| {
-                trainer.images.residents.fit(&trainer.gpu, room.pixels)?;
-                trainer.objective.fit(&trainer.gpu, room.pixels)
+                trainer.images.residents.fit(&trainer.gpu, capacity.pixels)?;
+                trainer.objective.fit(&trainer.gpu, capacity.pixels)
             })?;
         }
-        self.room = Room { tiles: room.tiles, pixels: room.pixels, ..self.room };
-        let mut work = match self.work.take().filter(|work| work.room == self.room) {
+        self.capacity = Capacity { tiles: capacity.tiles, pixels: capacity.pixels, ..self.capacity };
+        let mut work = match self.work.take().filter(|work| work.capacity == self.capacity) {
             Some(work) => work,
-            None => self.with_memory(|trainer| Workspace::new(&trainer.gpu, &trainer.scene, trainer.room))?,
+            None => self.with_memory(|trainer| Workspace::new(&trainer.gpu, &trainer.scene, trainer.capacity))?,
         };
         work.view = self.optimiser.view.clone();
         if self.config.batch > 1 && self.batch.is_none() {

@@ -16,7 +16,7 @@ use anyhow::Context;
 use ivv::internals::files::write_atomic;
 use ivv::internals::gpu::{Dispatch, Gpu};
 use ivv::internals::profile::{
-    Comparison, Heat, Moment, Overhead, Peaks, Profile, Recorded, Sample, Sweep, SweepOptions, trace, write_dispatch,
+    Comparison, Moment, Overhead, Peaks, Profile, Recorded, Sample, Sweep, SweepOptions, WarmUp, trace, write_dispatch,
 };
 use ivv::internals::scene::capture::{Capture, FrameCache, PriorPlan, share_of_memory};
 use ivv::internals::scene::read_views;
@@ -265,7 +265,7 @@ impl Job<'_> {
             renderer.draw(view, Outputs::Color)?;
         }
         let start = Instant::now();
-        let mut heat = Heat::new(gpu)?;
+        let mut heat = WarmUp::new(gpu)?;
         for view in views.iter().cycle().take(args.samples as usize) {
             heat.before(gpu)?;
             let begun = Instant::now();
@@ -307,7 +307,7 @@ impl Job<'_> {
         let mut measured = Measurement::default();
         let mut progress = Progress::new("profile", steps as usize);
         let start = Instant::now();
-        let mut heat = Heat::new(gpu)?;
+        let mut heat = WarmUp::new(gpu)?;
         for _ in 0..warm_up {
             session.step()?;
             progress.step("steps");

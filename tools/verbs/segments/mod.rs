@@ -1,6 +1,6 @@
 //! `ivv segments`: trains a long clip in segments, on one machine or as jobs of many.
 
-use crate::run::appearance::Look;
+use crate::run::appearance::Appearance;
 use crate::run::capture::{self, CaptureArgs};
 use crate::run::device::DeviceArgs;
 use crate::run::files::{make_folder, read_json, write_json};
@@ -273,7 +273,7 @@ impl<'a> Jobs<'a> {
         let read = |job: Option<usize>| read_ply(&self.folder(job).join("scene.ply"));
         let mut joined = Joined::new(&file, self.segments.clone(), read)?;
         let base = self.folder(None);
-        write_parts(&file, &mut joined, &Look::of(&base, None)?.0.unusual())?;
+        write_parts(&file, &mut joined, &Appearance::of(&base, None)?.0.unusual())?;
         // The constants of the jobs, as set by --blur and the like. On a moving rig the jobs trained in a frame with another unit, so
         // convert the near plane.
         let base = Run::read(&base)?;

@@ -8,7 +8,7 @@ mod setup;
 
 pub use args::Args;
 
-use crate::run::appearance::Look;
+use crate::run::appearance::Appearance;
 use crate::run::background::{BackgroundWriter, in_parallel};
 use crate::run::camera_poses;
 use crate::run::files::{write_json, write_scene};
@@ -354,7 +354,7 @@ impl Training<'_, '_> {
         let splats = self.session.finish_with(trained.clone())?;
         self.note_events()?;
         let (scene, world, step) = (output.join("scene.ply"), self.scorer.run.world, self.session.steps());
-        let own = Look::new(self.scorer.run, self.scorer.config).unusual();
+        let own = Appearance::new(self.scorer.run, self.scorer.config).unusual();
         write_scene(&scene, &splats, &world, &own)?;
         // Score the scene of the file.
         let splats = world.splats(&splats);

@@ -21,7 +21,7 @@ pub struct Size {
 
 /// Capacities; they only grow, but for the strip.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Room {
+pub struct Capacity {
     pub active: u32,
     pub intersections: u32,
     pub tiles: u32,
@@ -39,13 +39,13 @@ pub struct Room {
     pub depth_bits: u32,
 }
 
-impl Room {
+impl Capacity {
     pub(super) fn has_slots(&self) -> bool {
         self.purpose != Purpose::Picture && self.sums == Sums::Slots
     }
 
     /// Active Gaussians of a scene of `n`: all, or as many as one binding holds the splats and sums of. A view that has more fails for
-    /// them, see [`Room::outcome`].
+    /// them, see [`Capacity::outcome`].
     pub fn active_of(&self, n: u32, caps: &Caps) -> u32 {
         let sums = if self.purpose == Purpose::Picture { 0 } else { self.sums.bytes() };
         let most = caps.max_binding_bytes / sums.max(16 * SPLAT_PLANES as u64);
@@ -73,7 +73,7 @@ impl Room {
             Outcome::TooMuch { what: "intersections", needed: status.n_intersections, limit }
         } else if status.failed & FAILED_INTERSECTIONS != 0 {
             let roomy = (u64::from(status.n_intersections) * 5 / 4).min(u64::from(limit)) as u32;
-            Outcome::Replay(Room { intersections: roomy, ..*self }, rounds)
+            Outcome::Replay(Capacity { intersections: roomy, ..*self }, rounds)
         } else if status.failed & FAILED_LIST != 0 {
             Outcome::Replay(*self, status.max_tile_list.div_ceil(SEGMENT))
         } else {
@@ -86,7 +86,7 @@ impl Room {
 pub enum Outcome {
     Complete,
     /// With this much room and this many rounds.
-    Replay(Room, u32),
+    Replay(Capacity, u32),
     /// Fewer tile rows at a time, or an error: a binding cannot hold `needed` of `what`.
     TooMuch {
         what: &'static str,
