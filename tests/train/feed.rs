@@ -27,7 +27,7 @@ fn images_that_stay_on_the_device_give_the_bits_of_those_that_pass() {
     // Reduced images leave when whole ones come, and reviews continue with another trainer.
     let required = Required { reviews: 2, grids_at: 0.2 };
     let resolution = Resolution { reduction: 2, until: 0.3 };
-    let config = Config { sh_degree: 1, steps: 30, max_gaussians: 2_000, required, resolution, ..exact() };
+    let config = Config { sh_degree: 1, steps: STEPS, max_gaussians: 2_000, required, resolution, ..exact() };
     let run = |bytes| {
         let mut session = begin(&gpu, &tiny, &config, bytes);
         let mut most = 0;

@@ -109,7 +109,7 @@ fn a_resumed_run_needs_no_capture_tells_which_settings_are_newer_and_finds_a_cap
     older["frame"].as_object_mut().unwrap().remove("t_cut").unwrap();
     std::fs::write(case.run.join("config.json"), older.to_string()).unwrap();
     let told = tells(&case.resume(&[]));
-    assert!(told.contains("now have their defaults: backdrop, frame.t_cut."), "{told}");
+    assert!(told.contains("now have their defaults: backdrop, frame.t_cut;"), "{told}");
     let elsewhere = case.tiny.folder.with_extension("elsewhere");
     std::fs::rename(&case.tiny.folder, &elsewhere).unwrap();
     let run = elsewhere.join("run");

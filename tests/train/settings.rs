@@ -151,8 +151,8 @@ fn settings_are_listed_with_default_unit_range_meaning_and_presets() {
     let all: Vec<Value> = serde_json::from_str(&works(&["train", "--list-settings", "--json"])).unwrap();
     assert_eq!(all.len(), all_settings().count());
     let moments = all.iter().find(|line| line["name"] == "moment_bits").unwrap();
-    assert_eq!(moments["presets"], json!({ "balanced": 16, "fast": 16 }));
-    assert_eq!((&moments["default"], &moments["unit"]), (&json!(32), &json!("bits")));
+    assert_eq!(moments["presets"], json!({ "balanced": 16, "exact": 32, "fast": 16, "small": 32 }));
+    assert_eq!((&moments["default"], &moments["unit"]), (&json!(16), &json!("bits")));
     assert_eq!(moments["range"], "16 or 32");
     let text = works(&["train", "--list-settings", "density"]);
     let listed = all_settings().filter(|setting| setting.name.starts_with("density."));

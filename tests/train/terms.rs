@@ -166,7 +166,7 @@ fn moving_scene(offsets: [f64; 2]) -> (Splats, Vec<(usize, View, Picture)>) {
 #[test]
 fn offsets_are_learnt_where_everything_else_is_known() {
     let _device = gpu();
-    const STEPS: u64 = 240;
+    const STEPS: u64 = 480;
     let truth = [0.4, -0.4];
     let (splats, pictures) = moving_scene(truth);
     let config = Config { lr: nothing_moves(Pace::default()), sh_degree: 0, ..exact() };

@@ -94,7 +94,7 @@ impl Progress {
         self.done += 1;
         // Short work has a last line only on a terminal.
         let has_last = screen::is_terminal() || self.pace.last.is_some() || self.pace.start.elapsed() >= LONG;
-        if !(self.done == self.total && has_last) && !self.pace.is_due() {
+        if !(self.pace.is_due() || self.done == self.total && has_last) {
             return;
         }
         let seconds = self.pace.start.elapsed().as_secs_f64();

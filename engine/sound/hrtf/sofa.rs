@@ -93,10 +93,7 @@ fn parse(bytes: &[u8]) -> std::result::Result<Measured, Fault> {
     if at.values.len() != 3 * n {
         return Err(("SourcePosition", format!("{} values for {n} directions", at.values.len())));
     }
-    let is_along_x = |view: &Array| match view.values[..] {
-        [x, y, z] if view.is_cartesian && x <= y.hypot(z) => false,
-        _ => true,
-    };
+    let is_along_x = |view: &Array| !matches!(view.values[..], [x, y, z] if view.is_cartesian && x <= y.hypot(z));
     if !view.as_ref().is_none_or(is_along_x) {
         return Err(("ListenerView", "the listener does not look along x".into()));
     }

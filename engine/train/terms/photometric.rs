@@ -12,7 +12,6 @@ pub(super) const TERM: TermKind = TermKind {
     new: |gpu, config, _| {
         Ok(Some(Box::new(Colors { photometric: Photometric::new(gpu, 1)?, stride: config.loss.ssim_stride })))
     },
-    ..TermKind::NONE
 };
 
 const LOGGED: &[Logged] = &[

@@ -11,12 +11,15 @@ pub(super) const LEAST_PIXELS: u32 = 64;
 /// Sums by workgroup; none if the term is not due.
 pub(in crate::internals::train) type Left = Option<Buf<[f32; 4]>>;
 
+/// Gives none where the term is off.
+pub(super) type NewTerm = fn(&Gpu, &Config, TermData) -> Result<Option<Box<dyn Term>>>;
+
 /// A term before a run, which may be off.
 pub(super) struct TermKind {
     pub logged: &'static [Logged],
     /// Those that grow with the picture, by the data that it uses: name, bytes per pixel.
     pub buffers: fn(TermData) -> &'static [(&'static str, f64)],
-    pub new: fn(&Gpu, &Config, TermData) -> Result<Option<Box<dyn Term>>>,
+    pub new: NewTerm,
 }
 
 impl TermKind {
