@@ -10,7 +10,7 @@ pub const SPLAT_PLANES: usize = constants::splat::SPLAT_PLANES as usize;
 
 /// The projected Gaussians, by active index; see `include/splat.glsl`.
 pub struct Projected {
-    /// [`SPLAT_PLANES`] vec4 each.
+    /// `SPLAT_PLANES` vec4 each.
     pub splats: Buf<[f32; 4]>,
     pub depth_keys: Buf<u32>,
     /// Room for active indices in the order of their depths.

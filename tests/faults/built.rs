@@ -1,6 +1,9 @@
 //! The layer, built for a test.
 
-use crate::common::prelude::*;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::OnceLock;
+
 /// Writes the layer's manifest into `folder`, for `VK_LAYER_PATH`; its name is `VK_LAYER_IVV_faults`.
 pub fn layer(folder: &Path) {
     std::fs::create_dir_all(folder).unwrap();
