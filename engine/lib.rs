@@ -182,7 +182,6 @@ pub mod internals {
     pub mod random;
     pub(crate) mod recon;
     pub mod reference;
-    #[allow(missing_docs)]
     pub mod report;
     pub mod scene;
     pub mod settings;

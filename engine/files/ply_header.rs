@@ -7,7 +7,7 @@ use std::path::Path;
 use super::file::cannot_read;
 use crate::error::{Error, Result};
 
-/// Of a header; those of 3DGS have about 1.5 KB, and some writers add comments.
+/// Longest header. 3DGS writes about 1.5 KB, and some writers add comments.
 const MAX_HEADER_BYTES: u64 = 1 << 20;
 const EXPORT: &str = "export the file again";
 

@@ -12,7 +12,7 @@ pub struct Scene {
     pub splats: Splats,
     /// When they are shown, from where, and how they are rendered.
     pub clip: Clip,
-    /// What the reader left out, guessed or converted: a sentence each, without the file's name.
+    /// A sentence, without the file's name, for each thing that the reader left out, guessed or converted.
     pub notes: Vec<String>,
 }
 

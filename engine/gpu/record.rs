@@ -12,7 +12,7 @@ pub enum Grid {
     /// At least this many threads.
     Threads(u32),
     Groups(u32),
-    /// Of as many workgroups as three words on the device say.
+    /// Three words on the device give the number of workgroups.
     Indirect(Slice),
 }
 

@@ -64,7 +64,7 @@ pub struct PassTime {
 /// A recording that the device works on. Dropping it waits.
 pub struct Running {
     submission: crate::vk::Submission,
-    /// Of timed passes, as they ran: place in the recording and label.
+    /// The place in the recording and the label of each timed pass, in the order in which they ran.
     passes: Vec<(usize, String)>,
     barriers: usize,
 }

@@ -89,7 +89,7 @@ pub struct Forecast {
     /// Pairs of them that are matched.
     pub pairs: usize,
     pub seconds: f64,
-    /// Of what follows, until the capture is made.
+    /// Seconds of the stages that follow, until the capture is made.
     pub then: f64,
     pub threads: usize,
     /// Cameras that the videos are taken for.

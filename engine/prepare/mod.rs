@@ -3,7 +3,6 @@
 //!
 //! Every stage continues where an interrupted run stopped: files are written whole, and `prepare.json` notes from what each stage was
 //! made. `capture.toml` comes last.
-#![allow(missing_docs, reason = "a room for the program and its tests, which no page of the crate shows")]
 
 mod colmap;
 mod database;

@@ -137,7 +137,7 @@ impl Change {
         }
     }
 
-    /// Of two medians. Their standard errors come from the 95th percentiles, which makes them large where the scatter has a long tail.
+    /// Compares two medians. Their standard errors come from the 95th percentiles, so a long tail makes them large.
     fn of(a: &RecordedLine, b: &RecordedLine) -> Self {
         if a.samples.min(b.samples) < LEAST_SAMPLES {
             return Change::TooFew;

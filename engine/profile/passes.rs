@@ -21,7 +21,7 @@ pub struct Line {
     pub label: String,
     pub samples: usize,
     pub dispatches: f64,
-    /// Of the samples' times, milliseconds.
+    /// Median and 95th percentile of the samples' times, milliseconds.
     pub median_ms: f64,
     pub p95_ms: f64,
     /// Part of all passes' time.

@@ -21,7 +21,7 @@ use std::time::{Duration, Instant};
 pub struct SweepOptions {
     /// Gaussians that live at a time while something else than they grows.
     pub gaussians: usize,
-    /// Of a scene, never more.
+    /// Most Gaussians of a scene.
     pub most_gaussians: usize,
     pub size: [u32; 2],
     /// Seconds in all; what would take longer is left out.

@@ -6,9 +6,6 @@
 //!
 //! Colours are medians over the cameras that see a point, because each has its own exposure.
 
-// Most of this is no public API, and names say enough.
-#![allow(missing_docs)]
-
 mod agree;
 mod chosen;
 mod eye;
@@ -171,7 +168,7 @@ fn all(capture: &Capture, settings: &Settings, progress: &mut Progress) -> Resul
 /// Dynamic Gaussians alone, by flow and by masks; none if the capture has neither.
 fn moving(capture: &Capture, settings: &Settings, progress: &mut Progress) -> Result<Initial> {
     let (from, because) = if capture.has_frame_points() && has_flow(capture) {
-        (Init::Flow, "of what moves, by the flow")
+        (Init::Flow, "of moving surfaces, by the flow")
     } else if marks_motion(capture) {
         (Init::Hull, "of what moves, by the masks")
     } else {

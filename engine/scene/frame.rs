@@ -61,6 +61,9 @@ impl Frame {
     /// Writes everything as one OpenEXR image of f32 channels: `R`, `G`, `B` (blended with the background, not premultiplied again), `A`,
     /// `depth.Z`, `inverse_depth`, `flow.X` and `flow.Y`.
     /// Fails as [`Frame::write_png`].
+    ///
+    /// # Errors
+    /// As [`Frame::write_png`].
     pub fn write_exr(&self, path: &Path) -> Result<()> {
         self.check_all(path)?;
         let color = |channel: usize| self.color.iter().map(|c| c[channel]).collect();
@@ -81,6 +84,9 @@ impl Frame {
     /// Writes everything as f32 tensors (SPEC 9): `color` [H, W, 3], `alpha`, `depth`, `inverse_depth` [H, W] and
     /// `flow` [H, W, 2].
     /// Fails as [`Frame::write_png`].
+    ///
+    /// # Errors
+    /// As [`Frame::write_png`].
     pub fn write_safetensors(&self, path: &Path) -> Result<()> {
         self.check_all(path)?;
         let (h, w) = (self.height as usize, self.width as usize);

@@ -25,7 +25,7 @@ pub struct Summary {
     /// 4 for each number that is modelled: 14 of a static Gaussian of degree 0 (SPEC 2), 5 more of a dynamic one, 9, 15 and 21 of the
     /// bands above.
     pub parameter_bytes: u64,
-    /// Of this project's PLY.
+    /// Only this project's PLY has it.
     pub ply_bytes_per_gaussian: u64,
     /// Without the header.
     pub ply_bytes: u64,

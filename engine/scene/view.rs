@@ -48,7 +48,7 @@ pub struct Cone {
     pub tip: [f32; 3],
     /// Tangent of the angle between the axis and the cone's side.
     pub reach: f32,
-    /// Of length 1.
+    /// A unit vector.
     pub axis: [f32; 3],
     pub unused: f32,
 }

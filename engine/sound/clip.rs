@@ -28,6 +28,9 @@ const SPARED: f64 = 1e-6;
 
 /// The sources of a clip of `seconds` that begins `start` seconds into the recordings, each as a listener at the microphone's first
 /// place hears it, with its path. Sources that are never heard are left out.
+///
+/// # Errors
+/// [`crate::Error::Data`] naming a recording that cannot be read, or a place that is not finite.
 pub fn sounds(scene: &SoundScene, start: f64, seconds: f64) -> Result<Sounds> {
     let config = RenderConfig { mode: Mode::Paper3d, ..RenderConfig::default() };
     let mic = scene.mic.pose.poses()[0];

@@ -23,7 +23,9 @@ const FAR_FROM_RECORDING_DB: f64 = 6.0;
 /// How a scene is rendered.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RenderConfig {
+    /// How directions, gains and delays are made.
     pub mode: Mode,
+    /// How responses are looked up.
     pub lookup: Lookup,
     /// Samples of a frame of the paper's modes.
     pub frame: usize,
@@ -77,6 +79,7 @@ pub struct Cue {
 /// Numbers of a source in a rendering.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct SourceReport {
+    /// Its name.
     pub id: String,
     /// Lowest and highest gain relative to the recording, decibels.
     pub gain_db: [f64; 2],

@@ -67,8 +67,10 @@ pub struct LocalizeReport {
     pub sources: Vec<SourceReport>,
 }
 
+/// Numbers of a source that was localised.
 #[derive(Clone, Debug, serde::Serialize)]
 pub struct SourceReport {
+    /// Its name.
     pub id: String,
     /// Frames by how its place was found.
     pub flags: BTreeMap<&'static str, usize>,

@@ -1,8 +1,4 @@
 //! The sound field: from cameras and a microphone to the sound at a moving head; see `engine/sound/README.md`.
-#![allow(
-    missing_docs,
-    reason = "most of it is for the engine and its tests; names that say all on the crate's page have no more"
-)]
 
 pub mod align;
 pub mod clip;

@@ -57,6 +57,7 @@ impl HeadPose {
 /// A path, as its file has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct HeadPath {
+    /// Where the head is.
     pub track: PoseTrack,
     /// Pictures per second, width and height in pixels, and the vertical field of view in degrees, where the file says.
     pub camera: Option<PathCamera>,
@@ -67,13 +68,18 @@ pub struct HeadPath {
 pub struct PathCamera {
     /// Pictures per second.
     pub fps: f64,
+    /// Pixels.
     pub width: u32,
+    /// Pixels.
     pub height: u32,
     /// Vertical field of view of the first picture, degrees.
     pub fov: f64,
 }
 
 /// Reads a path; see the module for the kinds of files. `convention` replaces the kind's own.
+///
+/// # Errors
+/// [`Error::Data`] naming the file and the line that cannot be read.
 pub fn read_path(path: impl AsRef<Path>, convention: Option<Convention>) -> Result<HeadPath> {
     let path = path.as_ref();
     let text = read_text(path).map_err(|fault| cannot_read(path, &fault))?;

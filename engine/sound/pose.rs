@@ -18,6 +18,7 @@ pub struct HeadPose {
 }
 
 impl HeadPose {
+    /// The head's forward axis in the world.
     pub fn forward(&self) -> DVec3 {
         self.q * DVec3::X
     }
@@ -39,7 +40,10 @@ pub struct PoseTrack {
 }
 
 impl PoseTrack {
-    /// A track of poses whose times increase.
+    /// A track of poses whose times increase, seconds.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the pose that is out of order or not finite; a track has one at least.
     pub fn new(mut poses: Vec<HeadPose>) -> Result<Self> {
         let fault = |row: usize, reason: &str| {
             let remedy = "give poses with increasing times, finite places and unit quaternions";
@@ -63,6 +67,7 @@ impl PoseTrack {
         Ok(PoseTrack { poses })
     }
 
+    /// A head that stays.
     pub fn still(p: DVec3, q: DQuat) -> Self {
         PoseTrack { poses: vec![HeadPose { t: 0.0, p, q }] }
     }
@@ -82,6 +87,7 @@ impl PoseTrack {
         }
     }
 
+    /// The poses, in the order of time.
     pub fn poses(&self) -> &[HeadPose] {
         &self.poses
     }

@@ -25,16 +25,22 @@ pub use super::course::{Cue, RenderConfig, SPEED_OF_SOUND, SourceReport};
 /// Change of a delay per time above which the head is taken to have jumped: 34 m/s.
 const JUMP: f64 = 0.1;
 
+/// Numbers of a rendering.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Report {
+    /// Length, seconds.
     pub seconds: f64,
+    /// As in the settings.
     pub mode: Mode,
+    /// As in the settings.
     pub lookup: Lookup,
+    /// The set of responses.
     pub hrtf: Meta,
     /// Samples by which the set's responses were late, which were taken away.
     pub hrtf_latency: usize,
     /// Smallest distance, scene units.
     pub r_min: f64,
+    /// By source.
     pub sources: Vec<SourceReport>,
     /// Before the gain.
     pub loudness: Loudness,
@@ -42,6 +48,7 @@ pub struct Report {
     pub gain_db: f64,
 }
 
+/// A rendering.
 #[derive(Clone, Debug)]
 pub struct Rendered {
     /// Left and right, at [`FS`].
@@ -50,10 +57,14 @@ pub struct Rendered {
     pub fs: u32,
     /// By source, what was rendered, at the edges of blocks or the centres of frames.
     pub cues: Vec<Vec<Cue>>,
+    /// Its numbers.
     pub report: Report,
 }
 
 /// Renders a scene's recordings along a head's path; as long as the longest of them.
+///
+/// # Errors
+/// [`crate::Error::Data`] naming a recording that cannot be read, or what of `config` cannot be.
 pub fn render(scene: &SoundScene, head: &PoseTrack, hrtf: &HrtfSet, config: &RenderConfig) -> Result<Rendered> {
     render_signals(scene, &signals(scene)?, head, hrtf, config)
 }

@@ -32,6 +32,7 @@ pub struct SoundScene {
     pub metres_per_unit: Option<f64>,
     /// Up, world.
     pub up: DVec3,
+    /// The microphone.
     pub mic: Mic,
     /// Who is heard; at least one.
     pub sources: Vec<Source>,
@@ -105,6 +106,9 @@ struct SourceFile {
 
 impl SoundScene {
     /// Reads a scene and the tracks that it names.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file and the entry that cannot be read.
     pub fn read(path: impl AsRef<Path>) -> Result<Self> {
         let path = path.as_ref();
         let fault = |place: &str, reason: String| Error::data(path, place, reason, REMEDY);
@@ -155,6 +159,9 @@ impl SoundScene {
     }
 
     /// Writes the scene, and beside it each source's track as `<id>.csv`. Paths of recordings below the folder are relative, others whole.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file that cannot be written.
     pub fn write(&self, path: &Path) -> Result<()> {
         let folder = path.parent().unwrap_or(Path::new(""));
         let relative = |wav: &Path| match wav.strip_prefix(folder) {

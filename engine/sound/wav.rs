@@ -83,12 +83,15 @@ pub fn read_channel(path: &Path, channel: Channel, offset: f64) -> Result<Vec<f3
     Ok(Resampler::new(recording.fs, FS, offset).apply(&samples))
 }
 
+/// How samples are written.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Depth {
     /// 24 bit integers, rounded to the nearest, clipped at the full range.
     #[default]
     Int24,
+    /// 16 bit integers, the same.
     Int16,
+    /// 32 bit floats.
     Float32,
 }
 

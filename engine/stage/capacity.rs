@@ -85,7 +85,7 @@ impl Capacity {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Outcome {
     Complete,
-    /// With this much room and this many rounds.
+    /// The same frame again, with this capacity and this many rounds.
     Replay(Capacity, u32),
     /// Fewer tile rows at a time, or an error: a binding cannot hold `needed` of `what`.
     TooMuch {

@@ -99,9 +99,9 @@ pub struct PriorWeights {
 /// Priors of a picture on the device: halves, see [`half_bits`](crate::scene::capture::half_bits); [`NO_PRIOR`] where it has none.
 #[derive(Clone)]
 pub struct PriorPlanes {
-    /// Of the depth, two pixels a word.
+    /// Depths, two pixels a word.
     pub depths: Buf<u32>,
-    /// Of the flow, a pixel a word: columns in the low half, rows in the high one.
+    /// Flow, a pixel a word: columns in the low half, rows in the high one.
     pub flows: Buf<u32>,
 }
 

@@ -27,7 +27,7 @@ pub struct Tiles {
     emit_args: Buf<[u32; 4]>,
     tile_keys: Buf<u32>,
     splat_ids: Buf<u32>,
-    /// Of gradients: the slots, and the active index of each entry.
+    /// For gradients: the slots, and the active index of each entry.
     slots: Option<[Buf<u32>; 2]>,
     pub slot_first: Buf<u32>,
     // Tiles by the length of their lists, and how many of them are in order.

@@ -27,7 +27,7 @@ const REMEDY: &str = "see the manual's page Benchmarks and the studies in assets
 pub struct Arm {
     /// Names the folders of its runs.
     pub key: String,
-    /// In tables; the key if empty.
+    /// The name in tables; the key if empty.
     #[serde(default)]
     pub name: String,
     /// Name or path.
@@ -41,7 +41,7 @@ pub struct Arm {
     pub paper: BTreeMap<Measure, String>,
 }
 
-/// What the arms change.
+/// The settings that the arms change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Base {

@@ -14,7 +14,7 @@ pub enum Rig {
     Moving,
 }
 
-/// What noise disturbs.
+/// The data that noise disturbs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Noise {
@@ -70,9 +70,9 @@ pub struct Options {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Preset {
-    /// For tests.
+    /// The size that tests use.
     Tiny,
-    /// For a first training run.
+    /// The size of a first training run.
     Small,
     /// `Small` with time offsets, colour transforms, sensor noise and masks.
     Hard,

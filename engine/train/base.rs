@@ -157,6 +157,9 @@ impl Base {
 
 impl Config {
     /// Refuses what would change static Gaussians that stay as they began.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the setting.
     pub fn check_held(&self) -> Result<()> {
         let (draws, reviews) = (self.density.strategy == Strategy::Mcmc, self.required.reviews > 0);
         let changed = match (self.holds_static, draws, reviews) {

@@ -19,22 +19,29 @@ const REMEDY: &str = "delete it to go on from the one before";
 /// A run between two steps.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Checkpoint {
+    /// Steps done.
     pub step: u64,
+    /// Steps of the whole run.
     pub total: u64,
+    /// The run's settings.
     pub config: Config,
     /// From the capture to the frame that training computes in.
     pub world: Similarity,
     /// Added to the positions of `params` in the frame of training.
     pub origin: [f64; 3],
+    /// The parameters, positions relative to `origin`.
     pub params: Splats,
     /// First moments of Adam, by parameter.
     pub first: Splats,
     /// Second moments of Adam, by parameter.
     pub second: Splats,
+    /// State of every Gaussian, see `Optimiser::state`.
     pub state: Vec<[f32; 4]>,
+    /// The learnt parameters of the cameras.
     pub cameras: CameraState,
     /// Events that were due after the step and have not happened, because the run failed there.
     pub due: DueEvents,
+    /// The sizes of the buffers of a step.
     pub room: StepCapacity,
     /// The mean of the scenes near the end of the run so far.
     pub average: Average,
@@ -146,6 +153,7 @@ impl Checkpoint {
     #[doc(hidden)]
     pub const MOST_KEPT: usize = KEEP + 1;
 
+    /// The file of `step` in `folder`.
     pub fn file(folder: &Path, step: u64) -> PathBuf {
         folder.join(format!("{step:08}.ckpt"))
     }
@@ -169,6 +177,9 @@ impl Checkpoint {
     }
 
     /// Writes the checkpoint into `folder` and removes all but the newest three and the best there; none on a fault.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the file that cannot be written; older checkpoints are then untouched.
     #[tracing::instrument(level = "info", name = "write checkpoint", skip_all)]
     pub fn write(&self, folder: &Path) -> Result<()> {
         let file = Self::file(folder, self.step);
@@ -266,6 +277,9 @@ impl Checkpoint {
     }
 
     /// Reads a checkpoint and verifies every hash; the fault names the section that is cut, changed or missing.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming the section that is cut, changed or missing.
     pub fn read(file: &Path) -> Result<Self> {
         let fault = |place: &str, reason: String| Error::data(file, place, reason, REMEDY);
         let bytes = read_file(file).map_err(|e| fault("", format!("cannot be read: {e}")))?;
@@ -335,6 +349,9 @@ impl Checkpoint {
 
     /// The newest checkpoint of `folder` that can be read, with a warning for each newer one; the newest one's fault if
     /// none can be read.
+    ///
+    /// # Errors
+    /// The newest one's fault, when none can be read; [`Error::Data`] when the folder is there and cannot be listed.
     pub fn newest(folder: &Path) -> Result<Option<Self>> {
         let mut newest_fault = None;
         for Kept { file, .. } in list(folder)?.into_iter().rev() {

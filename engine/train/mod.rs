@@ -1,8 +1,5 @@
 //! Training: Gaussians fitted to the images of a capture, one image a step (SPEC 4 and 6).
 
-// Most of this is no public API, and names say enough.
-#![allow(missing_docs)]
-
 mod average;
 mod backdrop;
 mod base;

@@ -105,7 +105,7 @@ pub struct OffsetImages<'a> {
     pub background: [f32; 3],
 }
 
-/// By camera, its learnt time offset with its errors.
+/// The learnt time offset of each camera, with its errors.
 #[tracing::instrument(level = "info", name = "fit offsets", skip_all)]
 pub fn learnt_offsets(
     trainer: &mut Trainer,

@@ -309,12 +309,18 @@ impl fmt::Display for BoundBy {
     }
 }
 
+/// The memory of a run, and how far it can grow.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Plan {
+    /// At the beginning.
     pub begin: Need,
+    /// With the most Gaussians.
     pub full: Need,
+    /// The limit of the most Gaussians.
     pub bound_by: BoundBy,
+    /// Limits of the device.
     pub limits: Limits,
+    /// Bytes of decoded pictures, in the host's memory.
     pub cache_bytes: u64,
     /// Bytes of pictures that stay on the device.
     pub image_bytes: u64,
@@ -329,6 +335,10 @@ pub struct ImageMemory {
 }
 
 impl Plan {
+    /// The plan of a run on `capture` that begins with `splats` and has so much memory for pictures.
+    ///
+    /// # Errors
+    /// As [`Workload::of`].
     pub fn of(
         capture: &Capture,
         config: &Config,

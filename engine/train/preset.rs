@@ -15,9 +15,12 @@ pub const PRESETS: [(&str, &str); 4] = [
     ("small", include_str!("../../assets/presets/small.json")),
 ];
 
+/// Settings that differ from the defaults.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Preset {
+    /// Which it is.
     pub id: PresetId,
+    /// Its purpose.
     pub about: String,
     /// Some settings, in the form of [`Config`].
     pub settings: Value,
@@ -32,6 +35,9 @@ struct Form {
 
 impl Preset {
     /// The engine's preset of this name, or the one in the file of this path, which ends in `.json`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] naming what there is, the file that cannot be read, or the setting that cannot be.
     pub fn find(name: &str) -> Result<Self> {
         let path = Path::new(name);
         if path.extension().is_some_and(|extension| extension == "json") {
@@ -49,6 +55,9 @@ impl Preset {
     }
 
     /// The preset `name` that the file `path` holds as `text`.
+    ///
+    /// # Errors
+    /// [`Error::Data`] when it has not the form of one, or a setting is unknown or cannot be.
     pub fn parse(path: &Path, name: &str, text: &str) -> Result<Self> {
         let fault = |reason: String| {
             Error::data(path, "preset", reason, "an object with `about` and `settings`, these as config.json has them")

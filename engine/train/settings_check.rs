@@ -61,6 +61,9 @@ fn leaves(prefix: &str, settings: &Value, names: &mut Vec<String>) {
 impl Config {
     /// Checks what a run of `total` steps needs beside its capture: the weights of LPIPS, and room on the device for
     /// what `adam=lazy` keeps of every step.
+    ///
+    /// # Errors
+    /// Those of [`Lpips::load`]; [`Error::OutOfMemory`] where the run has too many steps for `adam=lazy`.
     pub fn check_on(&self, gpu: &Gpu, total: u64) -> Checked<()> {
         let (needed, limit) = (LAZY_BYTES.saturating_mul(total.saturating_add(1)), gpu.caps().max_binding_bytes);
         if self.adam == AdamMode::Lazy && needed > limit {
@@ -75,6 +78,9 @@ impl Config {
     }
 
     /// Checks every setting; the fault names the first, its value and what was expected.
+    ///
+    /// # Errors
+    /// The first that cannot be: its name, its value and what was expected.
     pub fn check(&self) -> Result<(), String> {
         check_settings(&as_written(self)?)?;
         if self.epochs == 0 && self.steps == 0 {

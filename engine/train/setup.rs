@@ -55,7 +55,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// Of a capture of which only the pictures are used.
+    /// The setup of a training that uses the pictures alone.
     pub fn plain(extent: Extent, dt: f64) -> Self {
         Setup {
             extent,
@@ -76,7 +76,7 @@ impl Setup {
         }
     }
 
-    /// Of `capture` for a run of `config`. Cameras have offsets and grids in clips of several cameras alone: one image
+    /// The setup of a run of `config` on `capture`. Cameras have offsets and grids in clips of several cameras alone: one image
     /// of a static scene is too little to tell a grid from the scene.
     pub fn new(capture: &Capture, config: &Config) -> Self {
         let trained: Vec<bool> = capture.cameras.iter().map(|camera| !camera.is_test).collect();

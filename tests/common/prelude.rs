@@ -1,4 +1,4 @@
-//! What many tests import.
+//! Imports that many tests share.
 
 pub use crate::common::device::{Watched, gpu, timed};
 pub use crate::common::folder::Folder;

@@ -1,6 +1,6 @@
 //! Photos without cameras in other forms than PNG and JPEG of 8 bits, and what is said where COLMAP places nothing.
 
-use super::pictures::{models, stub};
+use super::pictures::{models, stand_in};
 use super::{calls, ivv_prepare, run, settings, video};
 use crate::capture::{encode, png};
 use crate::common::prelude::*;
@@ -32,7 +32,7 @@ fn photos_in_other_forms_are_converted_and_none_is_dropped_in_silence() {
     folder.write("source/f.HEIC", "no picture");
     folder.write("source/g.nef", "raw");
     models(&folder, ["a.png", "b.png", "d.png"]);
-    stub(&folder);
+    stand_in(&folder);
     let out = folder.0.join("out");
     let output = ivv_prepare(&folder, &[]);
     let told = String::from_utf8([output.stdout, output.stderr].concat()).unwrap();

@@ -88,7 +88,7 @@ fn program(folder: &Folder, name: &str, script: &str) {
     std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
 }
 
-/// In the place of COLMAP: its mapper finds `model/`, and it deletes images by taking the model of that name.
+/// A stand-in for COLMAP: its mapper finds `model/`, and it deletes images by taking the model of that name.
 const COLMAP: &str = r#"#!/bin/sh
 here=$(dirname "$0")/..
 echo "$@" >>"$here/calls"
@@ -120,7 +120,7 @@ fn ivv_prepare(folder: &Folder, options: &[&str]) -> Output {
     command.args(options).output().unwrap()
 }
 
-/// What programs in `bin/` wrote about their calls.
+/// The calls that the programs in `bin/` noted.
 fn calls(folder: &Folder) -> String {
     std::fs::read_to_string(folder.0.join("calls")).unwrap()
 }

@@ -9,7 +9,7 @@ use ivv::internals::prepare::{forecast, prepare, recognise};
 
 /// A program in the place of COLMAP that writes what it is called with, tells progress as COLMAP does, and has the mapper find
 /// the model in `model/`.
-pub(super) fn stub(folder: &Folder) {
+pub(super) fn stand_in(folder: &Folder) {
     let script = "#!/bin/sh\nhere=$(dirname \"$0\")/..\necho \"$@\" >>\"$here/calls\"\n\
         case $1 in\nfeature_extractor) echo 'Processed file [1/4]'; echo 'Processed file [4/4]';;\n\
         exhaustive_matcher) echo 'Matching block [1/1, 1/1] in 0.1s';;\n\
@@ -19,7 +19,7 @@ pub(super) fn stub(folder: &Folder) {
     program(folder, "colmap", script);
 }
 
-/// The models that the stub finds: one of three pictures of the four, and a smaller one.
+/// The models that the stand-in finds: one of three pictures of the four, and a smaller one.
 pub(super) fn models(folder: &Folder, names: [&'static str; 3]) {
     let turn = [1.0, 0.0, 0.0, 0.0];
     let images = |n: usize| {
@@ -45,7 +45,7 @@ fn photos_become_a_capture() {
     let folder = Folder::new("prepare-photos");
     photos(&folder);
     models(&folder, ["a.png", "b.png", "d.png"]);
-    stub(&folder);
+    stand_in(&folder);
     let out = folder.0.join("out");
     let output = ivv_prepare(&folder, &[]);
     let (said, told) = (String::from_utf8(output.stdout).unwrap(), String::from_utf8(output.stderr).unwrap());
@@ -83,7 +83,7 @@ fn photos_that_cannot_be_placed_are_told() {
     let folder = Folder::new("prepare-unplaced");
     photos(&folder);
     models(&folder, ["a.png", "b.png", "d.png"]);
-    stub(&folder);
+    stand_in(&folder);
     for stem in ["cameras", "images", "points3D"] {
         std::fs::rename(folder.0.join(format!("small/{stem}.bin")), folder.0.join(format!("model/{stem}.bin")))
             .unwrap();
@@ -103,7 +103,7 @@ fn videos_of_one_moment_become_a_capture_of_their_frames() {
         video(&folder.0.join(format!("source/{name}.mp4")), 3);
     }
     models(&folder, ["left.jpg", "middle.jpg", "right.jpg"]);
-    stub(&folder);
+    stand_in(&folder);
     let out = folder.0.join("out");
     let output = ivv_prepare(&folder, &["--triangulate", "none", "--frames", "2"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -111,7 +111,7 @@ fn videos_of_one_moment_become_a_capture_of_their_frames() {
     assert!(calls.contains("single_camera 0"), "{calls}");
     let capture = Capture::open(&out).unwrap();
     assert_eq!((capture.cameras.len(), capture.n_frames, capture.fps), (3, 2, 10.0));
-    // A forecast is made in this process, whose path has no stub.
+    // A forecast is made in this process, whose path has no stand-in.
     if has_program("colmap") {
         let forecast = forecast(&PrepareSettings::new(&folder.0.join("source"), &out)).unwrap().unwrap();
         assert_eq!((forecast.what, forecast.pictures, forecast.pairs), ("a folder of videos", 3, 3));
@@ -124,7 +124,7 @@ fn a_video_of_what_stands_still_becomes_a_capture_of_one_moment() {
     let folder = Folder::new("prepare-walk");
     video(&folder.0.join("walk.mp4"), 4);
     models(&folder, ["00000.jpg", "00001.jpg", "00003.jpg"]);
-    stub(&folder);
+    stand_in(&folder);
     // Names relative to the folder in which the command is given.
     let output = ivv_in(&folder).args(["prepare", "walk.mp4", "-o", "out"]).current_dir(&folder.0).output().unwrap();
     let told = String::from_utf8(output.stderr).unwrap();

@@ -51,7 +51,7 @@ fn first(capture: &Capture, config: &Config) -> Initial {
     initial.unwrap()
 }
 
-/// What the capture without masks, and with them, begins with. Found once.
+/// The first Gaussians of the capture without masks, and with them, made once.
 fn found(with_foreground: bool) -> &'static Initial {
     static FOUND: [OnceLock<Initial>; 2] = [const { OnceLock::new() }; 2];
     FOUND[usize::from(with_foreground)].get_or_init(|| first(&training(with_foreground).0, &config()))

@@ -62,7 +62,7 @@ fn a_capture_without_its_test_cameras_trains_to_the_same_bits() {
     assert!(with.0.len() > 5_000, "{} bytes", with.0.len());
     assert_same("the Gaussians know of the test cameras", &with.0, &without.0);
     assert_eq!(with.1, without.1, "clocks");
-    // What begins otherwise is trained as the first is.
+    // Runs that begin otherwise are trained in the same way.
     for init in ["concat", "points", "hull", "frustum", "random"] {
         let [with, without] = [&tiny.folder, &bare].map(|capture| {
             let (file, init) = (capture.with_extension("first.ply"), format!("init={init}"));

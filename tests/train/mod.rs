@@ -96,7 +96,7 @@ impl Tiny {
         Self::of_frames(name, 4)
     }
 
-    /// With the device for as long.
+    /// Holds the device for as long.
     fn on_device(name: &str) -> Self {
         let mut tiny = Self::new(name);
         tiny._device = Some(gpu());
@@ -117,7 +117,7 @@ impl Tiny {
         Self::open(folder)
     }
 
-    /// In a folder that stays, for what several tests share.
+    /// A folder that stays, for runs that several tests share.
     fn kept(name: &str) -> Self {
         let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("train-{name}"));
         write_capture(&folder, &Options { frames: 4, ..Preset::Tiny.options(7) }, 2, &mut |_, _| {}).unwrap();

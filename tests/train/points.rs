@@ -52,7 +52,7 @@ fn config(init: Init) -> Config {
     Config { init, sh_degree: 0, init_static_tau: 0.0, ..exact() }
 }
 
-/// What the capture begins with by its flow, and by default. Found once.
+/// The first Gaussians of the capture by its flow, and by default, made once.
 fn found(init: Init) -> &'static (Initial, Splats) {
     static FOUND: [OnceLock<(Initial, Splats)>; 2] = [const { OnceLock::new() }; 2];
     FOUND[usize::from(init == Init::Auto)].get_or_init(|| first(&made().capture, &config(init)))

@@ -51,7 +51,7 @@ pub struct Args {
     /// Writes Markdown, as assets/gpu/estimate.md has it.
     #[arg(long)]
     markdown: bool,
-    /// The preset to start from: exact, balanced, fast, small, or the path of a preset's .json file.
+    /// The preset to start from: balanced (the defaults), exact, fast, small, or the path of a preset's .json file.
     #[arg(long)]
     preset: Option<String>,
 }

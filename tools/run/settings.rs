@@ -15,7 +15,7 @@ pub struct SettingArgs {
     /// Steps, instead of what the epochs give; with `train --resume`, of the whole run.
     #[arg(long, value_parser = clap::value_parser!(u64).range(1..))]
     steps: Option<u64>,
-    /// The preset to start from: exact, balanced, fast, small, or the path of a preset's .json file.
+    /// The preset to start from: balanced (the defaults), exact, fast, small, or the path of a preset's .json file.
     #[arg(long)]
     preset: Option<String>,
     /// A JSON file of settings, such as an earlier run's config.json. It overrides the preset.

@@ -28,7 +28,7 @@ const COUNTED_BITS: u32 = 20;
 /// Widening of the times of a Gaussian, for the rounding of readers.
 const MARGIN: f64 = 1e-6;
 
-/// What the grids of a file depend on.
+/// The inputs of a file's grids.
 #[derive(Clone, Debug)]
 pub struct Measure {
     n: u64,

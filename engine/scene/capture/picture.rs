@@ -45,6 +45,7 @@ pub fn pixel_bytes(has_depth: bool, has_flow: bool) -> u64 {
 }
 
 impl Picture {
+    /// A picture of these `pixels`, without priors.
     pub fn new(width: u32, height: u32, pixels: Vec<u32>) -> Picture {
         let n_visible = pixels.iter().filter(|word| counts(**word)).count() as u32;
         Picture { width, height, pixels, n_visible, ..Picture::default() }

@@ -18,9 +18,9 @@ pub struct Fault {
     pub file: PathBuf,
     /// Where in it: a line, a byte offset, a camera, a frame; empty for the file as a whole.
     pub place: String,
-    /// What is wrong.
+    /// The fault.
     pub reason: String,
-    /// What to do about it.
+    /// The remedy.
     pub remedy: String,
 }
 

@@ -69,6 +69,9 @@ struct Responses {
 
 impl HrtfSet {
     /// Opens `sphere` (the built-in model), a SOFA file, or a folder of WAV files named as SADIE's.
+    ///
+    /// # Errors
+    /// [`crate::Error::Data`] naming the file and the values that are missing or cannot be.
     pub fn open(source: impl AsRef<Path>) -> Result<Self> {
         let source = source.as_ref();
         if source == Path::new("sphere") {

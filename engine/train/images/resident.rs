@@ -66,7 +66,7 @@ pub struct Residents {
 }
 
 impl Residents {
-    /// For a run that uses `data` beside the colours.
+    /// Keeps images for a run that uses `data` beside the colours.
     pub fn new(gpu: &Gpu, data: TermData) -> Result<Self> {
         let none = gpu.upload("no prior", &[NO_PRIOR])?;
         Ok(Residents { data, passing: gpu.alloc("truth", 1)?, none, kept: HashMap::new() })

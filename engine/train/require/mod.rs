@@ -43,14 +43,17 @@ const FASTEST: f32 = 3.0;
 /// Largest share of the Gaussians, as one in so many, that is not stored apart: a bucket costs twenty dispatches a step.
 const FEW: usize = 32;
 
+/// What a review found and did.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 #[serde(default)]
 pub struct Review {
+    /// Step after which it was.
     pub step: u64,
     /// Standard deviation of the errors of the colours, in [0, 1].
     pub noise: f64,
     /// Price of a number, in half logarithms of the number of observations; less than 1 if the pictures would lose too much.
     pub price: f64,
+    /// Training pictures that it looked at.
     pub pictures: usize,
     /// Pictures that it might look at.
     pub budget: usize,
@@ -58,12 +61,19 @@ pub struct Review {
     pub unseen: usize,
     /// Gaussians that were not judged, since they are in too few of these pictures.
     pub left: usize,
+    /// Gaussians before it.
     pub before: usize,
+    /// Gaussians after it.
     pub after: usize,
+    /// Gaussians that were not worth their numbers.
     pub removed: usize,
+    /// Gaussians that became part of another.
     pub merged: usize,
+    /// Dynamic Gaussians that became static.
     pub came_to_rest: usize,
+    /// Static Gaussians that became dynamic.
     pub began_to_move: usize,
+    /// Gaussians that lost band 1, 2, 3.
     pub lost_bands: [usize; 3],
     /// Checks of training cameras that had no grid.
     pub grids: Vec<GridCheck>,

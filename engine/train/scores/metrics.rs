@@ -68,6 +68,7 @@ pub struct Scores {
     pub psnr_covisible: Option<f64>,
     /// With SPEC 4's window and zero padding.
     pub ssim: f64,
+    /// Mean absolute error.
     pub l1: f64,
     /// None without weights, or of a view that is too small for them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -83,20 +84,28 @@ pub struct Scores {
     pub flicker_true: Option<f64>,
 }
 
+/// Scores of a named view.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct ViewScores {
+    /// Name of the view.
     pub view: String,
+    /// Name of its camera.
     pub camera: String,
+    /// Its frame in the clip.
     pub frame: u32,
+    /// Its scores.
     #[serde(flatten)]
     pub scores: Scores,
     /// With the way back to the host.
     pub render_ms: f64,
 }
 
+/// Scores of several views after a number of steps.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct Evaluation {
+    /// Steps done.
     pub step: u64,
+    /// Means over the views.
     #[serde(flatten)]
     pub mean: Scores,
     /// By frame, then by camera; at least one.
@@ -246,10 +255,13 @@ pub fn spread<T: Clone>(all: &[T], n: usize) -> Vec<T> {
 /// How the views of a capture are rendered for scores.
 #[derive(Clone)]
 pub struct Sight<'a> {
+    /// The capture.
     pub capture: &'a Capture,
+    /// Colour behind the scene.
     pub background: [f32; 3],
     /// By camera, frames; 0 for the others.
     pub offsets: BTreeMap<usize, f64>,
+    /// Learnt corrections of poses, by camera.
     pub poses: BTreeMap<usize, Correction>,
 }
 
@@ -259,6 +271,10 @@ impl<'a> Sight<'a> {
         Sight { capture, background, offsets: BTreeMap::new(), poses: BTreeMap::new() }
     }
 
+    /// The view of `camera` at `frame`.
+    ///
+    /// # Errors
+    /// As [`Capture::view`].
     pub fn view(&self, camera: usize, frame: u32) -> Result<View> {
         let time_offset = self.offsets.get(&camera).copied().unwrap_or(0.0);
         let view = View { background: self.background, time_offset, ..self.capture.view(camera, frame)? };
@@ -271,6 +287,10 @@ impl<'a> Sight<'a> {
 
 /// Renders each (camera, frame) of `frames` as `sight` says, and scores it with `meter`; `seen` gets every picture with
 /// its camera and frame. A view that its mask hides has no scores. [`Error::NonFinite`] if a colour is not finite.
+///
+/// # Errors
+/// [`Error::NonFinite`] if a picture has a value that is not finite; those of the renderer, of the capture's pictures
+/// and of `seen`.
 #[tracing::instrument(level = "info", name = "evaluate", skip_all)]
 pub fn evaluate(
     renderer: &mut Renderer,
@@ -340,6 +360,7 @@ fn psnr_of(frame: &Frame, picture: &Picture, counts: impl Fn(usize) -> bool) -> 
     (n > 0).then(|| psnr(sum / (3 * n) as f64))
 }
 
+/// Scores pictures.
 pub struct Meter {
     gpu: Arc<Gpu>,
     lpips: Option<Lpips>,
@@ -349,22 +370,30 @@ pub struct Meter {
 
 impl Meter {
     /// With LPIPS if `config` names its weights.
+    ///
+    /// # Errors
+    /// As [`Lpips::load`].
     pub fn new(gpu: Arc<Gpu>, config: &Config) -> Result<Self> {
         let weights = config.loss.lpips_weights.as_ref();
         let lpips = weights.map(|weights| Lpips::load(&gpu, weights)).transpose()?;
         Ok(Meter { gpu, lpips, without_lpips: None })
     }
 
+    /// The trunk of LPIPS, if there are weights.
     pub fn trunk(&self) -> Option<Trunk> {
         self.lpips.as_ref().map(Lpips::trunk)
     }
 
+    /// Why the first view without LPIPS had none, if there are weights; once.
     pub fn take_fault_of_lpips(&mut self) -> Option<Error> {
         self.without_lpips.take()
     }
 
     /// Scores of `frame` against `picture`, without those of masks and of other frames; none if the mask hides all
     /// pixels. A view that is too small for LPIPS, or for which the device lacks memory, has no LPIPS.
+    ///
+    /// # Errors
+    /// Those of the device.
     pub fn scores(&mut self, frame: &Frame, picture: &Picture) -> Result<Option<Scores>> {
         let gpu = &self.gpu;
         let errors = Errors::of_view(frame, picture);

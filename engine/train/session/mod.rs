@@ -54,6 +54,9 @@ pub struct Session<'a> {
 
 impl<'a> Session<'a> {
     /// Begins a run on the training images of `capture`, which is in its own world.
+    ///
+    /// # Errors
+    /// Those of the capture's images; those of the device, such as [`crate::error::Error::OutOfMemory`].
     pub fn begin(gpu: Arc<Gpu>, capture: &Capture, config: Config, options: SessionOptions<'a>) -> Result<Self> {
         let world = options.world.unwrap_or_else(|| capture.normalisation());
         Self::open(gpu, capture, world, config, options, None)
@@ -61,6 +64,9 @@ impl<'a> Session<'a> {
 
     /// Goes on with the run of `checkpoint` on its capture, which is in its own world. `options` say neither its length,
     /// nor its first Gaussians, nor its frame.
+    ///
+    /// # Errors
+    /// As [`Session::begin`].
     pub fn resume(
         gpu: Arc<Gpu>,
         capture: &Capture,
@@ -125,6 +131,9 @@ impl<'a> Session<'a> {
     }
 
     /// Continues to `total` steps with the settings `config`; returns the events that are due now.
+    ///
+    /// # Errors
+    /// As [`Trainer::extend`].
     pub fn extend(&mut self, config: Config, total: u64) -> Result<DueEvents> {
         self.trainer.extend(config.clone(), total)?;
         self.due = self.due.extended(&config, self.trainer.step(), self.total, total);
@@ -143,6 +152,7 @@ impl<'a> Session<'a> {
         &mut self.trainer
     }
 
+    /// The rendering constants.
     pub fn constants(&self) -> Constants {
         self.constants
     }
@@ -152,10 +162,12 @@ impl<'a> Session<'a> {
         self.trainer.step()
     }
 
+    /// The memory plan.
     pub fn plan(&self) -> &Plan {
         &self.plan
     }
 
+    /// The priors of its images.
     pub fn priors(&self) -> &Priors {
         &self.priors
     }
@@ -183,6 +195,9 @@ impl<'a> Session<'a> {
     }
 
     /// Submits the next step, after the events that are due before it; false at the end of the run.
+    ///
+    /// # Errors
+    /// Those of the device and of the images.
     pub fn step(&mut self) -> Result<bool> {
         self.settle()?;
         let _step = self.begun();
@@ -213,6 +228,9 @@ impl<'a> Session<'a> {
     }
 
     /// Waits until all submitted steps have ended.
+    ///
+    /// # Errors
+    /// [`crate::error::Error::DeviceLost`].
     pub fn wait(&mut self) -> Result<()> {
         let begun = Instant::now();
         self.trainer.finish()?;
@@ -253,6 +271,10 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
+    /// A checkpoint of the last step.
+    ///
+    /// # Errors
+    /// As [`Trainer::checkpoint`].
     pub fn checkpoint(&mut self) -> Result<Checkpoint> {
         let checkpoint = self.trainer.checkpoint()?;
         self.collect();
@@ -274,6 +296,9 @@ impl<'a> Session<'a> {
     }
 
     /// The scene after the last step, in the frame of training: near the end of the run the mean over its last steps.
+    ///
+    /// # Errors
+    /// As [`Session::step`].
     pub fn scene(&mut self) -> Result<Splats> {
         self.wait()?;
         self.settle()?;
@@ -282,12 +307,18 @@ impl<'a> Session<'a> {
     }
 
     /// The scene that the run ends with, in the capture's world: [`Session::scene`] and the backdrop.
+    ///
+    /// # Errors
+    /// As [`Session::step`].
     pub fn finish(&mut self) -> Result<Splats> {
         let scene = self.scene()?;
         self.finish_with(scene)
     }
 
     /// As [`Session::finish`], from the `scene` that [`Session::scene`] gave.
+    ///
+    /// # Errors
+    /// Those of the capture's cameras.
     pub fn finish_with(&mut self, scene: Splats) -> Result<Splats> {
         Ok(self.world.inverse().splats(&self.with_backdrop(scene)?))
     }

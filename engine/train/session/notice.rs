@@ -3,8 +3,10 @@
 use crate::internals::train::{DepthSummary, Plan, Review, StepReport};
 use crate::recon::Initial;
 
+/// Receives the notices of a session.
 pub type Watch<'a> = Box<dyn FnMut(Notice) + 'a>;
 
+/// Progress of a session.
 #[derive(Debug)]
 pub enum Notice<'a> {
     /// Work under way.

@@ -30,6 +30,7 @@ pub struct SessionOptions<'a> {
     /// The other processes, if several share the images of each step: any number that divides `batch` gives the same
     /// bits. All begin with the same capture and settings.
     pub ranks: Option<Arc<dyn Ranks>>,
+    /// Receives the notices.
     pub watch: Watch<'a>,
 }
 
@@ -50,6 +51,7 @@ impl Default for SessionOptions<'_> {
     }
 }
 
+/// Priors of depth and flow of the training images.
 #[derive(Clone, Debug, Default)]
 pub struct Priors {
     /// The priors in use, and the scales of depths.

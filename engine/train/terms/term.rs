@@ -60,7 +60,7 @@ pub(in crate::internals::train) trait Term: Send + Sync {
     /// Appends its passes and its part of the cotangents. Gives its sums by workgroup; none in a step without it.
     fn record(&mut self, gpu: &Gpu, rec: &mut Recording, shown: &Shown, on: &Rendered) -> Result<Left>;
 
-    /// From the total of what it left.
+    /// Its parts of the loss, from the total of its sums.
     fn parts(&self, shown: &Shown, sums: [f32; 4]) -> Vec<Part>;
 }
 

@@ -38,10 +38,12 @@ impl ImageReport {
 pub struct StepReport {
     /// Number of the step, from 1.
     pub step: u64,
+    /// Value of the loss.
     pub loss: f64,
     /// The numbers that the terms log, by key.
     #[serde(flatten)]
     pub terms: BTreeMap<&'static str, f64>,
+    /// Gaussians.
     pub gaussians: u32,
     /// Gaussians in the view's time and frustum.
     pub active: u32,
@@ -80,6 +82,7 @@ impl StepReport {
         }
     }
 
+    /// A number that a term logs, if the step has it.
     pub fn term(&self, key: &str) -> Option<f64> {
         self.terms.get(key).copied()
     }
